@@ -27,7 +27,7 @@ def job(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(killed_jobs, "end_with_parent", lambda: None)  # this process is none of Snakemake's
 
     def call(main, log=tmp_path / "rule.log"):
-        snakemake = SimpleNamespace(rule="a_rule", log=[str(log)], input=None, output=None, params=None)
+        snakemake = SimpleNamespace(rule="a_rule", log=[str(log)], input=None, output=None, params={})
         status = 0
         try:
             module.run(main, snakemake)
@@ -40,7 +40,7 @@ def job(tmp_path, monkeypatch, capsys):
 
 
 def raising(error):
-    def main(input, output, params):
+    def main(input, output):
         print("half way", file=sys.stderr)
         raise error
 

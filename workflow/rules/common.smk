@@ -95,11 +95,6 @@ EFFECT_FILES = [source(path) for path in settings.improvement.effect_files]
 BENCHMARKS = Path(at_hand(f"results/{STUDY}/benchmarks"))
 
 
-def without(section, *keys):
-    """A section as plain data, without the keys that do not concern a rule: they would run it again."""
-    return {key: value for key, value in plain(section).items() if key not in keys}
-
-
 def made(artefacts):
     """Files of these artefacts."""
     return [f"<results>/{path}" for artefact in artefacts for path in artefact.paths(study.lifts)]

@@ -1,6 +1,10 @@
 # From filtered markers to the pendulums of the deposit: per lift its gaps, events, centres of mass and
 # pendulum states; one job for all figures.
 
+# What of the chapter's settings makes pendulums of markers; a job that reads another key fails and names it.
+LIFT = ("markers", "gaps", "filter", "events", "segments", "segment_ends", "hip_centres")
+LIFT += ("box", "pivot", "frame", "points")
+
 
 rule lift:
     input:
@@ -39,7 +43,7 @@ rule lift:
         lift="{lift}",
         subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
         trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
-        settings=without(settings.lifting, "subjects", "moment_layout", "body_model"),
+        settings=part(settings.lifting, *LIFT),
         data=DATA,
     message:
         "{wildcards.lift}: events, centres of mass, pendulum states"
@@ -74,8 +78,8 @@ if settings.lifting.body_model is not None:
             lift="{lift}",
             subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
             trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
-            settings=without(settings.lifting, "subjects", "moment_layout"),
-            stability=without(settings.stability, "compare", "measures"),
+            settings=part(settings.lifting, *LIFT, "body_model"),
+            stability=part(settings.stability, "pendulum", "regulator", "goal_level", "knots"),
             data=DATA,
         message:
             "{wildcards.lift}: one body fitted to all markers"

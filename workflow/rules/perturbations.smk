@@ -24,7 +24,7 @@ if study.has("perturbations"):
             code=library_code("perturbed_trials.py"),
             settings=plain(settings.perturbations),
             stability=plain(settings.stability),
-            lifting={key: plain(getattr(settings.lifting, key)) for key in ("gaps", "filter")},
+            lifting=part(settings.lifting, "gaps", "filter"),
             data=DATA,
         message:
             "Perturbed trials against the basin of the unperturbed mean"

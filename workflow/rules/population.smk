@@ -30,17 +30,14 @@ if study.has("population"):
             **measured(peak_mb=210, seconds=9),
         params:
             code=library_code("measure_person.py"),
-            subject=lambda wildcards: without(
-                study.subjects[wildcards.person], "trials", "experience", "static"
+            subject=lambda wildcards: part(
+                study.subjects[wildcards.person], "name", "sex", "mass_kg", "height_m", "assumed"
             ),
             trials=lambda wildcards: {
                 name: plain(lift.trial) for name, lift in PERSON_LIFTS[wildcards.person].items()
             },
-            lifting=without(settings.lifting, "subjects", "moment_layout", "body_model"),
-            stability={
-                key: plain(getattr(settings.stability, key))
-                for key in ("pendulum", "regulator", "goal_level", "limits", "measures")
-            },
+            lifting=part(settings.lifting, *LIFT),
+            stability=part(settings.stability, *MEASURED),
             push_share=settings.pushes.push.height_share if study.has("pushes") else None,
             data=DATA,
         message:

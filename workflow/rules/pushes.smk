@@ -2,6 +2,8 @@
 # who must step.
 
 
+PUSHED_BY = ("body", "controller", "spread", "push", "outcome")
+
 if study.has("pushes"):
 
     # Where whole lifts are analysed one by one, they are pushed so; where persons are, all lifts of each.
@@ -28,8 +30,8 @@ if study.has("pushes"):
                 **measured(peak_mb=210, seconds=4),
             params:
                 code=library_code("push_bodies.py"),
-                settings=without(settings.pushes, "scoring"),
-                stability=without(settings.stability, "compare"),
+                settings=part(settings.pushes, *PUSHED_BY),
+                stability=part(settings.stability, *MEASURED),
                 seed=settings.seed,
             message:
                 "{wildcards.lift}: pushes against a simulated body"
@@ -56,7 +58,8 @@ if study.has("pushes"):
                 **measured(peak_mb=185, seconds=2),
             params:
                 code=library_code("push_bodies.py"),
-                settings=without(settings.pushes, "scoring"),
+                settings=part(settings.pushes, *PUSHED_BY),
+                stability={},  # the states are there
                 seed=settings.seed,
             message:
                 "{wildcards.person}: pushes against simulated bodies"

@@ -1,5 +1,10 @@
 # From the pendulums of the deposit to basins of attraction: one job per lift, one for the tables, one for the figures.
 
+# What of the chapter's settings makes the basins of a lift, and what its measures and pushes need.
+BASINS = ("pendulum", "regulator", "goal_level", "knots", "checks", "proof", "sum_of_squares")
+BASINS += ("thesis_method", "attack", "limits", "grid", "lyapunov_shares")
+MEASURED = ("pendulum", "regulator", "goal_level", "limits", "measures")
+
 
 rule basins_of_lift:
     input:
@@ -24,7 +29,7 @@ rule basins_of_lift:
         **measured(peak_mb=220, seconds=17),
     params:
         code=library_code("basins_of_lift.py"),
-        settings=without(settings.stability, "compare", "measures"),
+        settings=part(settings.stability, *BASINS),
         seed=settings.seed,
     message:
         "{wildcards.lift}: basins of attraction"
@@ -117,7 +122,7 @@ if study.has("stability"):
             **measured(peak_mb=160 + 0.2 * len(study.lifts), seconds=6 + len(study.lifts)),
         params:
             code=library_code("measure_movement.py"),
-            settings={key: plain(settings.stability)[key] for key in ("pendulum", "measures")},
+            settings=part(settings.stability, "pendulum", "measures"),
             labels=study.labels,
             data=DATA,
         message:
@@ -146,7 +151,7 @@ if study.has("stability"):
             **measured(peak_mb=222, seconds=15),
         params:
             code=library_code("show_lifts.py"),
-            settings=without(settings.stability, "compare"),
+            settings=part(settings.stability, *MEASURED, "knots"),
             data=DATA,
         message:
             "A page of every lift to look around in, with pushes against the funnel"

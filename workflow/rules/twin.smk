@@ -39,7 +39,7 @@ rule twin_surgeon:
         **measured(peak_mb=80, seconds=2),
     params:
         code=library_code("twin_surgeon.py"),
-        records=[without(record, "file") for record in settings.surgeon.records],
+        records=[part(record, "name", "surgeon") for record in settings.surgeon.records],
         settings=plain(settings.twin.surgeon),
         seed=settings.twin.seed,
     message:
@@ -52,6 +52,7 @@ if study.cohort:
 
     from lumbar.twin.cohort import lifts_of, marker_file, own_part
 
+    RECORDING = ("rate_Hz", "duration_s", "marker_noise_mm", "gaps", "workplace")
     COHORT_LIFTS = list(lifts_of(study.cohort))
 
     rule twin_person:
@@ -70,7 +71,7 @@ if study.cohort:
         params:
             code=library_code("twin_person.py"),
             # Without the other groups and the numbers of persons: whoever is added makes nobody anew.
-            settings=without(settings.twin.lifting, "cohort", "people", "lifts", "hip_moment"),
+            settings=part(settings.twin.lifting, *RECORDING),
             cohort=lambda wildcards: plain(
                 own_part(study.cohort, study.subjects[wildcards.person].experience)
             ),

@@ -2,18 +2,17 @@
 
 from job import run
 
+from lumbar.settings.stability import StabilitySettings
 
-def main(input, output, params):
+
+def main(input, output, settings: StabilitySettings, seed: int):
     """Read the pendulum states, compute and check the basins, write areas and funnels."""
     from pathlib import Path
 
     from lumbar.base.files import read_json
     from lumbar.interface.lift_basins import basins
-    from lumbar.settings.plain import typed
-    from lumbar.settings.stability import StabilitySettings
 
-    settings = typed(StabilitySettings, params.settings)
-    found = basins(input.states, facts=read_json(input.facts), settings=settings, seed=params.seed)
+    found = basins(input.states, facts=read_json(input.facts), settings=settings, seed=seed)
     found.save(Path(output.boa).parent)
 
 

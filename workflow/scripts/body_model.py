@@ -2,35 +2,43 @@
 
 from job import run
 
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.subject import SubjectSettings, TrialSettings
 
-def main(input, output, params):
+
+def main(
+    input,
+    output,
+    lift: str,
+    subject: SubjectSettings,
+    trial: TrialSettings,
+    settings: LiftingSettings,
+    stability: StabilitySettings,
+    data: str,
+):
     """Analyse the lift by the rules, fit the body model to its markers, write what comes of it; warn where nothing does."""
     import sys
     from pathlib import Path
 
     from lumbar.base.errors import InputError
     from lumbar.interface.body_model import save_without_model
-    from lumbar.interface.person import lift
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.plain import typed
-    from lumbar.settings.stability import StabilitySettings
-    from lumbar.settings.subject import SubjectSettings, TrialSettings
+    from lumbar.interface.person import lift as analyse
 
-    trial = typed(TrialSettings, params.trial)
-    found = lift(
+    found = analyse(
         input.markers,
-        typed(SubjectSettings, params.subject),
+        subject,
         trial.box_mass_kg,
         trial=trial,
-        name=params.lift,
+        name=lift,
         static=next(iter(input.static), None),
         forces=next(iter(input.forces), None),
-        settings=typed(LiftingSettings, params.settings),
-        data=params.data,
+        settings=settings,
+        data=data,
     )
     folder = Path(output.areas).parent
     try:
-        found.body_model(typed(StabilitySettings, params.stability)).save(folder)
+        found.body_model(stability).save(folder)
     except InputError as error:
         save_without_model(folder)
         print(f"WARNING: {found.name} has no body model: {error}", file=sys.stderr)

@@ -2,16 +2,16 @@
 
 from job import run, stem
 
+from lumbar.settings.runtime import RuntimeSettings
 
-def main(input, output, params):
+
+def main(input, output, settings: RuntimeSettings, seed: int, data: str):
     """Validate and simulate every FMU; write the table of checks and the figure of forces."""
     from pathlib import Path
 
     from lumbar.base.files import read_json, write_csv
     from lumbar.publishing.figures.fmu_figures import fmu_force_figure
     from lumbar.publishing.figures.style import save
-    from lumbar.settings.plain import typed
-    from lumbar.settings.runtime import RuntimeSettings
     from lumbar.tissue.effects.catalogue import catalogues_with
     from lumbar.tissue.fmu.build.export_model import select_models
     from lumbar.tissue.fmu.check.check_table import check_table
@@ -19,13 +19,10 @@ def main(input, output, params):
     from lumbar.tissue.fmu.check.reference_stimulus import push
     from lumbar.tissue.models.models_file import read_models
 
-    settings = typed(RuntimeSettings, params.settings)
     fitted = read_models(read_json(input.models), catalogues_with(input.effects))
     models = select_models(fitted, settings)
     folder = Path(input.fmus[0]).parent
-    table = check_table(
-        check_fmus(models, folder, settings.check_samples, params.seed), params.data, params.seed
-    )
+    table = check_table(check_fmus(models, folder, settings.check_samples, seed), data, seed)
     write_csv(output.checks, table.frame)
     table.write(stem(output.fmu_check))
     played = push(models, folder)
@@ -37,7 +34,7 @@ def main(input, output, params):
         models[0].input.label,
         models[0].output.label,
     )
-    save(figure, stem(output.fmu_force), params.data)
+    save(figure, stem(output.fmu_force), data)
 
 
 run(main, snakemake)

@@ -3,7 +3,7 @@
 from job import run
 
 
-def main(input, output, params):
+def main(input, output, plan: list[dict], data: str):
     """Read the planned recordings and write one description per chapter."""
     from pathlib import Path
 
@@ -12,11 +12,11 @@ def main(input, output, params):
     from lumbar.records.checking import check_recordings
 
     # Where they are for this job: a store's objects are copied for it.
-    plan = [{**item, "path": path} for item, path in zip(params.plan, input.recordings, strict=True)]
-    chapters = check_recordings(plan, read_upright)
+    here = [{**item, "path": path} for item, path in zip(plan, input.recordings, strict=True)]
+    chapters = check_recordings(here, read_upright)
     for path in output:
         recordings = chapters[Path(path).stem]
-        write_json(path, {"schema": "lumbar.checked/1", "data": params.data, "recordings": recordings})
+        write_json(path, {"schema": "lumbar.checked/1", "data": data, "recordings": recordings})
 
 
 run(main, snakemake)

@@ -5,7 +5,7 @@ from pathlib import Path
 from job import run, stem
 
 
-def main(input, output, params):
+def main(input, output, names: list[str], groups: list[str], synthetic: bool, data: str):
     """Read the published tables and this run's results, examine all claims, write them."""
     import pandas as pd
 
@@ -16,12 +16,12 @@ def main(input, output, params):
     published = {Path(path).stem: pd.read_csv(path) for path in input.published}
     results = {
         name: read_json(path) if path.endswith(".json") else pd.read_csv(path)
-        for name, path in zip(params.names, input.results, strict=True)
+        for name, path in zip(names, input.results, strict=True)
     }
-    claims = all_claims(published, params.synthetic, tuple(params.groups))
-    claims = examine_claims(claims, results, params.synthetic, params.data)
+    claims = all_claims(published, synthetic, tuple(groups))
+    claims = examine_claims(claims, results, synthetic, data)
     write_csv(output.claims, claims)
-    summary_table(claims, params.data).write(stem(output.claims_table))
+    summary_table(claims, data).write(stem(output.claims_table))
 
 
 run(main, snakemake)

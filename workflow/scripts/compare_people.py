@@ -2,30 +2,38 @@
 
 from job import run, stem
 
+from lumbar.settings.population import PopulationSettings
 
-def main(input, output, params):
+
+def main(
+    input,
+    output,
+    settings: PopulationSettings,
+    labels: dict[str, str],
+    groups: tuple[str, str],
+    seed: int,
+    data: str,
+):
     """Join the persons' tables, compare, write tables and figure."""
     import pandas as pd
 
     from lumbar.base.files import write_csv
     from lumbar.interface.people import compare_groups
     from lumbar.publishing.figures.style import save
-    from lumbar.settings.plain import typed
-    from lumbar.settings.population import PopulationSettings
 
     table = pd.concat([pd.read_csv(path) for path in input.persons], ignore_index=True)
-    table.insert(2, "group", table["person"].map(params.labels))
+    table.insert(2, "group", table["person"].map(labels))
     write_csv(output.measures, table)
     compared = compare_groups(
         table,
-        groups=tuple(params.groups),
-        settings=typed(PopulationSettings, params.settings),
-        seed=params.seed,
-        data=params.data,
+        groups=groups,
+        settings=settings,
+        seed=seed,
+        data=data,
     )
     compared.table.write(stem(output.measure_comparison))
     compared.planning.write(stem(output.measure_planning))
-    save(compared.figure(), stem(output.measure_comparison_figure), params.data)
+    save(compared.figure(), stem(output.measure_comparison_figure), data)
 
 
 run(main, snakemake)

@@ -2,25 +2,28 @@
 
 from job import run
 
+from lumbar.settings.layout import ColumnLayout, RecordSettings
+from lumbar.settings.study_settings import StudySettings
 
-def main(input, output, params):
+
+def main(
+    input,
+    output,
+    records: tuple[RecordSettings, ...],
+    layout: ColumnLayout,
+    rate: float | None,
+    settings: StudySettings,
+    effects: tuple[str, ...] | None,
+    data: str,
+):
     """Read the records, diagnose them, write the evidence."""
     from pathlib import Path
 
     from lumbar.interface.diagnosis import diagnose
     from lumbar.interface.reading import read_listed
-    from lumbar.settings.layout import ColumnLayout, RecordSettings
-    from lumbar.settings.plain import typed
-    from lumbar.settings.study_settings import StudySettings
 
-    listed = [typed(RecordSettings, entry) for entry in params.records]
-    records = read_listed(input.recordings, listed, typed(ColumnLayout, params.layout), params.rate)
-    diagnosis = diagnose(
-        records,
-        settings=typed(StudySettings, params.settings, complete=False),
-        data=params.data,
-    )
-    diagnosis.save(Path(output.refined).parent, effects=params.effects)
+    read = read_listed(input.recordings, records, layout, rate)
+    diagnose(read, settings=settings, data=data).save(Path(output.refined).parent, effects=effects)
 
 
 run(main, snakemake)

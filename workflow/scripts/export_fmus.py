@@ -2,16 +2,15 @@
 
 from job import run
 
+from lumbar.settings.runtime import RuntimeSettings
 
-def main(input, output, params):
+
+def main(input, output, settings: RuntimeSettings, data: str):
     """Read the models, compile and pack each."""
     from pathlib import Path
 
     from lumbar.interface.device import export_fmu
-    from lumbar.settings.plain import typed
-    from lumbar.settings.runtime import RuntimeSettings
 
-    settings = typed(RuntimeSettings, params.settings)
     export_fmu(
         input.models,
         Path(output.fmus[0]).parent,
@@ -19,7 +18,7 @@ def main(input, output, params):
         trained_on=settings.trained_on,
         effect_files=input.effects,
         settings=settings,
-        data=params.data,
+        data=data,
     )
 
 

@@ -2,26 +2,25 @@
 
 from job import run
 
+from lumbar.settings.study_settings import StudySettings
 
-def main(input, output, params):
+
+def main(input, output, training: str, settings: StudySettings, data: str):
     """Read the records, identify the models, write fits and search grid."""
     from lumbar.base.files import write_csv, write_json
     from lumbar.interface.identification import identify
     from lumbar.interface.reading import read_listed
-    from lumbar.settings.plain import typed
-    from lumbar.settings.study_settings import StudySettings
     from lumbar.tissue.models.models_file import models_document
 
-    settings = typed(StudySettings, params.settings, complete=False)
     tissue = settings.tissue
     found = identify(
         read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz),
-        params.training,
+        training,
         settings=settings,
-        data=params.data,
+        data=data,
     )
     write_csv(output.grid, found.search)
-    write_json(output.fits, models_document(found.models, params.data))
+    write_json(output.fits, models_document(found.models, data))
 
 
 run(main, snakemake)

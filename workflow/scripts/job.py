@@ -47,7 +47,12 @@ class _Tee:
 
 
 def run(main, snakemake) -> None:
-    """Call ``main(input, output, params)``; an error that a user can mend ends the job with its message alone.
+    """Call a job's function; an error that a user can mend ends the job with its message alone.
+
+    Parameters
+    ----------
+    main : callable
+        Takes ``input``, ``output`` and the rule's parameters by their names, settings as the classes of its annotations.
 
     Warnings, progress and errors go to the rule's log file and to the terminal. Other exceptions are programming
     errors: they keep their traceback.
@@ -59,7 +64,7 @@ def run(main, snakemake) -> None:
     terminal = sys.stderr
     try:
         sys.stderr = _Tee(terminal, snakemake.log[0])
-        main(snakemake.input, snakemake.output, snakemake.params)
+        main(snakemake.input, snakemake.output, **_typed_parameters(main, snakemake.params))
     except KeyboardInterrupt:
         print(f"{snakemake.rule}: interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)
@@ -71,3 +76,24 @@ def run(main, snakemake) -> None:
         if sys.stderr is not terminal:
             sys.stderr.close()
             sys.stderr = terminal
+
+
+def _typed_parameters(main, params) -> dict:
+    """The rule's parameters as `main` names and annotates them; ``code`` is there to run the job again.
+
+    Raises
+    ------
+    TypeError
+        If the rule passes others than the job takes.
+    """
+    from typing import get_type_hints
+
+    from lumbar.settings.plain import typed
+
+    kinds = {name: kind for name, kind in get_type_hints(main).items() if name != "return"}
+    given = {name: value for name, value in params.items() if name != "code"}
+    if kinds.keys() != given.keys():
+        raise TypeError(
+            f"the rule passes {', '.join(sorted(given))}; the job takes {', '.join(sorted(kinds))}"
+        )
+    return {name: typed(kind, given[name], complete=False) for name, kind in kinds.items()}

@@ -2,28 +2,35 @@
 
 from job import run
 
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.subject import SubjectSettings, TrialSettings
 
-def main(input, output, params):
+
+def main(
+    input,
+    output,
+    lift: str,
+    subject: SubjectSettings,
+    trial: TrialSettings,
+    settings: LiftingSettings,
+    data: str,
+):
     """Read the markers, analyse the lift, write what it holds; warn where that is no pendulum."""
     import sys
     from pathlib import Path
 
-    from lumbar.interface.person import lift
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.plain import typed
-    from lumbar.settings.subject import SubjectSettings, TrialSettings
+    from lumbar.interface.person import lift as analyse
 
-    trial = typed(TrialSettings, params.trial)
-    found = lift(
+    found = analyse(
         input.markers,
-        typed(SubjectSettings, params.subject),
+        subject,
         trial.box_mass_kg,
         trial=trial,
-        name=params.lift,
+        name=lift,
         static=next(iter(input.static), None),
         forces=next(iter(input.forces), None),
-        settings=typed(LiftingSettings, params.settings),
-        data=params.data,
+        settings=settings,
+        data=data,
     )
     found.save(Path(output.summary).parent)
     if not found.analysed.states:

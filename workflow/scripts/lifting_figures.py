@@ -3,7 +3,7 @@
 from job import run, stem
 
 
-def main(input, output, params):
+def main(input, output, data: str):
     """Tabulate and draw from the files of the lifts."""
     import pandas as pd
 
@@ -14,7 +14,7 @@ def main(input, output, params):
     from lumbar.publishing.figures.style import person_and_box, save
 
     sheets = [read_json(path) for path in input.quality]
-    quality_table(sheets, params.data).write(stem(output.quality))
+    quality_table(sheets, data).write(stem(output.quality))
     lifts = [
         {
             "motion": pd.read_csv(motion),
@@ -35,15 +35,13 @@ def main(input, output, params):
         )
     ]
     for lift, svg in zip(lifts, output.lifting_events[::2], strict=True):
-        save(events_figure(lift), stem([svg]), params.data, who=person_and_box(lift["summary"]))
+        save(events_figure(lift), stem([svg]), data, who=person_and_box(lift["summary"]))
     shown = next((lift for lift in lifts if len(lift["states"])), lifts[0])
     who = person_and_box(shown["summary"])
-    save(pendulum_figure(shown), stem(output.figure_4_1), params.data, who=who)
-    save(segments_figure(shown), stem(output.figure_4_2), params.data, who=who)
+    save(pendulum_figure(shown), stem(output.figure_4_1), data, who=who)
+    save(segments_figure(shown), stem(output.figure_4_2), data, who=who)
     spreads = [pd.read_csv(path) for path in input.spread]
-    spread_table(spreads, [lift["summary"] for lift in lifts], params.data).write(
-        stem(output.centre_of_mass_checks)
-    )
+    spread_table(spreads, [lift["summary"] for lift in lifts], data).write(stem(output.centre_of_mass_checks))
 
 
 run(main, snakemake)

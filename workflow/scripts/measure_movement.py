@@ -2,30 +2,29 @@
 
 from job import run, stem
 
+from lumbar.settings.stability import StabilitySettings
 
-def main(input, output, params):
+
+def main(input, output, settings: StabilitySettings, labels: dict[str, str], data: str):
     """Measure every lift, write each course, the long table, and the figures."""
     from lumbar.base.files import read_json, write_csv
     from lumbar.interface.movement import measure_movement
     from lumbar.lifting.measures.lift_values import long_table, write_measures
     from lumbar.publishing.figures.movement_figures import course_figure, support_figure
     from lumbar.publishing.figures.style import save
-    from lumbar.settings.plain import typed
-    from lumbar.settings.stability import StabilitySettings
 
-    settings = typed(StabilitySettings, params.settings)
     lifts = [
         (measure_movement(body, facts=read_json(facts), settings=settings), read_json(events)["events"])
         for body, facts, events in zip(input.body, input.facts, input.events, strict=True)
     ]
     for (found, _), path in zip(lifts, output.courses, strict=True):
-        write_csv(path, found.instants.assign(data=params.data))
-    values = long_table(((found.values, found.facts) for found, _ in lifts), params.labels)
-    write_measures(stem(output.movement_measures), values, params.data)
+        write_csv(path, found.instants.assign(data=data))
+    values = long_table(((found.values, found.facts) for found, _ in lifts), labels)
+    write_measures(stem(output.movement_measures), values, data)
     shown = [{"course": found.instants, "facts": found.facts, "events": events} for found, events in lifts]
     share = settings.measures.functional_share
-    save(course_figure(shown, share), stem(output.movement_course), params.data)
-    save(support_figure(shown, share), stem(output.base_of_support), params.data)
+    save(course_figure(shown, share), stem(output.movement_course), data)
+    save(support_figure(shown, share), stem(output.base_of_support), data)
 
 
 run(main, snakemake)

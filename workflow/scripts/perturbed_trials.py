@@ -2,8 +2,19 @@
 
 from job import run, stem
 
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.perturbations import PerturbationsSettings
+from lumbar.settings.stability import StabilitySettings
 
-def main(input, output, params):
+
+def main(
+    input,
+    output,
+    settings: PerturbationsSettings,
+    stability: StabilitySettings,
+    lifting: LiftingSettings,
+    data: str,
+):
     """Read all trials, compare them, write table and figure."""
     from lumbar.lifting.pushes.trial_separation import (
         body_trial,
@@ -22,13 +33,7 @@ def main(input, output, params):
     )
     from lumbar.publishing.figures.perturbed_trials_figure import trials_figure
     from lumbar.publishing.figures.style import save
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.perturbations import PerturbationsSettings
-    from lumbar.settings.plain import typed
-    from lumbar.settings.stability import StabilitySettings
 
-    settings = typed(PerturbationsSettings, params.settings)
-    stability, lifting = typed(StabilitySettings, params.stability), typed(LiftingSettings, params.lifting)
     trials, sheets, recordings = [], [], []
     for group in ("unperturbed", "perturbed"):
         for number, path in enumerate(input[group], start=1):
@@ -36,12 +41,10 @@ def main(input, output, params):
             trials.append(trial_of(recording, group, settings, lifting))
             recordings.append((recording, group))
             sheets.append({"lift": f"{group}_{number}", **sheet.as_dict()})
-    quality_table(sheets, params.data).write(stem(output.quality_of_trials))
+    quality_table(sheets, data).write(stem(output.quality_of_trials))
     frame = compare_trials(trials, settings, stability)
     by_weight = inside_by_weight(trials, settings, stability)
-    trials_table(frame, by_weight, trials, settings, stability, params.data).write(
-        stem(output.perturbed_trials)
-    )
+    trials_table(frame, by_weight, trials, settings, stability, data).write(stem(output.perturbed_trials))
     standing = frame[frame["sign"] == "inverted"].set_index("trial")["largest_value"]
     found = [{"basin": float(standing[recording.name])} for recording, _ in recordings]
     if settings.legs:
@@ -49,10 +52,10 @@ def main(input, output, params):
             values |= values_of(body_trial(recording, group, settings, lifting), settings)
     groups = [group for _, group in recordings]
     feedback = feedback_sentence(trials, settings, stability)
-    separation = separation_table(separation_frame(found, groups), groups, params.data, feedback)
+    separation = separation_table(separation_frame(found, groups), groups, data, feedback)
     separation.write(stem(output.trial_separation))
     figure = trials_figure(trials, by_weight, settings, stability)
-    save(figure, stem(output.perturbed_trials_figure), params.data)
+    save(figure, stem(output.perturbed_trials_figure), data)
 
 
 run(main, snakemake)

@@ -2,23 +2,22 @@
 
 from job import run, stem
 
+from lumbar.settings.pushes import PushesSettings
 
-def main(input, output, params):
+
+def main(input, output, settings: PushesSettings, seed: int, data: str):
     """Score the pushes of all, write tables and figure."""
     from lumbar.base.files import write_csv, write_json
     from lumbar.interface.pushing import pooled_prediction
     from lumbar.lifting.pushes.prediction import verdict_json
     from lumbar.publishing.figures.style import save
-    from lumbar.settings.plain import typed
-    from lumbar.settings.pushes import PushesSettings
 
-    settings = typed(PushesSettings, params.settings)
-    found = pooled_prediction(input.outcomes, input.states, settings, params.seed, params.data)
+    found = pooled_prediction(input.outcomes, input.states, settings, seed, data)
     write_csv(output.pushes, found.pushes.assign(data=found.data))
     write_json(output.winner, verdict_json(found.winner, found.data))
     found.table.write(stem(output.push_prediction))
     found.sensitivity.write(stem(output.push_sensitivity))
-    save(found.figure(), stem(output.push_figure), params.data)
+    save(found.figure(), stem(output.push_figure), data)
 
 
 run(main, snakemake)

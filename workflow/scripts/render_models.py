@@ -2,8 +2,11 @@
 
 from job import run, stem
 
+from lumbar.settings.runtime import RuntimeSettings
+from lumbar.settings.tissue import TissueSettings
 
-def main(input, output, params):
+
+def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, data: str):
     """Judge the exported models on the study's device, fit passive ones, write tables, figures and the passive models."""
     from lumbar.base.files import write_json
     from lumbar.interface.device import load_models
@@ -11,18 +14,10 @@ def main(input, output, params):
     from lumbar.interface.rendering import rendering_of
     from lumbar.publishing.figures.haptic_figures import nothing_to_show
     from lumbar.publishing.figures.style import save
-    from lumbar.settings.plain import typed
-    from lumbar.settings.runtime import RuntimeSettings
-    from lumbar.settings.tissue import TissueSettings
     from lumbar.tissue.fmu.build.export_model import find_models
     from lumbar.tissue.haptics.passive_models import fit_passive_models
     from lumbar.tissue.models.models_file import models_document
 
-    settings, tissue, data = (
-        typed(RuntimeSettings, params.settings),
-        typed(TissueSettings, params.tissue),
-        params.data,
-    )
     models = load_models(input.models, input.effects)
     found = rendering_of(find_models(models, settings), settings, data)
     found.table.write(stem(output.rendering))

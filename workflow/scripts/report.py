@@ -5,7 +5,7 @@ from pathlib import Path
 from job import run
 
 
-def main(input, output, params):
+def main(input, output):
     """Compose the page from the study's results."""
     from lumbar.interface.study_report import report
 

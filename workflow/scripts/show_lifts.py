@@ -2,18 +2,17 @@
 
 from job import run
 
+from lumbar.settings.stability import StabilitySettings
 
-def main(input, output, params):
+
+def main(input, output, settings: StabilitySettings, data: str):
     """Make every lift's page from the folder that the lift was written to."""
     from pathlib import Path
 
     from lumbar.interface.lift_page import lift_page
-    from lumbar.settings.plain import typed
-    from lumbar.settings.stability import StabilitySettings
 
-    settings = typed(StabilitySettings, params.settings)
     for events, page in zip(input.events, output.lift_pages, strict=True):
-        lift_page(Path(events).parent, settings=settings, data=params.data).save(page)
+        lift_page(Path(events).parent, settings=settings, data=data).save(page)
 
 
 run(main, snakemake)

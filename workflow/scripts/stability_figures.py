@@ -2,8 +2,10 @@
 
 from job import run, stem
 
+from lumbar.settings.stability import StabilitySettings
 
-def main(input, output, params):
+
+def main(input, output, settings: StabilitySettings, labels: dict[str, str], data: str):
     """Choose the lift shown, read its funnels, draw."""
     import pandas as pd
 
@@ -12,23 +14,20 @@ def main(input, output, params):
     from lumbar.publishing.figures.basin_comparison_figure import comparison_figure
     from lumbar.publishing.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
     from lumbar.publishing.figures.style import person_and_box, save
-    from lumbar.settings.plain import typed
-    from lumbar.settings.stability import StabilitySettings
 
-    settings = typed(StabilitySettings, params.settings)
     facts = [read_json(path) for path in input.facts]
-    chosen = shown_lift(facts, params.labels, settings.compare.groups[0])
+    chosen = shown_lift(facts, labels, settings.compare.groups[0])
     funnels = pd.read_csv(input.funnels[chosen])
     person, pendulum = person_and_box(facts[chosen]), settings.pendulum
     who = f"{person}, {pendulum.sign}, {pendulum.time} time"
-    save(figure_4_3(funnels, settings.goal_level, who), stem(output.figure_4_3), params.data, who=person)
-    save(figure_4_4(funnels, who), stem(output.figure_4_4), params.data, who=person)
+    save(figure_4_3(funnels, settings.goal_level, who), stem(output.figure_4_3), data, who=person)
+    save(figure_4_4(funnels, who), stem(output.figure_4_4), data, who=person)
     states = pd.read_csv(input.states[chosen])
     trajectories, _ = trajectories_of_lift(
         states, facts[chosen], settings.pendulum.mass, settings.pendulum.time
     )
     comparison = comparison_figure(trajectories, settings, who)
-    save(comparison, stem(output.basin_comparison), params.data, who=person)
+    save(comparison, stem(output.basin_comparison), data, who=person)
 
 
 run(main, snakemake)

@@ -2,8 +2,10 @@
 
 from job import run, stem
 
+from lumbar.settings.stability import StabilitySettings
 
-def main(input, output, params):
+
+def main(input, output, settings: StabilitySettings, labels: dict[str, str], data: str):
     """Collect the areas of all lifts, compare them, write the tables and name what is missing."""
     import sys
 
@@ -20,10 +22,7 @@ def main(input, output, params):
     from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import cross_checked
     from lumbar.publishing.figures.grid_figure import grid_figure
     from lumbar.publishing.figures.style import save
-    from lumbar.settings.plain import typed
-    from lumbar.settings.stability import StabilitySettings
 
-    settings, labels = typed(StabilitySettings, params.settings), params.labels
     facts = [read_json(path) for path in input.facts]
     lifts = [
         LiftStates(pd.read_csv(states), {**known, "experience": labels[known["subject"]]})
@@ -36,7 +35,7 @@ def main(input, output, params):
     boa, failures, grid = (
         frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures, grid)
     )
-    study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), params.data)
+    study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), data)
     boa, disagreements = cross_checked(boa, study.trajectories(), settings)
     failures = joined([failures, failures_frame(disagreements)])
     table, controls, differences, failures = tables_4_1(study, failures)
@@ -45,11 +44,11 @@ def main(input, output, params):
     write_csv(output.failures, failures)
     table.write(stem(output.table_4_1))
     controls.write(stem(output.table_4_1_controls))
-    grid_table(differences, settings, params.data).write(stem(output.table_4_1_grid))
-    save(grid_figure(differences), stem(output.grid_figure), params.data)
-    extended_table(extended, settings, params.data).write(stem(output.extended_basins))
-    areas_table(boa, settings, params.data).write(stem(output.basin_areas))
-    failures_table(failures, params.data).write(stem(output.missing_basins))
+    grid_table(differences, settings, data).write(stem(output.table_4_1_grid))
+    save(grid_figure(differences), stem(output.grid_figure), data)
+    extended_table(extended, settings, data).write(stem(output.extended_basins))
+    areas_table(boa, settings, data).write(stem(output.basin_areas))
+    failures_table(failures, data).write(stem(output.missing_basins))
     if len(failures):
         print(announcement(output.failures), file=sys.stderr)
 

@@ -2,18 +2,17 @@
 
 from job import run, stem
 
+from lumbar.settings.surgeon import SurgeonSettings
 
-def main(input, output, params):
+
+def main(input, output, settings: SurgeonSettings, seed: int, data: str):
     """Read the trials, analyse them, write spectra, bandwidths and the figure."""
     from pathlib import Path
 
     from lumbar.interface.reading import read
     from lumbar.interface.surgeons import bandwidth
     from lumbar.publishing.figures.style import save
-    from lumbar.settings.plain import typed
-    from lumbar.settings.surgeon import SurgeonSettings
 
-    settings = typed(SurgeonSettings, params.settings)
     trials = read(
         input.records,
         layout=settings.layout,
@@ -21,9 +20,9 @@ def main(input, output, params):
         names=[entry.name for entry in settings.records],
     )
     surgeons = [entry.surgeon for entry in settings.records]
-    found = bandwidth(trials, surgeons, settings=settings, seed=params.seed, data=params.data)
+    found = bandwidth(trials, surgeons, settings=settings, seed=seed, data=data)
     found.save(Path(output.bandwidth).parent)
-    save(found.figure(), stem(output.surgeon_psd), params.data)
+    save(found.figure(), stem(output.surgeon_psd), data)
 
 
 run(main, snakemake)

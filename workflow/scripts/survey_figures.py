@@ -3,7 +3,7 @@
 from job import run, stem
 
 
-def main(input, output, params):
+def main(input, output, scale_labels: list[str], statement: str, confidence: float):
     """Draw the results of the survey."""
     import numpy as np
 
@@ -13,8 +13,8 @@ def main(input, output, params):
 
     results = read_json(input.results)
     counts = np.array([results["rating_counts"][model] for model in results["models"]])
-    likert = likert_figure(results["models"], counts, params.scale_labels, params.statement)
-    picks = best_picks_figure(results["best_picks"], params.confidence)
+    likert = likert_figure(results["models"], counts, scale_labels, statement)
+    picks = best_picks_figure(results["best_picks"], confidence)
     save(likert, stem(output.survey_likert), results["data"])
     save(picks, stem(output.survey_best_picks_figure), results["data"])
 

@@ -2,8 +2,10 @@
 
 from job import run, stem
 
+from lumbar.settings.tissue import TissueSettings
 
-def main(input, output, params):
+
+def main(input, output, tissue: TissueSettings, data: str):
     """Collect the identifications and publish them."""
     import pandas as pd
 
@@ -13,12 +15,9 @@ def main(input, output, params):
     from lumbar.interface.reading import read_listed
     from lumbar.publishing.figures.style import save
     from lumbar.publishing.figures.tissue_figures import excitation_figure
-    from lumbar.settings.plain import typed
-    from lumbar.settings.tissue import TissueSettings
     from lumbar.tissue.identification.identify_tissue import distinct
     from lumbar.tissue.models.models_file import models_document
 
-    tissue, data = typed(TissueSettings, params.tissue), params.data
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
     models = [model for path in input.fits for model in load_models(path, input.effects)]
     found = Identification(models, pd.concat([pd.read_csv(path) for path in input.grids]), tissue, data)

@@ -2,15 +2,14 @@
 
 from job import run
 
+from lumbar.settings.twin import SyntheticLiftingSettings
 
-def main(input, output, params):
+
+def main(input, output, settings: SyntheticLiftingSettings, trials: list[str], gravity: float, seed: int):
     """Make every trial of the study."""
-    from lumbar.settings.plain import typed
-    from lumbar.settings.twin import SyntheticLiftingSettings
     from lumbar.twin.hip_moment_recordings import write_trials
 
-    settings = typed(SyntheticLiftingSettings, params.settings)
-    write_trials(settings, params.trials, output.recordings, [params.seed, _STREAM], params.gravity)
+    write_trials(settings, trials, output.recordings, [seed, _STREAM], gravity)
 
 
 _STREAM = 3

@@ -2,17 +2,23 @@
 
 from job import run
 
+from lumbar.settings.twin import CohortSettings, SyntheticLiftingSettings
 
-def main(input, output, params):
+
+def main(
+    input,
+    output,
+    person: str,
+    group: str,
+    cohort: CohortSettings,
+    settings: SyntheticLiftingSettings,
+    seed: int,
+):
     """Move the person through every lift."""
-    from lumbar.settings.plain import typed
-    from lumbar.settings.twin import CohortSettings, SyntheticLiftingSettings
     from lumbar.twin.cohort import lifts_of, write_person
 
-    cohort = typed(CohortSettings, params.cohort)
     files = dict(zip(lifts_of(cohort), output.markers, strict=True))
-    settings = typed(SyntheticLiftingSettings, params.settings)
-    write_person(settings, cohort, params.person, params.group, params.seed, files)
+    write_person(settings, cohort, person, group, seed, files)
 
 
 run(main, snakemake)

@@ -2,17 +2,16 @@
 
 from job import run
 
+from lumbar.settings.twin import SyntheticSurgeonSettings
 
-def main(input, output, params):
+
+def main(input, output, records: list[dict], settings: SyntheticSurgeonSettings, seed: int):
     """Make every trial the study reads."""
     from lumbar.base.files import write_csv
-    from lumbar.settings.plain import typed
-    from lumbar.settings.twin import SyntheticSurgeonSettings
     from lumbar.twin.surgeon_recordings import surgeon_trial
 
-    settings = typed(SyntheticSurgeonSettings, params.settings)
-    for record, path in zip(params.records, output.recordings, strict=True):
-        write_csv(path, surgeon_trial(record["name"], record["surgeon"], settings, params.seed))
+    for record, path in zip(records, output.recordings, strict=True):
+        write_csv(path, surgeon_trial(record["name"], record["surgeon"], settings, seed))
 
 
 run(main, snakemake)

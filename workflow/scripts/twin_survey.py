@@ -3,7 +3,7 @@
 from job import run
 
 
-def main(input, output, params):
+def main(input, output):
     """Copy the answers, whole or not at all."""
     from pathlib import Path
 

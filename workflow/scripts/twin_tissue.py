@@ -2,16 +2,15 @@
 
 from job import run
 
+from lumbar.settings.twin import SyntheticTissueSettings
 
-def main(input, output, params):
+
+def main(input, output, tissue: SyntheticTissueSettings, seed: int):
     """Play each signal file and write what the machine records."""
-    from lumbar.settings.plain import typed
-    from lumbar.settings.twin import SyntheticTissueSettings
     from lumbar.twin.tissue_recordings import play
 
-    tissue = typed(SyntheticTissueSettings, params.tissue)
     for number, (signal, recording) in enumerate(zip(input.signals, output.recordings, strict=True)):
-        play(signal, recording, tissue, params.seed, number)
+        play(signal, recording, tissue, seed, number)
 
 
 run(main, snakemake)

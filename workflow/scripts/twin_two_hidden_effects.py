@@ -2,17 +2,16 @@
 
 from job import run
 
+from lumbar.settings.twin import TwoHiddenEffectsSettings
 
-def main(input, output, params):
+
+def main(input, output, settings: TwoHiddenEffectsSettings, seed: int):
     """Make the records and write one file each."""
     from pathlib import Path
 
-    from lumbar.settings.plain import typed
-    from lumbar.settings.twin import TwoHiddenEffectsSettings
     from lumbar.twin.two_hidden_effects import two_hidden_effects, write_records
 
-    records = two_hidden_effects(typed(TwoHiddenEffectsSettings, params.settings), params.seed)
-    write_records(Path(output.recordings[0]).parent, records)
+    write_records(Path(output.recordings[0]).parent, two_hidden_effects(settings, seed))
 
 
 run(main, snakemake)

@@ -3,14 +3,14 @@
 from job import run, stem
 
 
-def main(input, output, params):
+def main(input, output, data: str):
     """Write the table and both drawings."""
     from lumbar.publishing.figures.analogue_figures import analogues_figure, arx_figure
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.identification.table_2_1 import table_2_1
     from lumbar.tissue.models.tissue_models import HO, IL, KB, MW
 
-    table_2_1(params.data).write(stem(output.table_2_1))
+    table_2_1(data).write(stem(output.table_2_1))
     save(arx_figure(), stem(output.figure_2_4), "")
     save(analogues_figure((MW, KB, HO, IL)), stem(output.figure_3_2), "")
 

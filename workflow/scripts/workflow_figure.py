@@ -3,12 +3,12 @@
 from job import run, stem
 
 
-def main(input, output, params):
+def main(input, output, edges: list, chapters: dict[str, str], chapter_of: dict[str, str]):
     """Draw the graph."""
     from lumbar.publishing.figures.style import save
     from lumbar.publishing.figures.workflow_figure import draw_workflow
 
-    figure = draw_workflow(params.edges, params.chapter_of, params.chapters)
+    figure = draw_workflow(edges, chapter_of, chapters)
     save(figure, stem(output.workflow), data="")
 
 
