@@ -38,10 +38,11 @@ from lumbar.base.files import write_csv, write_text
 from lumbar.base.progress import track
 from lumbar.publishing.figures.style import save
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.forward_selection import extend, likelihood_ratio
-from lumbar.tissue.diagnosis.selection.null_distribution import shipped
+from lumbar.tissue.diagnosis.selection.forward_selection import extend
 from lumbar.tissue.diagnosis.selection.refine import refined_fit
+from lumbar.tissue.diagnosis.selection.thresholds import shipped
 from lumbar.tissue.effects.catalogue import TISSUE as CATALOGUE
 from lumbar.tissue.models.model_data import FittedParameter
 

@@ -24,7 +24,7 @@ from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
-from lumbar.tissue.diagnosis.selection.null_distribution import TABLES
+from lumbar.tissue.diagnosis.selection.thresholds import TABLES
 from lumbar.tissue.effects.catalogue import catalogue_of
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion

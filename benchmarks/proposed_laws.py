@@ -25,9 +25,9 @@ from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.law import proposal as law_proposal
-from lumbar.tissue.diagnosis.law.effect_file import form_found
+from lumbar.tissue.diagnosis.law.proposal import form_found
 from lumbar.tissue.diagnosis.law.terms import library
-from lumbar.tissue.diagnosis.selection.forward_selection import evaluate
+from lumbar.tissue.diagnosis.selection.candidate import evaluate
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
-from lumbar.tissue.diagnosis.selection.forward_selection import Candidate, evaluate
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.structure import Structure
 

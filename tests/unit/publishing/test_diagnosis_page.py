@@ -16,15 +16,18 @@ from lumbar.base.errors import InputError
 from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 from lumbar.publishing.pages.diagnosis_pictures import draw_pictures, pictured_effects
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, picture, table
-from lumbar.tissue.diagnosis.design.detectable import detectable_effects, threshold_ratio
-from lumbar.tissue.diagnosis.evidence.diagnosis_files import EXCITATION, diagnosis_document, write_diagnosis
-from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
+from lumbar.tissue.diagnosis.evidence.evidence import (
+    EXCITATION,
+    diagnosis_document,
+    gather_evidence,
+    write_diagnosis,
+)
+from lumbar.tissue.diagnosis.evidence.ties import detectable_effects, threshold_ratio
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.forward_selection import likelihood_ratio
-from lumbar.tissue.diagnosis.selection.null_distribution import NullDistribution, shipped
-from lumbar.tissue.diagnosis.selection.sentences import runner_up
-from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
+from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution, shipped
+from lumbar.tissue.diagnosis.selection.verdict import runner_up
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.signature import RATES, SHARE, signatures, standard_motion
 from lumbar.tissue.fmu.build.equation_svg import equation_svg

@@ -16,7 +16,7 @@ from lumbar.publishing.explorer.shown import WITH_EFFECTS, candidates_of, drawin
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import BootstrapSettings, TissueSettings
-from lumbar.tissue.diagnosis.design.discrimination import separating_excitation
+from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
 from lumbar.tissue.identification.metrics import variance_accounted_for
 from lumbar.tissue.models.motion import Motion
 from lumbar.twin.examples import example_records

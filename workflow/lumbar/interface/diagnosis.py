@@ -75,7 +75,7 @@ def diagnose(
     The KB model is missing coulomb friction: with it the error on unseen records falls from 0.224 to 0.0099 N.
     """
     from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
-    from lumbar.tissue.diagnosis.law.beside_verdict import law_beside, with_law
+    from lumbar.tissue.diagnosis.law.proposal import law_beside, with_law
     from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings_or_default(settings)
@@ -143,7 +143,7 @@ class Diagnosis:
     @cached_property
     def models(self) -> list[FittedModel]:
         """Base, base and first effect, …."""
-        from lumbar.tissue.diagnosis.selection.refined_model import fitted_model
+        from lumbar.tissue.diagnosis.selection.refine import fitted_model
 
         return [fitted_model(item, self.verdict.experiment) for item in self.verdict.path]
 
@@ -181,8 +181,8 @@ class Diagnosis:
     @property
     def sentences(self) -> list[str]:
         """The verdict, then what a reader asks next."""
-        from lumbar.tissue.diagnosis.design.discrimination import separation_sentence
-        from lumbar.tissue.diagnosis.selection.sentences import details, headline
+        from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
+        from lumbar.tissue.diagnosis.selection.verdict import details, headline
 
         lines = [headline(self.verdict), *details(self.verdict, self.candidates)]
         if self.evidence.separation is not None:
@@ -290,8 +290,8 @@ class Diagnosis:
             Effects of the model in ``refined.json``; default those that were selected.
         """
         from lumbar.base.files import write_json, write_text
-        from lumbar.tissue.diagnosis.evidence.diagnosis_files import write_diagnosis
-        from lumbar.tissue.diagnosis.selection.refined_model import refined_document
+        from lumbar.tissue.diagnosis.evidence.evidence import write_diagnosis
+        from lumbar.tissue.diagnosis.selection.refine import refined_document
 
         folder, drawn = Path(folder), {}
         if pictures:

@@ -145,7 +145,7 @@ class Examined:
             Where no excitation within the machine's limits would help.
         """
         from lumbar.base.files import write_text
-        from lumbar.tissue.diagnosis.design.excitation_family import motion_csv
+        from lumbar.tissue.diagnosis.evidence.discrimination import motion_csv
 
         further = self.examination.further
         if further is None:

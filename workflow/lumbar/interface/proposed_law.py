@@ -32,7 +32,7 @@ class ProposedLaw:
     @property
     def equation(self) -> str:
         """The law as an expression; empty where none is proposed."""
-        from lumbar.tissue.diagnosis.law.effect_file import form_found
+        from lumbar.tissue.diagnosis.law.proposal import form_found
 
         return form_found(self.proposal).equation if self.found else ""
 
@@ -44,7 +44,7 @@ class ProposedLaw:
         InputError
             If no law is proposed, or the name cannot be an effect's.
         """
-        from lumbar.tissue.diagnosis.law.effect_file import effect_text
+        from lumbar.tissue.diagnosis.law.proposal import effect_text
         from lumbar.tissue.effects.notation import check_name
 
         if not self.found:
@@ -76,7 +76,7 @@ class ProposedLaw:
     @property
     def sentences(self) -> list[str]:
         """The proposal, in plain English."""
-        from lumbar.tissue.diagnosis.law.effect_file import sentences
+        from lumbar.tissue.diagnosis.law.proposal import sentences
 
         return sentences(self.proposal)
 

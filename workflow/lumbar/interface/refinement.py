@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from lumbar.tissue.diagnosis.finding import Finding
     from lumbar.tissue.diagnosis.fitting.preparation import Experiment
     from lumbar.tissue.diagnosis.residuals.locate import Simulated
-    from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
+    from lumbar.tissue.diagnosis.selection.candidate import Candidate
     from lumbar.tissue.models.fitted_model import FittedModel
 
 
@@ -94,7 +94,7 @@ class Refinement:
     @cached_property
     def models(self) -> list[FittedModel]:
         """Base, base and first effect, …."""
-        from lumbar.tissue.diagnosis.selection.refined_model import fitted_model
+        from lumbar.tissue.diagnosis.selection.refine import fitted_model
 
         return [fitted_model(item, self.experiment) for item in self.path]
 
@@ -136,7 +136,7 @@ class Refinement:
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""
-        from lumbar.tissue.diagnosis.selection.refined_model import model_name
+        from lumbar.tissue.diagnosis.selection.refine import model_name
 
         unit = self.experiment.output_unit
         return [
@@ -151,14 +151,14 @@ class Refinement:
     def save(self, folder: str | os.PathLike) -> None:
         """Write ``refined.json``: every model of the path, ready for export."""
         from lumbar.base.files import write_json
-        from lumbar.tissue.diagnosis.selection.refined_model import refined_document
+        from lumbar.tissue.diagnosis.selection.refine import refined_document
 
         document = refined_document(self.path, self.experiment, self.data)
         write_json(Path(folder) / "refined.json", document)
 
     def __str__(self) -> str:
-        from lumbar.tissue.diagnosis.selection.ladder_digits import told_apart
-        from lumbar.tissue.diagnosis.selection.refined_model import model_name
+        from lumbar.tissue.diagnosis.selection.refine import model_name
+        from lumbar.tissue.diagnosis.selection.verdict import told_apart
 
         unit = self.experiment.output_unit
         training = told_apart([item.train_rms for item in self.path], 4)

@@ -99,7 +99,7 @@ class TabRequests:
     def _separate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """The excitation that tells these effects from the selected ones."""
         from lumbar.publishing.explorer.page import excitation_of
-        from lumbar.tissue.diagnosis.design.discrimination import separating_excitation
+        from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
         from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 
         diagnosis = self.explored.diagnosis

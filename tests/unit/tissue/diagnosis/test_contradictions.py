@@ -12,7 +12,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit_base, shape_bounds
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
-from lumbar.tissue.diagnosis.selection.contradictions import contradictions
+from lumbar.tissue.diagnosis.selection.candidate import contradictions
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES

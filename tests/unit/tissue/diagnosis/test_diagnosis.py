@@ -14,9 +14,9 @@ from lumbar.records.record import Channel, Record
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.null_distribution import NullDistribution, shipped
 from lumbar.tissue.diagnosis.selection.refine import refine
-from lumbar.tissue.diagnosis.selection.sentences import details, headline
+from lumbar.tissue.diagnosis.selection.thresholds import NullDistribution, shipped
+from lumbar.tissue.diagnosis.selection.verdict import details, headline
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 
 LAYOUT = TissueSettings().layout

@@ -229,6 +229,6 @@ def test_wrong_options_and_records_are_refused(run, folder, records, tmp_path):
 
 def test_no_law_is_looked_for_in_records_that_something_was_put_into(monkeypatch, records):
     asked = []
-    monkeypatch.setattr("lumbar.tissue.diagnosis.law.beside_verdict.law_beside", asked.append)
+    monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.law_beside", asked.append)
     lumbar.doctor(records, base="KB", effects=["hardening_stiffness"], faults=False)
     assert not asked

@@ -16,7 +16,7 @@ from lumbar.cli.command import main
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.study.settings_files import load_settings
-from lumbar.tissue.diagnosis.forward.carried import response_of
+from lumbar.tissue.diagnosis.forward.forward_base import response_of
 from lumbar.tissue.diagnosis.linear.direction import FORWARD
 from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.fmu.build.effect_model import effect_model

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from lumbar.publishing.figures.ladder_figure import ladder_figure
-from lumbar.tissue.diagnosis.design.discrimination import Separation, separation_sentence
-from lumbar.tissue.diagnosis.selection.ladder_digits import told_apart
-from lumbar.tissue.diagnosis.selection.verdict import in_order
+from lumbar.tissue.diagnosis.evidence.discrimination import Separation, separation_sentence
+from lumbar.tissue.diagnosis.selection.candidate import by_score
+from lumbar.tissue.diagnosis.selection.verdict import told_apart
 
 
 def test_errors_that_fall_read_as_falling():
@@ -37,7 +37,7 @@ def candidate(score, *effects):
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_scores_equal_to_rounding_are_ordered_by_name(sign):
     scores = (-1000.0 + sign * 1e-5, -1000.0, -1000.5)
-    found = in_order([candidate(score, name) for score, name in zip(scores, "bac", strict=True)])
+    found = by_score([candidate(score, name) for score, name in zip(scores, "bac", strict=True)])
     assert [item.effects[0] for item in found] == ["c", "a", "b"]
 
 

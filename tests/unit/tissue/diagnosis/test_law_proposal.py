@@ -33,18 +33,28 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
-from lumbar.tissue.diagnosis.law.beside_verdict import law_beside, with_law
-from lumbar.tissue.diagnosis.law.blocks import alternate
-from lumbar.tissue.diagnosis.law.checks import is_dissipative, least_work, stays_bounded
-from lumbar.tissue.diagnosis.law.effect_file import effect_text, finding, form_found, sentences
 from lumbar.tissue.diagnosis.law.law_form import form_of
-from lumbar.tissue.diagnosis.law.proposal import propose
+from lumbar.tissue.diagnosis.law.proposal import (
+    effect_text,
+    finding,
+    form_found,
+    law_beside,
+    propose,
+    sentences,
+    with_law,
+)
 from lumbar.tissue.diagnosis.law.search import Search
 from lumbar.tissue.diagnosis.law.surface import surfaces
 from lumbar.tissue.diagnosis.law.terms import library
-from lumbar.tissue.diagnosis.law.thinning import thinned
+from lumbar.tissue.diagnosis.law.validation import (
+    alternate,
+    is_dissipative,
+    least_work,
+    stays_bounded,
+    thinned,
+)
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
-from lumbar.tissue.diagnosis.selection.sentences import headline
+from lumbar.tissue.diagnosis.selection.verdict import headline
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.notation import load_effects
 from lumbar.tissue.models.motion import Motion
@@ -309,7 +319,7 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
 @pytest.mark.parametrize("wanted", [True, False])
 def test_the_settings_say_whether_a_law_is_looked_for(monkeypatch, wanted):
     asked = []
-    monkeypatch.setattr("lumbar.tissue.diagnosis.law.beside_verdict.law_beside", asked.append)
+    monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.law_beside", asked.append)
     lumbar.diagnose(
         records(nothing),
         base="KB",

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.diagnosis.law.law_form import check_dimensions, distinct, form_of
+from lumbar.tissue.diagnosis.law.law_form import (
+    FORCE,
+    OF_SIGNALS,
+    Dimension,
+    check_dimensions,
+    dimension,
+    distinct,
+    form_of,
+)
 from lumbar.tissue.diagnosis.law.terms import library
-from lumbar.tissue.diagnosis.law.units import FORCE, OF_SIGNALS, Dimension, dimension
 from lumbar.tissue.effects.signature import standard_motion
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.parsing import parse

@@ -14,7 +14,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.linear.higher_order import linear_dynamics
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, slope_forces
-from lumbar.tissue.diagnosis.selection.forward_selection import evaluate, unseen_improvement
+from lumbar.tissue.diagnosis.selection.candidate import evaluate, unseen_improvement
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure

@@ -15,9 +15,8 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Channel
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.refine import refine
-from lumbar.tissue.diagnosis.selection.refined_model import fitted_model, refined_document
-from lumbar.tissue.diagnosis.selection.sentences import details, headline
+from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine, refined_document
+from lumbar.tissue.diagnosis.selection.verdict import details, headline
 from lumbar.tissue.effects.catalogue import CATALOGUES, PENDULUM
 from lumbar.tissue.models.models_file import read_models
 

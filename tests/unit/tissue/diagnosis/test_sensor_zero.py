@@ -8,7 +8,7 @@ from fine_tissue import branch, experiment
 
 from lumbar.tissue.diagnosis.fitting.uncertainty import zero_interval
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.refined_model import fitted_model
+from lumbar.tissue.diagnosis.selection.refine import fitted_model
 
 
 def relaxing(time, position, speed, step):

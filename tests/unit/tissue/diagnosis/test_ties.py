@@ -16,18 +16,18 @@ from hidden_effects.catalogue import form_named
 from hidden_effects.form import Scales, calibrated, simulate
 from hidden_effects_cases import recorded_motion
 from lumbar.records.record import Channel, Record
-from lumbar.tissue.diagnosis.design.discrimination import (
+from lumbar.tissue.diagnosis.evidence.discrimination import (
     excitation_csv,
+    excitation_family,
     separating_excitation,
     separation_sentence,
 )
-from lumbar.tissue.diagnosis.design.excitation_family import excitation_family
+from lumbar.tissue.diagnosis.evidence.ties import angles_between, complete_linkage, signal_angles
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.ties import angles_between, complete_linkage, signal_angles
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion

@@ -10,7 +10,8 @@ import pytest
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
-from lumbar.tissue.diagnosis.selection.forward_selection import Candidate, evaluate, extend
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
+from lumbar.tissue.diagnosis.selection.forward_selection import extend
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion

@@ -18,7 +18,7 @@ from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.refined_model import fitted_model
+from lumbar.tissue.diagnosis.selection.refine import fitted_model
 from lumbar.tissue.effects.catalogue import catalogue_with
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.check.fmu_check import check_fmus

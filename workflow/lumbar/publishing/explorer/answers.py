@@ -9,13 +9,18 @@ from lumbar.publishing.explorer.shown import model_key
 from lumbar.publishing.figures.signature_figures import signature_thumbnail
 from lumbar.publishing.pages.html import picture, table
 from lumbar.tables.words import unit_in_print
-from lumbar.tissue.diagnosis.design.discrimination import separation_sentence
+from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence
 from lumbar.tissue.diagnosis.residuals.residual import probability
-from lumbar.tissue.diagnosis.selection.ladder_digits import told_apart
-from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable, runner_up
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
-from lumbar.tissue.diagnosis.selection.verdict import Ranked, Verdict
+from lumbar.tissue.diagnosis.selection.verdict import (
+    Ranked,
+    Verdict,
+    effects_text,
+    readable,
+    runner_up,
+    told_apart,
+)
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.fmu.build.equation_svg import equation_svg
 from lumbar.tissue.models.form import Effect

@@ -20,14 +20,12 @@ from lumbar.publishing.explorer.shown import (
     shown_fitted,
     shown_records,
 )
-from lumbar.tissue.diagnosis.design.discrimination import Separation, excitation_csv, separation_sentence
-from lumbar.tissue.diagnosis.evidence.diagnosis_files import EXCITATION
-from lumbar.tissue.diagnosis.evidence.evidence import Evidence
+from lumbar.tissue.diagnosis.evidence.discrimination import Separation, excitation_csv, separation_sentence
+from lumbar.tissue.diagnosis.evidence.evidence import EXCITATION, Evidence
 from lumbar.tissue.diagnosis.residuals.locate import Simulated
-from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
-from lumbar.tissue.diagnosis.selection.refined_model import model_name
-from lumbar.tissue.diagnosis.selection.sentences import headline
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.refine import model_name
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, headline
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 

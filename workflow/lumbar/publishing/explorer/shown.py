@@ -18,8 +18,8 @@ from lumbar.tissue.diagnosis.residuals.time_frequency import (
     excited_lines,
     line_classes,
 )
-from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
-from lumbar.tissue.diagnosis.selection.refined_model import model_name
+from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.refine import model_name
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.identification.metrics import fit_ratio, variance_accounted_for
 from lumbar.tissue.models.fitted_model import FittedModel

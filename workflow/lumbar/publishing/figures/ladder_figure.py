@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lumbar.publishing.figures.style import MODELS, SINGLE_COLUMN, house_style, new_figure
-from lumbar.tissue.diagnosis.selection.ladder_digits import told_apart
+from lumbar.tissue.diagnosis.selection.verdict import told_apart
 
 
 @house_style

@@ -8,15 +8,21 @@ from typing import TYPE_CHECKING
 from lumbar.publishing.pages.html import document, figure, heading, listing, paragraph, picture, table
 from lumbar.publishing.pages.record_pages import comparison_blocks
 from lumbar.tables.words import unit_in_print
-from lumbar.tissue.diagnosis.design.discrimination import separation_sentence
-from lumbar.tissue.diagnosis.evidence.evidence import Evidence
-from lumbar.tissue.diagnosis.evidence.limitations import undecided
+from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
+from lumbar.tissue.diagnosis.evidence.evidence import Evidence, undecided
+from lumbar.tissue.diagnosis.evidence.ties import ALIKE
 from lumbar.tissue.diagnosis.residuals.residual import probability
-from lumbar.tissue.diagnosis.selection.forward_selection import likelihood_ratio
-from lumbar.tissue.diagnosis.selection.sentences import details, effects_text, headline, readable, runner_up
+from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
-from lumbar.tissue.diagnosis.selection.ties import ALIKE
-from lumbar.tissue.diagnosis.selection.verdict import Ranked, Verdict
+from lumbar.tissue.diagnosis.selection.verdict import (
+    Ranked,
+    Verdict,
+    details,
+    effects_text,
+    headline,
+    readable,
+    runner_up,
+)
 from lumbar.tissue.fmu.build.equation_svg import equation_svg
 from lumbar.tissue.models.form import Effect
 

@@ -13,8 +13,7 @@ from lumbar.publishing.figures.style import save
 from lumbar.publishing.pages.record_pages import LOCATION_CAPTION
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.residuals.locate import Simulated, least_explained
-from lumbar.tissue.diagnosis.selection.sentences import runner_up
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, runner_up
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.form import Effect
 

@@ -11,9 +11,8 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.doctor.injection import Injection, Truth, without_effect
-from lumbar.tissue.diagnosis.selection.forward_selection import ADEQUATE
-from lumbar.tissue.diagnosis.selection.sentences import effects_text
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.selection.candidate import ADEQUATE
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text
 from lumbar.tissue.models.form import Effect, Form
 
 CONFIRMED_AT = 2.0

@@ -10,9 +10,6 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.progress import track
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.design.detectable import threshold_ratio
-from lumbar.tissue.diagnosis.design.discrimination import CLEAR
-from lumbar.tissue.diagnosis.design.excitation_family import ExcitationCandidate, excitation_family
 from lumbar.tissue.diagnosis.doctor.effect_sizes import (
     Diagnose,
     EffectSize,
@@ -24,12 +21,13 @@ from lumbar.tissue.diagnosis.doctor.effect_sizes import (
 )
 from lumbar.tissue.diagnosis.doctor.faults import FAULTS, Fault, FaultOutcomes, fault_outcomes
 from lumbar.tissue.diagnosis.doctor.injection import Truth
+from lumbar.tissue.diagnosis.evidence.discrimination import CLEAR, ExcitationCandidate, excitation_family
+from lumbar.tissue.diagnosis.evidence.ties import threshold_ratio
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
-from lumbar.tissue.diagnosis.selection.null_distribution import shipped
-from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.selection.thresholds import shipped
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
 from lumbar.tissue.effects.catalogue import choose, without_channels
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.motion import Motion

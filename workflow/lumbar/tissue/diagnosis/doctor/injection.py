@@ -191,7 +191,7 @@ class Injection:
         """Smallest RMS of the force of which so much is visible, to first order.
 
         Visible is what the model's own parameters cannot take up, after whitening, as of
-        `lumbar.tissue.diagnosis.design.detectable.detectable_effects`. None where they take up all of it.
+        `lumbar.tissue.diagnosis.evidence.ties.detectable_effects`. None where they take up all of it.
 
         Parameters
         ----------

@@ -9,7 +9,7 @@ from lumbar.tissue.diagnosis.doctor.effect_sizes import CONFIRMED_AT, STRONG, Ef
 from lumbar.tissue.diagnosis.doctor.examination import Examination
 from lumbar.tissue.diagnosis.doctor.faults import FaultOutcomes
 from lumbar.tissue.diagnosis.doctor.injection import reaches_floor
-from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
+from lumbar.tissue.diagnosis.selection.verdict import effects_text, readable
 from lumbar.tissue.models.model_data import unit_of
 
 _EFFECTS = {

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumbar.base.files import write_json, write_text
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.design.detectable import Detectable, detectable_effects, threshold_ratio
-from lumbar.tissue.diagnosis.design.discrimination import Separation, separating_excitation
+from lumbar.tables.words import unit_in_print
+from lumbar.tissue.diagnosis.evidence.discrimination import Separation, excitation_csv, separating_excitation
+from lumbar.tissue.diagnosis.evidence.ties import (
+    Detectable,
+    Ties,
+    detectable_effects,
+    signal_angles,
+    threshold_ratio,
+)
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.residuals.locate import Simulated, compare_and_locate
-from lumbar.tissue.diagnosis.selection.forward_selection import Candidate, evaluate, extend
-from lumbar.tissue.diagnosis.selection.null_distribution import NullDistribution, shipped
-from lumbar.tissue.diagnosis.selection.ties import Ties, signal_angles
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
+from lumbar.tissue.diagnosis.selection.forward_selection import extend
+from lumbar.tissue.diagnosis.selection.thresholds import TIED, NullDistribution, shipped
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
 from lumbar.tissue.effects.catalogue import without_channels
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.signals.motion_range import Kinematics
+from lumbar.tissue.signals.spectrum import occupied_band
 
 if TYPE_CHECKING:
     from lumbar.settings.signals import MachineSettings
@@ -117,3 +130,161 @@ def _other_forms(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Candi
         without = evaluate(fit(rest, experiment.training, start), experiment)
         found += extend(without, {mine.effect: replace(effect, forms=others)}, experiment)
     return found
+
+
+_WIDE = 0.5
+"""Half width of an interval, as a share of the value, from which on a parameter is poorly known."""
+_NAMED = 4
+"""Effects named as the hardest to see."""
+
+
+def undecided(diagnosis: Verdict, evidence: Evidence) -> list[str]:
+    """Return one sentence per limit of the evidence."""
+    return [
+        *_range(diagnosis),
+        *_unseen(diagnosis),
+        *_noise(diagnosis),
+        *_mechanism(diagnosis),
+        *_form(diagnosis, evidence),
+        *_parameters(diagnosis),
+        *_too_small(diagnosis, evidence),
+    ]
+
+
+def _range(diagnosis: Verdict) -> list[str]:
+    experiment = diagnosis.experiment
+    motions = [item.motion for item in (experiment.training, *experiment.tests)]
+    positions = np.concatenate([item.position for item in motions])
+    speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
+    training = experiment.training.motion
+    band = occupied_band(training.position, training.sampling_time)
+    bottom, top = (f"{frequency:.2g}" for frequency in band)
+    frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"
+    unit = experiment.input_unit
+    return [
+        f"Anything outside {positions.min():.3g} to {positions.max():.3g} {unit}, above {speed:.3g} {unit}/s or "
+        f"{frequencies}: the tool did not move there."
+    ]
+
+
+def _unseen(diagnosis: Verdict) -> list[str]:
+    experiment = diagnosis.experiment
+    if experiment.tests[0].name != experiment.training.name:
+        return []
+    return [
+        "Whether the model holds for another excitation: there is one record only, and its last part stands in for an "
+        "unseen one. Record a second excitation."
+    ]
+
+
+def _noise(diagnosis: Verdict) -> list[str]:
+    if diagnosis.experiment.floor is not None:
+        return []
+    return [
+        "Whether what remains is noise: no record repeats. Record at least three periods of one excitation and give its period."
+    ]
+
+
+def _mechanism(diagnosis: Verdict) -> list[str]:
+    if not diagnosis.tied_with:
+        return []
+    others = " or ".join(effects_text(item.effects) for item in diagnosis.tied_with)
+    return [
+        f"Whether it is {effects_text(diagnosis.selected)} or {others}: both explain the records equally well."
+    ]
+
+
+def _form(diagnosis: Verdict, evidence: Evidence) -> list[str]:
+    """Other mathematical forms of the selected effects that fit as well."""
+    chosen = {form.key for form in diagnosis.model.fit.structure.forms}
+    found = [
+        f"{readable(form.effect)} as {form.name}"
+        for item in evidence.other_forms
+        if item.score - diagnosis.model.score < TIED
+        for form in item.fit.structure.forms
+        if form.key not in chosen
+    ]
+    if not found:
+        return []
+    named = " and ".join(form.name for form in diagnosis.model.fit.structure.forms)
+    return [f"The mathematical form: {', '.join(found)} explains the records as well as {named}."]
+
+
+def _parameters(diagnosis: Verdict) -> list[str]:
+    if not diagnosis.selected:
+        return []
+    wide = [
+        f"{readable(item.name)} ({item.low:.3g} to {item.high:.3g} {unit_in_print(item.unit)})"
+        for item in diagnosis.ranking[0].estimates
+        if item.high - item.low > 2 * _WIDE * abs(item.value)
+    ]
+    return [f"The value of {', '.join(wide)}: the interval is as wide as the value."] if wide else []
+
+
+def _too_small(diagnosis: Verdict, evidence: Evidence) -> list[str]:
+    if not evidence.detectable:
+        return []
+    unit = diagnosis.experiment.output_unit
+    easiest = evidence.detectable[0]
+    hardest = sorted(evidence.detectable, key=lambda item: -item.hardest)[:_NAMED]
+    listed = ", ".join(
+        f"{readable(item.effect)} {item.easiest:.2g} to {item.hardest:.2g}" for item in hardest
+    )
+    return [
+        f"Effects too small to be seen. To be selected, one must add at least {easiest.easiest:.2g} {unit} RMS to the "
+        f"training record ({readable(easiest.effect)}); hardest to see in this excitation, depending on their "
+        f"parameters: {listed} {unit}."
+    ]
+
+
+LADDER_COLUMNS = ("rung", "effects", "forms", "train_rms", "test_rms", "unit", "noise_floor_rms", "data")
+EXCITATION = "separating_excitation.csv"
+
+
+def write_diagnosis(diagnosis: Verdict, evidence: Evidence, folder: Path, data: str) -> None:
+    """Write ``diagnosis.json``, ``ladder.csv`` and, where effects are tied, ``separating_excitation.csv``.
+
+    An excitation that an earlier diagnosis left in the folder is taken away: it does not belong to this one.
+
+    Parameters
+    ----------
+    data : str
+        Where the data come from.
+    """
+    write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, data))
+    write_text(folder / "ladder.csv", ladder_csv(diagnosis, data))
+    if evidence.separation is None or not evidence.separation.improves:
+        (folder / EXCITATION).unlink(missing_ok=True)
+    else:
+        write_text(folder / EXCITATION, excitation_csv(evidence.separation, diagnosis))
+
+
+def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dict:
+    """Return the content of ``diagnosis.json``: the contract's keys, and under keys of their own the evidence beside them."""
+    unit = diagnosis.experiment.output_unit
+    return {
+        **diagnosis.to_json(),
+        "ties": None if evidence.ties is None else evidence.ties.to_json(),
+        "separating_excitation": None if evidence.separation is None else evidence.separation.to_json(),
+        "false_alarm_threshold": {"gain": evidence.threshold, "null_experiments": len(evidence.null.ratios)},
+        "detectable_rms": {
+            item.effect: {"easiest": item.easiest, "hardest": item.hardest, "unit": unit}
+            for item in evidence.detectable
+        },
+        "data": data,
+    }
+
+
+def ladder_csv(diagnosis: Verdict, data: str) -> str:
+    """Return the error ladder: base, base and first effect, …."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(LADDER_COLUMNS)
+    floor = diagnosis.experiment.floor
+    for number, item in enumerate(diagnosis.path):
+        forms = "+".join(form.name for form in item.fit.structure.forms)
+        numbers = (repr(item.train_rms), repr(item.test_rms), diagnosis.experiment.output_unit)
+        writer.writerow(
+            [number, "+".join(item.effects), forms, *numbers, "" if floor is None else repr(floor.rms), data]
+        )
+    return stream.getvalue()

@@ -1,24 +1,33 @@
-"""Bases of forward records: which one the data ask for, fitted turned round and then by simulation."""
+"""Forward records as a fit sees them, as they are and turned round for the search, and the base that they ask for.
+
+Turned round: force by measured motion, every error carried through the base to the motion. Where R(z) is the force of a model
+with motion z, a true model leaves R(z + n) − F ≈ (dR/dz) n of the noise n in the measured motion; through the base's own
+response G ≈ (dR/dz)⁻¹ that is n again, in the unit of the motion and as it was measured (the weighting of Steiglitz and McBride,
+IEEE Trans. Automat. Contr. 10 (1965) 461-464). So the search over all forms, which are linear in most parameters here, needs no
+simulation.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.forward.carried import carried, fitted_base, response_of
-from lumbar.tissue.diagnosis.forward.forward_data import forward_experiment
 from lumbar.tissue.diagnosis.forward.forward_fit import EVALUATIONS, fit_forward
-from lumbar.tissue.diagnosis.selection.forward_selection import Candidate, evaluate
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
+from lumbar.tissue.models.force_balance import MOTION, ForceBalance
 from lumbar.tissue.models.forward_structure import ForwardStructure
-from lumbar.tissue.models.measured_motion import with_measured_motion
+from lumbar.tissue.models.measured_motion import smoothed, with_measured_motion
+from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 
 FORWARD_BASES = ("KV-mass", "KB-mass", "KV", "KB", "LE")
@@ -27,6 +36,172 @@ _SIMULATED = 2
 """Bases, those that fit best turned round, that are simulated."""
 _LONG = 6000
 """Samples of every record on which a search is made."""
+Response = Callable[[np.ndarray], np.ndarray]
+"""From frequencies (Hz) to the motion by the force there."""
+_STIFFEST = 1e-6
+"""Share of the largest dynamic stiffness below which none counts: what nothing holds drifts away."""
+_STIFF = 10.0
+"""Stiffness of what does not follow the force, in that of force over motion."""
+_SEGMENTS = 8
+_TURNS = 3
+"""Fits of the base, each weighted by the response of the one before."""
+_OF_MOTION = ("position", "speed", "path")
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardData(FitData):
+    """One forward record; attributes as of `FitData`, with the force as its motion and the motion as its force."""
+
+    @cached_property
+    def moved(self) -> Motion:
+        """The motion, smoothed."""
+        return Motion(self.motion.time, smoothed(self.force), self.motion.sampling_time)
+
+    def scale(self, kind: str) -> float:
+        """Size of a quantity for starting values; ``force`` is what a form at the output transforms."""
+        return self.moved.scale(kind) if kind in _OF_MOTION else super().scale(kind)
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardJointData(JointData):
+    """Several forward records that are fitted together."""
+
+    def scale(self, kind: str) -> float:
+        """Largest size in any of the records."""
+        return max(part.scale(kind) for part in self.parts)
+
+
+def forward_experiment(experiment: Experiment) -> Experiment:
+    """The same experiment with its records as forward ones."""
+    return replace(
+        experiment,
+        training=_forward(experiment.training),
+        tests=[_forward(item) for item in experiment.tests],
+    )
+
+
+def _forward(data: FitData) -> FitData:
+    if isinstance(data, JointData):
+        joint = ForwardJointData.of([_forward(part) for part in data.parts])
+        return replace(joint, own_zero=data.own_zero)
+    return ForwardData(
+        data.name, data.motion, data.force, data.whitening, data.counts_from, own_zero=data.own_zero
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedData(FitData):
+    """A forward record turned round: attributes as of `FitData`, of the motion as measured and the force."""
+
+    response: Response = np.ones_like
+    """Through which errors of the force are carried to the motion."""
+
+    def _carried(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) through the response, from rest."""
+        from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+        length = next_fast_len(2 * len(signal), real=True)
+        kept = self.motion.kept(
+            f"response {id(self.response)}",
+            lambda: (self.response, self.response(rfftfreq(length, self.motion.sampling_time))),
+        )[1]
+        spectrum = rfft(signal, length, axis=0)
+        return irfft(spectrum * kept.reshape(-1, *[1] * (signal.ndim - 1)), length, axis=0)[: len(signal)]
+
+    def counted(self, signal: np.ndarray) -> np.ndarray:
+        """Carried and whitened signal (samples first) from the first sample that counts."""
+        return super().counted(self._carried(signal))
+
+    def error(self, simulated: np.ndarray) -> np.ndarray:
+        """Simulated less measured force, carried to the motion, over the samples that count."""
+        return self._about_zero(self.settled(self._carried(simulated - self.force)))
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedJointData(JointData):
+    """Several such records that are fitted together."""
+
+    def error(self, simulated: np.ndarray) -> np.ndarray:
+        """Errors of all records, each carried."""
+        pieces = zip(self.parts, self.motion.split(simulated), strict=True)
+        return np.concatenate([part.error(piece) for part, piece in pieces])
+
+
+def carried(experiment: Experiment, response: Response) -> Experiment:
+    """A forward experiment turned round."""
+
+    def turned(data: FitData) -> FitData:
+        if isinstance(data, JointData):
+            return replace(CarriedJointData.of([turned(part) for part in data.parts]), own_zero=data.own_zero)
+        assert isinstance(data, ForwardData)
+        moved, force = data.moved, data.motion.position
+        motion = Motion(moved.time, moved.position, moved.sampling_time)
+        return CarriedData(
+            data.name,
+            motion,
+            force,
+            data.whitening,
+            data.counts_from,
+            own_zero=data.own_zero,
+            response=response,
+        )
+
+    return replace(
+        experiment, training=turned(experiment.training), tests=[turned(item) for item in experiment.tests]
+    )
+
+
+def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Response:
+    """Frequency response of a base from force to motion."""
+    balance = ForceBalance((base.form,))
+    names = (*balance.linear, *balance.nonlinear)
+    known = dict(zip(names, (*linear, *nonlinear), strict=True)) | dict.fromkeys(
+        ("z", "v", "a", "t", *balance.states), 0.0
+    )
+    _, slopes = balance.slopes(known, ())
+    by_motion, by_states = slopes[:, : len(MOTION)], slopes[:, len(MOTION) :]
+
+    def response(frequency: np.ndarray) -> np.ndarray:
+        s = 2j * np.pi * frequency
+        powers = np.array([np.ones_like(s), s, s**2])
+        stiffness = by_motion[0] @ powers
+        for state in range(1, len(slopes)):  # the states of a base know nothing of each other
+            driven = by_motion[state] @ powers / (s - by_states[state, state - 1])
+            stiffness = stiffness + by_states[0, state - 1] * driven
+        least = _STIFFEST * np.abs(stiffness).max()
+        return 1 / np.where(np.abs(stiffness) > least, stiffness, least)
+
+    return response
+
+
+def measured_response(data: FitData) -> Response:
+    """Ratio of the spectra of motion and force without their phases, for a first weighting."""
+    from scipy.signal import welch
+
+    force, motion = data.motion.position, data.force
+    rate = 1 / data.motion.sampling_time
+    frequency, powers = welch(
+        np.array([force - force.mean(), motion - motion.mean()]), rate, nperseg=len(force) // _SEGMENTS
+    )
+    ratio = np.sqrt(powers[1] / np.maximum(powers[0], 1e-12 * powers[0].max()))
+    # Where the force holds nothing the ratio is noise.
+    ratio[powers[0] < 1e-6 * powers[0].max()] = 0.0
+    return lambda wanted: np.interp(wanted, frequency, ratio)
+
+
+def fitted_base(experiment: Experiment, base: Base) -> tuple[Experiment, np.ndarray, np.ndarray]:
+    """A base fitted to a forward experiment turned round: the experiment, carried through it, and its parameters."""
+    training = experiment.training
+    first = training.parts[0] if isinstance(training, JointData) else training
+    seen = carried(experiment, measured_response(first))
+    for _ in range(_TURNS):
+        found = fit_base(Structure(base), seen.training)
+        linear = found.linear
+        if not linear.any():  # no material at all: what does not follow the force is stiff
+            spring = [item.name == "spring_stiffness" for item in base.linear]
+            linear = np.where(spring, _STIFF * np.std(training.motion.position) / np.std(training.force), 0.0)
+        seen = carried(experiment, response_of(base, linear, found.nonlinear))
+    return seen, linear, found.nonlinear
 
 
 def prepared_forward(records: list[Record], settings: DiagnosisSettings) -> Experiment:

@@ -2,43 +2,118 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.forward.carried import carried, response_of
-from lumbar.tissue.diagnosis.forward.confirmation import Confirmation
 from lumbar.tissue.diagnosis.forward.forward_base import (
     better_base,
+    carried,
     chosen_base,
     prepared_forward,
+    response_of,
     shortened,
     simulated,
     simulated_base,
 )
+from lumbar.tissue.diagnosis.forward.forward_fit import EVALUATIONS
 from lumbar.tissue.diagnosis.forward.sensor import sensor_candidates
-from lumbar.tissue.diagnosis.selection.forward_selection import (
-    Candidate,
-    evaluate,
-    is_adequate,
-    unseen_improvement,
-)
-from lumbar.tissue.diagnosis.selection.linear_gate import linear_alternative, linear_finding
-from lumbar.tissue.diagnosis.selection.null_distribution import shipped
-from lumbar.tissue.diagnosis.selection.offsets import offsets
-from lumbar.tissue.diagnosis.selection.selection import Selection
-from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, unseen_improvement
+from lumbar.tissue.diagnosis.selection.findings import linear_alternative, linear_finding, offsets
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection
+from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN, shipped
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import MOTION_SENSOR
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.force_balance import can_be_simulated
 from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.forward_structure import ForwardStructure
 from lumbar.tissue.models.structure import Structure
+
+_RIVALS = 5
+"""Sets of effects, beside those named, that are simulated."""
+
+
+class Confirmation(Selection):
+    """Keeps what passes by simulation, as the search does by the turned-round records.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Forward records.
+    base : Candidate
+        Simulated on them.
+    settings : DiagnosisSettings
+    named, rivals : sequence of Candidate
+        Models that were named, and others.
+    zero_of : callable
+        From a fit of theirs to the zero of the motion's sensor.
+    evaluations : int
+        Of the error, at most, to fit one of them.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        base: Candidate,
+        settings: DiagnosisSettings,
+        named: Sequence[Candidate] = (),
+        rivals: Sequence[Candidate] = (),
+        zero_of: Callable[[Fit], float] = lambda fit: fit.zero,
+        evaluations: int = EVALUATIONS,
+    ):
+        super().__init__(experiment, base, settings, shipped("tissue"), singles=[])
+        self.named = named
+        self.rivals = rivals
+        self.zero_of = zero_of
+        self.evaluations = evaluations
+
+    def selected_path(self) -> list[Candidate]:
+        """Simulate what was named, and its rivals; from the base on to larger sets that pass, the best of each step."""
+        self.simulate(self.named)
+        rivals = self.rivals
+        best = min([self.base, *self.tried], key=lambda item: item.score)
+        if is_adequate(best, self.experiment):
+            # What is larger explains nothing more.
+            rivals = [item for item in rivals if len(item.effects) <= len(best.effects)]
+        self.simulate(rivals[:_RIVALS])
+        path = [self.base]
+        while larger := [item for item in self.tried if self.follows(path[-1], item)]:
+            fewest = min(len(item.effects) for item in larger)
+            path.append(
+                min((item for item in larger if len(item.effects) == fewest), key=lambda item: item.score)
+            )
+        return path
+
+    def simulate(self, models: Sequence[Candidate]) -> None:
+        """Fit models by their simulation, each set of forms once."""
+        known = {item.fit.structure.forms for item in self.tried}
+        for item in models:
+            structure = ForwardStructure(self.base.fit.structure.base, item.fit.structure.forms)
+            if structure.forms and structure.forms not in known:
+                known.add(structure.forms)
+                start = item.fit.linear, item.fit.nonlinear, self.zero_of(item.fit)
+                found = simulated(self.experiment, structure, *start, self.evaluations)
+                if np.isfinite(found.score):
+                    self.tried.append(found)
+
+    def follows(self, before: Candidate, after: Candidate) -> bool:
+        """Whether a larger set may be selected after another one."""
+        if not set(after.effects) > set(before.effects) or not self.passes(before, after):
+            return False
+        return before is self.base or self.worthwhile(before, after)
+
+    def further(self, model: Candidate) -> Candidate | None:
+        """What was not named turned round is not looked for."""
+        return None
+
 
 _LEAST_EXPLAINED = 0.05
 """Share of the motion's variance that a base must explain for effects to be looked for beside it."""
@@ -172,3 +247,61 @@ def _beside_linear(found: Verdict) -> tuple[Verdict, list[Finding]]:
         return found, []
     said = [linear_finding(linear, found.model, experiment)]
     return replace(found, verdict="unexplained", tied_with=[], verdict_after="unexplained"), said
+
+
+def refine_forward(
+    records: list[Record], effects: dict[str, Effect], settings: DiagnosisSettings
+) -> tuple[Experiment, list[Candidate]]:
+    """Add effects in the order given, each in the form that fits best turned round, all refitted by simulation.
+
+    Parameters
+    ----------
+    records : list of Record
+        With the force as channel ``input`` and the motion as ``output``.
+
+    Returns
+    -------
+    Experiment
+    list of Candidate
+        The path: base, base and first effect, ….
+
+    Raises
+    ------
+    InputError
+        For an effect that cannot be simulated from force to motion, or that the base has itself.
+    NumericalError
+        If an effect makes the model worse.
+    """
+    experiment, base = prepared_base(records, settings)
+    model = base.fit.structure.base
+    usable = forward_catalogue(effects, model)
+    for name in effects:
+        if name not in usable:
+            known = ", ".join(forward_catalogue(settings.candidates, model))
+            raise InputError(
+                f"{name}: it cannot be added to {model.name} from force to motion; those that can are {known}"
+            )
+    short = shortened(experiment)
+    seen = carried(short, response_of(model, base.fit.linear, base.fit.nonlinear))
+    turned, path = evaluate(fit_base(Structure(model), seen.training), seen), [_on(experiment, base)]
+    for effect in usable.values():
+        added = [evaluate(add(turned.fit, form, seen.training), seen) for form in effect.forms]
+        turned = min(added, key=lambda item: item.score)
+        structure = ForwardStructure(model, turned.fit.structure.forms)
+        found = simulated(short, structure, turned.fit.linear, turned.fit.nonlinear, path[-1].fit.zero)
+        found = _on(experiment, found)
+        if found.fit.squared_error > path[-1].fit.squared_error * (1 + 1e-6):
+            raise NumericalError(
+                f"{effect.name}: added, it raises the error on {experiment.training.name} from {path[-1].train_rms:.4g} to "
+                f"{found.train_rms:.4g} {experiment.output_unit}; leave it out"
+            )
+        path.append(found)
+    return experiment, path
+
+
+def _on(experiment: Experiment, model: Candidate) -> Candidate:
+    """A model that was fitted to the beginning of records, fitted to all of them."""
+    if shortened(experiment) is experiment:
+        return model
+    fit = model.fit
+    return simulated(experiment, fit.structure, fit.linear, fit.nonlinear, fit.zero)

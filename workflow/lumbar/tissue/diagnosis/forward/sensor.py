@@ -12,7 +12,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.higher_order import LinearDynamics, linear_dynamics, rational_of_order
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces
-from lumbar.tissue.diagnosis.selection.forward_selection import Candidate, evaluate
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter
 from lumbar.tissue.models.motion import Motion

@@ -21,12 +21,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import added_forces, beyond, tangent_basis
 from lumbar.tissue.diagnosis.law.law_form import distinct, form_of
 from lumbar.tissue.diagnosis.law.terms import Term
-from lumbar.tissue.diagnosis.selection.forward_selection import (
-    Candidate,
-    evaluate,
-    is_adequate,
-    unseen_improvement,
-)
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, unseen_improvement
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN, WORTHWHILE
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.state_equation import MOST_STATES

@@ -6,14 +6,14 @@ import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.selection.forward_selection import (
+from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     best_by_effect,
     evaluate,
-    extend,
     is_adequate,
     is_worthwhile,
 )
+from lumbar.tissue.diagnosis.selection.forward_selection import extend
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect

@@ -12,15 +12,10 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.linear.frequency_response import nonlinear_share
 from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base
-from lumbar.tissue.diagnosis.selection.forward_selection import (
-    Candidate,
-    evaluate,
-    is_adequate,
-)
-from lumbar.tissue.diagnosis.selection.linear_gate import linear_alternative, linear_finding
-from lumbar.tissue.diagnosis.selection.null_distribution import shipped
-from lumbar.tissue.diagnosis.selection.offsets import offsets
-from lumbar.tissue.diagnosis.selection.selection import Selection
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate
+from lumbar.tissue.diagnosis.selection.findings import linear_alternative, linear_finding, offsets
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection
+from lumbar.tissue.diagnosis.selection.thresholds import shipped
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import without_channels
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA

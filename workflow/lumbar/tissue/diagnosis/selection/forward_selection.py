@@ -6,212 +6,49 @@ record and of the unseen records together: a wrong effect also lowers the traini
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from lumbar.base.progress import track
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, screen
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.uncertainty import prediction_variance
-from lumbar.tissue.diagnosis.noise.noise_floor import prediction_error_filter
-from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.diagnosis.selection.candidate import (
+    Candidate,
+    best_by_effect,
+    by_score,
+    contradictions,
+    evaluate,
+    is_adequate,
+    is_worthwhile,
+    later_improvement,
+    likelihood_ratio,
+    unseen_improvement,
+)
+from lumbar.tissue.diagnosis.selection.thresholds import (
+    BLIND,
+    COMPLETE,
+    LEVEL,
+    MOST_OF_REST,
+    STRUCTURED,
+    TIED,
+    UNSEEN,
+    NullDistribution,
+)
+from lumbar.tissue.diagnosis.selection.verdict import Ranked, Verdict
 from lumbar.tissue.models.form import Effect, Form
+from lumbar.tissue.models.structure import Structure
 
-_MOST_LEFT = 0.5
-"""Share of a response's variance that a model without a known noise floor may leave and still be adequate."""
-_PREDICTION_ORDER = 12
-_UNCERTAIN = 4.0
-"""Variances of a prediction, from the uncertainty of the parameters, that an unseen error may be above the noise (95 %)."""
-ADEQUATE = 1.1
-"""A model whose error is within this factor of the noise floor leaves nothing to explain."""
 LOOK_AHEAD = 3
 """How many first effects are tried with a second one."""
 REFITTED = 5
 """How many effects are refitted after screening in the rounds after the first one, which refits all."""
 EXCHANGED = 3
 """How many effects are tried, in all their forms, in the place of one that is taken out."""
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A fitted set of effects and how well it does."""
-
-    fit: Fit
-    train_rms: float
-    test_rms: float
-    """`train_rms`, `test_rms`: free-run simulation errors in the output's unit."""
-    score: float
-    """Minus twice the log-likelihood of all records, up to a constant, and the logarithm of their size for each parameter
-    (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors are taken as Student's t, so that a few
-    peaks beyond the range of the training record do not outweigh all the rest."""
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """Names of the effects, in the order added."""
-        return self.fit.structure.effects
-
-    @property
-    def parameters(self) -> int:
-        """Number of parameters."""
-        return len(self.fit.linear) + len(self.fit.nonlinear)
-
-
-def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
-    """Simulate a fitted model on all records."""
-    training, tests = experiment.training, experiment.tests
-    simulated = [(item, fit.simulate(item.motion)) for item in tests]
-    errors = np.concatenate([item.error(values) for item, values in simulated])
-    unseen = np.concatenate([item.whitened_error(values) for item, values in simulated])
-    score = training.size * np.log(fit.squared_error / training.size) + _unlikelihood(unseen)
-    score += (len(fit.linear) + len(fit.nonlinear)) * np.log(training.size + len(unseen))
-    train_rms = training.kept(("rms", fit), lambda: fit.rms(training))
-    return Candidate(fit, train_rms, float(np.sqrt(np.mean(errors**2))), float(score))
-
-
-_EARLY = 0.6
-"""Share of the training record from which the rest is predicted."""
-_FREEDOM = 4
-"""Degrees of freedom of Student's t for unseen errors."""
-
-
-def _robust_scale(errors: np.ndarray) -> float:
-    """Maximum-likelihood scale of Student's t, by expectation and maximisation."""
-    square = errors**2
-    scale = float(np.median(square)) or float(np.mean(square))
-    for _ in range(12):
-        if scale <= 0:
-            break
-        scale = float(np.mean((_FREEDOM + 1) * square / (_FREEDOM + square / scale)))
-    return float(np.sqrt(scale))
-
-
-def _loss(errors: np.ndarray, scale: float) -> np.ndarray:
-    """Minus twice the log-likelihood of Student's t, per error, up to a constant."""
-    return (_FREEDOM + 1) * np.log1p((errors / scale) ** 2 / _FREEDOM)
-
-
-def _unlikelihood(errors: np.ndarray) -> float:
-    scale = _robust_scale(errors)
-    if scale <= 0:
-        return float("-inf")
-    return float(np.sum(_loss(errors, scale))) + 2 * len(errors) * float(np.log(scale))
-
-
-def likelihood_ratio(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """Likelihood-ratio statistic on the training record: twice what the log-likelihood gains."""
-    return experiment.training.size * float(np.log(before.fit.squared_error / after.fit.squared_error))
-
-
-def unseen_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """How many standard errors the loss on unseen records falls by.
-
-    Mean difference of losses over its standard error, neighbouring samples taken as dependent (Diebold and Mariano,
-    J. Bus. Econ. Stat. 13 (1995) 253-263; Bartlett weights over half a second). The loss is that of Student's t: of
-    squared errors the mean hangs on a few peaks where the force is extrapolated, and no difference is ever certain.
-    """
-    return _improvement(before.fit, after.fit, experiment.tests)
-
-
-def later_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
-    """How many standard errors the loss falls by on what follows in the training record, refitted to its beginning.
-
-    For effects that accumulate: short records, in which they begin anew, hardly show them.
-    """
-    training = experiment.training
-    early, later = training.kept("early and later", lambda: training.split(_EARLY))
-    fits = [refit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
-    return _improvement(*fits, [later])
-
-
-def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
-    errors = [(before.whitened_errors(record), after.whitened_errors(record)) for record in records]
-    scale = min(_robust_scale(np.concatenate(own)) for own in zip(*errors, strict=True))
-    if scale <= 0:
-        return np.inf
-    differences = [_loss(first, scale) - _loss(second, scale) for first, second in errors]
-    size = sum(len(item) for item in differences)
-    mean = sum(float(item.sum()) for item in differences) / size
-    lags = max(1, round(0.5 / records[0].motion.sampling_time))
-    variance = 0.0
-    for item in differences:
-        centred = item - mean
-        variance += float(centred @ centred)
-        for lag in range(1, min(lags, len(centred) - 1)):
-            variance += 2 * (1 - lag / lags) * float(centred[lag:] @ centred[:-lag])
-    if variance <= 0:
-        return 0.0 if mean == 0 else float(np.copysign(np.inf, mean))
-    return mean * size / float(np.sqrt(variance))
-
-
-def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
-    """Whether the errors are within this factor of the noise floor, or of what it may scatter to.
-
-    Without a floor: whether the model explains most of the response and leaves white noise.
-    """
-    if experiment.floor is None:
-        return leaves_white_noise(candidate.fit, experiment, factor)
-    floor, training, tests = experiment.floor, experiment.training, experiment.tests
-
-    def largest(records: list[FitData]) -> float:
-        return floor.rms * max(factor, floor.largest_ratio(sum(item.size for item in records)))
-
-    if candidate.train_rms > largest([training]):
-        return False
-    if candidate.test_rms <= largest(tests):
-        return True
-    left = candidate.test_rms**2 - largest(tests) ** 2
-    return left <= _UNCERTAIN * prediction_variance(candidate.fit, training, tests)
-
-
-def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:
-    """Whether a larger model explains more than what the smaller one has being slightly wrong.
-
-    It leaves noise alone, or removes a share of what the base without effects leaves to explain, or most of what the smaller
-    model leaves (`lumbar.tissue.diagnosis.selection.thresholds`).
-    """
-    if is_adequate(after, experiment):
-        return True
-    floor = 0.0 if experiment.floor is None else experiment.floor.rms
-    share = WORTHWHILE if floor else WORTHWHILE_BLIND
-    of_base, of_rest = (max(item.train_rms**2 - floor**2, 0.0) for item in (base, before))
-    removed = before.train_rms**2 - after.train_rms**2
-    return removed >= max(min(share * of_base, MOST_OF_REST * of_rest), floor**2)
-
-
-def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:
-    """Whether a model explains half of the variance of every record at least, and its past does not predict its error.
-
-    Prediction by an autoregressive model (Yule–Walker): white noise cannot be predicted, so the error is at most
-    this factor above that of the prediction.
-    """
-    for record in (experiment.training, *experiment.tests):
-        errors = fit.errors(record)
-        if np.mean(errors**2) > _MOST_LEFT * np.var(record.settled(record.force)):
-            return False
-        if predictability(errors) > factor:
-            return False
-    return True
-
-
-def predictability(errors: np.ndarray) -> float:
-    """RMS of a signal over that of its prediction error by its own past; 1 for white noise."""
-    size, order = len(errors), min(_PREDICTION_ORDER, len(errors) // 20)
-    length = 1 << (2 * size).bit_length()
-    covariance = np.fft.irfft(np.abs(np.fft.rfft(errors, length)) ** 2, length)[: order + 1] / size
-    _, gained = prediction_error_filter(covariance)
-    # What white noise would gain by chance: one part in its size for each coefficient.
-    return float(np.sqrt(max(gained * (1 - order / size), 1.0)))
-
-
-def best_by_effect(candidates: list[Candidate]) -> list[Candidate]:
-    """Best form of every set of effects, best first."""
-    best: dict[frozenset[str], Candidate] = {}
-    for candidate in sorted(candidates, key=lambda item: item.score):
-        best.setdefault(frozenset(candidate.effects), candidate)
-    return list(best.values())
 
 
 def extend(
@@ -305,3 +142,246 @@ def exchange(model: Candidate, catalogue: dict[str, Effect], experiment: Experim
         if best.score < model.score - 1.0:
             model = best
     return model
+
+
+_AKAIKE = 2.0
+_SHOWN = 10
+"""How many sets of effects a ranking shows."""
+
+
+class Selection:
+    """One diagnosis under way: the candidates tried so far and what was selected."""
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        base: Candidate,
+        settings: DiagnosisSettings,
+        null: NullDistribution,
+        singles: list[Candidate] | None = None,
+    ):
+        self.experiment = experiment
+        self.base = base
+        self.settings = settings
+        self.null = null
+        self.forms = sum(len(effect.forms) for effect in settings.catalogue.values())
+        self.singles = extend(base, settings.catalogue, experiment) if singles is None else singles
+        self.tried = list(self.singles)
+        self.contradicting: dict[Candidate, bool] = {}
+
+    def diagnosis(self) -> Verdict:
+        """Select effects and judge what was selected."""
+        path = self.selected_path()
+        model = path[-1]
+        tied = self.tied(model)
+        share = self.share_removed(model)
+        verdict = self.verdict(model, tied, share)
+        further = self.further(model)
+        return Verdict(
+            experiment=self.experiment,
+            base=self.base,
+            verdict=verdict,
+            path=path,
+            tied_with=tied,
+            ranking=self.ranking(model),
+            explainable_share_removed=share,
+            verdict_after=verdict if model is self.base else self.verdict_after(model, further),
+            further=further,
+        )
+
+    def p_value(self, before: Candidate, after: Candidate) -> float:
+        """Probability that the best of all forms gains as much where nothing is missing."""
+        return self.null.p_value(likelihood_ratio(before, after, self.experiment), self.forms)
+
+    def passes(self, before: Candidate, after: Candidate) -> bool:
+        """Whether an effect may be selected: no false alarm in training, and surely better on unseen records."""
+        largest = before.test_rms if self.experiment.floor else BLIND * before.test_rms
+        if after.test_rms >= largest or self.p_value(before, after) > LEVEL:
+            return False
+        return self.surely_better(before, after) and not self.contradicts_itself(after)
+
+    def surely_better(self, before: Candidate, after: Candidate) -> bool:
+        """Whether the loss on unseen records falls, or for effects that accumulate that on what follows in training."""
+        if unseen_improvement(before, after, self.experiment) > UNSEEN:
+            return True
+        added = set(after.effects) - set(before.effects)
+        accumulating = any(self.settings.catalogue[name].accumulates for name in added)
+        return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
+
+    def contradicts_itself(self, candidate: Candidate) -> bool:
+        """Whether a name does not agree with its own parameters."""
+        if candidate not in self.contradicting:
+            self.contradicting[candidate] = bool(contradictions(candidate.fit, self.experiment))
+        return self.contradicting[candidate]
+
+    def worthwhile(self, before: Candidate, after: Candidate) -> bool:
+        """Whether a further effect explains more than what the smaller model has being slightly wrong."""
+        return is_worthwhile(self.base, before, after, self.experiment)
+
+    def selected_path(self) -> list[Candidate]:
+        """Select effects one after the other; return the path from the base to the model."""
+        if is_adequate(self.base, self.experiment) and not self.any_passes(self.base, self.singles):
+            return [self.base]
+        model = next((item for item in self.singles if self.passes(self.base, item)), None)
+        if model is not None and is_adequate(model, self.experiment):
+            return [self.base, model]
+        if self.settings.most_effects < 2:
+            return [self.base] if model is None else [self.base, model]
+        pair = self.best_pair(model)
+        if pair is None:
+            return [self.base] if model is None else [self.base, model]
+        return self.further_path(pair)
+
+    def any_passes(self, before: Candidate, candidates: list[Candidate]) -> bool:
+        """Whether any of several larger models may be selected."""
+        return any(self.passes(before, item) for item in candidates)
+
+    def best_pair(self, single: Candidate | None) -> Candidate | None:
+        """Return the best pair if it is worth a second effect; pairs are tried even where no single effect passes."""
+        found = pairs(self.base, self.singles, self.settings.catalogue, self.experiment)
+        self.tried += found
+        before = single or self.base
+        found = [item for item in found if self.passes(before, item) and self.worthwhile(before, item)]
+        if not found:
+            return None
+        best = exchange(found[0], self.settings.catalogue, self.experiment)
+        return best if best.test_rms <= found[0].test_rms * 1.001 else found[0]
+
+    def further_path(self, pair: Candidate) -> list[Candidate]:
+        """Add effects to a pair while they are worth it, drop what has become needless, order what is left."""
+        model = pair
+        while len(model.effects) < self.settings.most_effects and not is_adequate(model, self.experiment):
+            more = extend(model, self.settings.catalogue, self.experiment, most=4)
+            self.tried += more
+            best = next(
+                (item for item in more if self.passes(model, item) and self.worthwhile(model, item)), None
+            )
+            if best is None:
+                break
+            model = best
+        return self.ordered_path(model)
+
+    def ordered_path(self, model: Candidate) -> list[Candidate]:
+        """Models from the base to the model: each adds the effect that helps most; needless ones are dropped."""
+        forms = list(model.fit.structure.forms)
+        path = [self.base]
+        while forms:
+            found = [
+                evaluate(add(path[-1].fit, form, self.experiment.training), self.experiment) for form in forms
+            ]
+            best = min(found, key=lambda item: item.score)
+            forms = [form for form in forms if form.effect != best.effects[-1]]
+            if not forms and best.score > model.score:
+                # The last one is the model itself, with its effects in the order in which they help.
+                best = self.in_order(model, best.effects)
+            path.append(best)
+        while len(path) > 2 and not self.passes(path[-2], path[-1]):
+            path.pop()
+        return path
+
+    def in_order(self, model: Candidate, names: Sequence[str]) -> Candidate:
+        """The same fitted model with its forms in another order."""
+        fit = model.fit
+        base = fit.structure.base
+        forms = tuple(next(form for form in fit.structure.forms if form.effect == name) for name in names)
+        first, parts = fit.structure.nonlinear_of(fit.nonlinear)
+        linear, position = {}, len(base.linear)
+        for form in fit.structure.forms:
+            linear[form.key] = fit.linear[position : position + len(form.linear)]
+            position += len(form.linear)
+        ordered = replace(
+            fit,
+            structure=Structure(base, forms),
+            linear=np.concatenate([fit.linear[: len(base.linear)], *(linear[form.key] for form in forms)]),
+            nonlinear=np.concatenate([first, *(parts[form.key] for form in forms)]),
+        )
+        return Candidate(ordered, model.train_rms, model.test_rms, model.score)
+
+    def tied(self, model: Candidate) -> list[Candidate]:
+        """Other sets of as many effects that explain all records as well."""
+        if model is self.base:
+            return []
+        return [
+            item
+            for item in best_by_effect([*self.tried, model])
+            if set(item.effects) != set(model.effects)
+            and len(item.effects) <= len(model.effects)
+            and self.lead(model, item) < TIED
+        ]
+
+    def lead(self, model: Candidate, other: Candidate) -> float:
+        """By how much a model is more likely than another one, in twice the log-likelihood.
+
+        Each parameter that the other one has more counts 2 (Akaike, IEEE Trans. Autom. Control 19 (1974) 716-723), not the
+        logarithm of the records' size: how often the sensors are read must not tell apart what explains all records alike.
+        """
+        experiment = self.experiment
+        size = experiment.training.size + sum(item.size for item in experiment.tests)
+        more = max(other.parameters - model.parameters, 0)
+        return other.score - model.score - more * (float(np.log(size)) - _AKAIKE)
+
+    def share_removed(self, model: Candidate) -> float:
+        """Share of the base's explainable variance on unseen records that the effects remove."""
+        # Where the noise is unknown nothing better than the best model met is known to be possible.
+        reached = min(item.test_rms for item in [*self.tried, model])
+        floor = self.experiment.floor.rms if self.experiment.floor else reached
+        explainable = max(self.base.test_rms**2 - floor**2, 0.0)
+        removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
+        return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
+
+    def verdict(self, model: Candidate, tied: list[Candidate], share: float) -> str:
+        """Verdict on the base (see `Verdict`)."""
+        if model is self.base:
+            floor = self.experiment.floor
+            # Periods that differ by more than noise show that something is missing, even where it raises the floor.
+            differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
+            lacking = differing or not is_adequate(self.base, self.experiment)
+            return "unexplained" if lacking else "adequate"
+        if share < 0.5 and not is_adequate(model, self.experiment):
+            return "unexplained"
+        return "tied" if tied else "named"
+
+    def further(self, model: Candidate) -> Candidate | None:
+        """Diagnose the refined model: what one more step of the search would add, however many effects it has.
+
+        Nothing is looked for beyond a model that leaves only noise, nor beyond the base, whose every single effect has
+        been tried. A step that the search has made from this very model is not made again.
+        """
+        if model is self.base or is_adequate(model, self.experiment):
+            return None
+        forms = {form.key for form in model.fit.structure.forms}
+        made = [item for item in self.tried if {form.key for form in item.fit.structure.forms[:-1]} == forms]
+        found = made or extend(model, self.settings.catalogue, self.experiment, REFITTED)
+        found = [item for item in found if self.passes(model, item) and self.worthwhile(model, item)]
+        return min(found, key=lambda item: item.score, default=None)
+
+    def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
+        """Verdict on the refined model."""
+        if further is not None:
+            return "named"
+        return "adequate" if self.leaves_noise(model) else "unexplained"
+
+    def leaves_noise(self, model: Candidate) -> bool:
+        """Whether a refined model leaves noise alone, and periods that differ are explained by an effect of time or path."""
+        floor = self.experiment.floor
+        differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
+        if differing and not any(self.settings.catalogue[name].changes for name in model.effects):
+            return False
+        return is_adequate(model, self.experiment, COMPLETE)
+
+    def ranking(self, model: Candidate) -> list[Ranked]:
+        """The selected set first, then every other set tried, best first."""
+        sets = by_score(best_by_effect([*self.tried, *([model] if model is not self.base else [])]))
+        others = [item for item in sets if set(item.effects) != set(model.effects)]
+        chosen = [] if model is self.base else [model]
+        return [self.ranked(item) for item in [*chosen, *others][:_SHOWN]]
+
+    def ranked(self, candidate: Candidate) -> Ranked:
+        """A set of effects with its evidence."""
+        experiment = self.experiment
+        units = experiment.input_unit, experiment.output_unit
+        return Ranked(
+            candidate,
+            self.p_value(self.base, candidate),
+            estimates(candidate.fit, experiment.training, *units),
+        )

@@ -9,25 +9,187 @@ of the difference instead, which does not reward mere length: a small difference
 
 from __future__ import annotations
 
+import io
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.design.excitation_family import (
-    ExcitationCandidate,
-    excitation_family,
-    motion_csv,
-)
+from lumbar.tissue.diagnosis.evidence.ties import noise_rms
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
-from lumbar.tissue.diagnosis.selection.forward_selection import Candidate
-from lumbar.tissue.diagnosis.selection.sentences import effects_text
+from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.selection.ties import noise_rms
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
-from lumbar.tissue.signals.motion_range import Kinematics
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.signals.motion_range import Kinematics, peak_kinematics
+from lumbar.tissue.signals.multisine import schroeder_phases
+from lumbar.tissue.signals.spectrum import occupied_band
+
+LONGEST = 30.0
+"""Seconds of an excitation, unless it repeats the training record for longer."""
+_SHARES = (0.25, 1.0, 1.5)
+"""Amplitudes tried, as shares of the training record's half range."""
+_ROUNDED = 0.08
+"""Seconds over which corners are rounded: a machine cannot turn at once."""
+_ONSET = 1.0
+"""Seconds over which motion sets in after rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationCandidate:
+    """A position signal with the words that describe it."""
+
+    words: str
+    """E.g. ``"a triangle of ±8 mm at 2 mm/s for 30 s"``."""
+    motion: Motion
+    within: bool
+    """Whether it stays within the positions of the training record, where both models were fitted."""
+
+
+def excitation_family(reference: Motion, unit: str, limits: Kinematics | None) -> list[ExcitationCandidate]:
+    """Excitations of many kinds around a record's own motion, all within the limits.
+
+    Multisines of several bands, amplitudes and offsets, sines, triangles at several rates, ramp and hold, repeated strokes,
+    rest before motion, and the record repeated for longer.
+
+    Parameters
+    ----------
+    reference : Motion
+        Of the training record: its range, band and rate.
+    unit : str
+        Of the position.
+    limits : Kinematics or None
+        Of the machine, in this unit; without them twice the record's own peaks of velocity and acceleration and one and a half
+        times its displacement are taken.
+    """
+    own = peak_kinematics(reference.position, 1 / reference.sampling_time)
+    allowed = limits or Kinematics(1.5 * own.displacement, 2 * own.velocity, 2 * own.acceleration)
+    found = []
+    for words, position in _signals(reference, unit):
+        peaks = peak_kinematics(position, 1 / reference.sampling_time)
+        if all(
+            getattr(peaks, name) <= getattr(allowed, name) * (1 + 1e-9) for name in peaks.__dataclass_fields__
+        ):
+            time = reference.sampling_time * np.arange(len(position))
+            within = _inside(position, reference.position)
+            found.append(ExcitationCandidate(words, Motion(time, position, reference.sampling_time), within))
+    return found
+
+
+def _inside(position: np.ndarray, reference: np.ndarray) -> bool:
+    slack = 0.01 * np.ptp(reference)
+    return bool(position.min() >= reference.min() - slack and position.max() <= reference.max() + slack)
+
+
+def _signals(reference: Motion, unit: str) -> Iterator[tuple[str, np.ndarray]]:
+    step = reference.sampling_time
+    middle = (reference.position.max() + reference.position.min()) / 2
+    half = np.ptp(reference.position) / 2
+    duration = min(LONGEST, step * len(reference))
+    time = step * np.arange(round(duration / step))
+    low, high = occupied_band(reference.position, step)
+    highest = 0.1 / step
+    speed = float(np.sqrt(np.mean(reference.velocity**2)))
+    for share in _SHARES:
+        size = share * half
+        yield from _multisines(time, middle, size, half, min(high, highest), unit)
+        yield from _triangles(time, middle, size, speed, unit)
+        for frequency in dict.fromkeys((max(low, 4 / duration), min(high, highest), min(2 * high, highest))):
+            yield (
+                f"a sine of ±{size:.3g} {unit} at {frequency:.3g} Hz for {duration:.3g} s",
+                middle + size * np.sin(2 * np.pi * frequency * time),
+            )
+        yield from _strokes(time, middle, size, speed, unit)
+    yield from _rest_and_longer(reference, time, unit)
+
+
+def _multisines(time, middle, size, half, high, unit) -> Iterator[tuple[str, np.ndarray]]:
+    period, step = time[-1] / 3, time[1] - time[0]
+    samples = round(period / step)
+    for top in dict.fromkeys((0.3 * high, high, min(2 * high, 0.1 / step))):
+        lines = np.arange(1, int(top * period) + 1)
+        if len(lines) < 3:
+            continue
+        for grid, chosen in (("full", lines), ("odd", lines[::2])):
+            phases = schroeder_phases(np.ones(len(chosen)))
+            angle = 2 * np.pi * np.outer(np.arange(samples) / samples, chosen) + phases
+            wave = np.tile(np.cos(angle).sum(axis=1), 3)
+            wave *= size / np.abs(wave).max()
+            for offset in (0.0, 0.5 * half, -0.5 * half) if grid == "full" else (0.0,):
+                about = f" about {middle + offset:.3g} {unit}" if offset else ""
+                yield (
+                    f"a multisine ({grid} grid) of ±{size:.3g} {unit}{about} up to {top:.3g} Hz, three periods of {period:.3g} s",
+                    middle + offset + wave,
+                )
+
+
+def _triangles(time, middle, size, speed, unit) -> Iterator[tuple[str, np.ndarray]]:
+    for rate in (0.05 * speed, 0.3 * speed, 2 * speed):
+        period = 4 * size / rate
+        if not 8 * _ROUNDED < period < time[-1] / 1.5:
+            continue
+        phase = (time / period) % 1.0
+        wave = size * (1 - 4 * np.abs(((phase + 0.25) % 1.0) - 0.5))
+        yield (
+            f"a triangle of ±{size:.3g} {unit} at {rate:.3g} {unit}/s for {time[-1]:.3g} s",
+            middle + _rounded(wave, time),
+        )
+
+
+def _strokes(time, middle, size, speed, unit) -> Iterator[tuple[str, np.ndarray]]:
+    rise = max(2 * size / speed, 4 * _ROUNDED)
+    hold = time[-1] / 5
+    if rise < hold:
+        levels = [-size, -size, size, size, 0.0, 0.0, -size]
+        at = np.cumsum([0.0, 0.5 * hold, rise, hold, rise, hold, rise])
+        yield (
+            f"ramp and hold: {2 * size:.3g} {unit} in {rise:.2g} s, held for {hold:.3g} s, half of it back, held, back",
+            middle + _rounded(np.interp(time, at, levels), time),
+        )
+    for count in (6, 20):
+        length = time[-1] / (1.3 * count)
+        wave = -size * np.cos(2 * np.pi * np.minimum(time, count * length) / length)
+        yield (
+            f"{count} equal strokes of {2 * size:.3g} {unit}, {length:.2g} s each, then rest",
+            middle + wave,
+        )
+
+
+def _rest_and_longer(reference: Motion, time: np.ndarray, unit: str) -> Iterator[tuple[str, np.ndarray]]:
+    position = reference.position
+    half = len(time) // 2
+    moved = position[: len(time) - half] - position[0]
+    onset = 0.5 - 0.5 * np.cos(np.pi * np.minimum(time[: len(moved)] / _ONSET, 1.0))
+    yield (
+        f"rest for {time[half]:.3g} s, then the beginning of your record",
+        position[0] + np.concatenate([np.zeros(half), onset * moved]),
+    )
+    if abs(position[-1] - position[0]) < 0.05 * np.ptp(position):
+        yield (
+            f"your record three times in a row without a pause, {3 * len(reference) * reference.sampling_time:.3g} s",
+            np.tile(position, 3),
+        )
+
+
+def _rounded(wave: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Corners rounded by a Hann window."""
+    width = max(round(_ROUNDED / (time[1] - time[0])), 1)
+    window = np.hanning(2 * width + 3)[1:-1]
+    padded = np.pad(wave, len(window) // 2, mode="edge")
+    return np.convolve(padded, window / window.sum(), mode="valid")
+
+
+def motion_csv(motion: Motion, unit: str) -> str:
+    """A motion as a file to play: header ``time_s,position_<unit>``."""
+    stream = io.StringIO()
+    stream.write(f"time_s,position_{unit}\n")
+    for time, position in zip(motion.time.tolist(), motion.position.tolist(), strict=True):
+        stream.write(f"{time:.6g},{position:.6g}\n")
+    return stream.getvalue()
+
 
 REFITTED = 4
 """How many excitations, the best to first order, are judged with full refits."""

@@ -2,16 +2,78 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lumbar.tissue.diagnosis.fitting.decimation import PER_CYCLE, band_edge
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.law.blocks import Chosen, within
 from lumbar.tissue.models.motion import Motion
+
+BLOCK = 1.0
+"""Seconds of a block."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen(FitData):
+    """A record of which only some samples count; simulated as a whole."""
+
+    whole: FitData = None
+    keep: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """Over the samples that count of the whole."""
+
+    @classmethod
+    def of(cls, whole: FitData, keep: np.ndarray) -> Chosen:
+        """Let only these samples of a record count."""
+        return cls(
+            whole.name,
+            whole.motion,
+            whole.force,
+            whole.whitening,
+            whole.counts_from,
+            begins=whole.begins,
+            whole=whole,
+            keep=keep,
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of samples that count."""
+        return int(self.keep.sum())
+
+    def settled(self, signal: np.ndarray) -> np.ndarray:
+        """Signal (samples first) where samples count."""
+        return self.whole.settled(signal)[self.keep]
+
+    def counted(self, signal: np.ndarray) -> np.ndarray:
+        """Whitened signal (samples first) where samples count."""
+        return self.whole.counted(signal)[self.keep]
+
+
+def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
+    """The experiment with every other second of its unseen records, and with the seconds in between.
+
+    Choices are made with the first; the second tells what they are worth.
+    """
+    first, second = [], []
+    for item in experiment.tests:
+        block = max(1, round(BLOCK / item.motion.sampling_time))
+        even = np.arange(item.size) // block % 2 == 0
+        first.append(Chosen.of(item, even))
+        second.append(Chosen.of(item, ~even))
+    return replace(experiment, tests=first), replace(experiment, tests=second)
+
+
+def within(data: FitData, fitted: FitData, share: float) -> np.ndarray:
+    """Samples of a record with position and speed within a share of the ranges of another; shape (samples that count,)."""
+    ranged, fastest = fitted.motion.position, np.abs(fitted.motion.velocity).max()
+    middle, half = (ranged.max() + ranged.min()) / 2, np.ptp(ranged) / 2
+    near = np.abs(data.settled(data.motion.position) - middle) <= share * half
+    return near & (np.abs(data.settled(data.motion.velocity)) <= share * fastest)
+
 
 STRETCH = 1.5
 """Amplitude and speed beyond the records at which a law must stay bounded."""
@@ -117,4 +179,44 @@ def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
         fit.rms(outer),
         fit.rms(*beyond) if enough else None,
         None if experiment.floor is None else experiment.floor.rms,
+    )
+
+
+_ENOUGH = 6000
+"""Samples of the training record that are left, if its excitation allows it."""
+
+
+def thinned(experiment: Experiment) -> Experiment:
+    """The experiment with every n-th sample of its records, as many as leave `PER_CYCLE` in the fastest cycle of each.
+
+    As where records are too long for a diagnosis, nothing is filtered. Errors are then taken as they are: the colour of the
+    noise is that of another rate. The same experiment where there is nothing to spare.
+    """
+    records = [experiment.training, *experiment.tests]
+    parts = [part for item in records for part in (item.parts if isinstance(item, JointData) else (item,))]
+    edges = [band_edge(part.own(part.motion.position)) for part in parts]
+    room = min(int(1 / (PER_CYCLE * edge)) for edge in edges)
+    factor = min(room, experiment.training.size // _ENOUGH)
+    if factor < 2:
+        return experiment
+    training, *tests = (_thinned(item, factor) for item in records)
+    return replace(experiment, training=training, tests=tests)
+
+
+def _thinned(data: FitData, factor: int) -> FitData:
+    if isinstance(data, JointData):
+        found = JointData.of([_thinned(part, factor) for part in data.parts])
+        return replace(found, own_zero=data.own_zero)
+    motion, kept = data.motion, slice(data.begins % factor, None, factor)
+    position = motion.position[kept]
+    step = factor * motion.sampling_time
+    channels = {name: values[kept] for name, values in motion.channels.items()}
+    lower = Motion(np.arange(len(position)) * step, position, step, motion.smooth, channels)
+    return FitData(
+        data.name,
+        lower,
+        data.force[kept],
+        counts_from=data.counts_from,
+        own_zero=data.own_zero,
+        begins=data.begins // factor,
     )

@@ -1,4 +1,4 @@
-"""Zeros of the sensors as findings: of the force, one or one per record, and of a surface that the tool meets."""
+"""What a diagnosis finds beside missing effects: zeros of the sensors, linear dynamics of higher order."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import zero_interval
+from lumbar.tissue.diagnosis.linear.higher_order import linear_dynamics
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, unseen_improvement
+from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 
 _NOTABLE = 0.01
@@ -64,3 +67,32 @@ def _own_zeros(fit: Fit, experiment: Experiment) -> list[Finding]:
             )
         )
     return found
+
+
+def linear_alternative(model: Candidate, experiment: Experiment) -> Candidate | None:
+    """Linear model of higher order that explains all records surely better than a selected one; None where there is none.
+
+    By likelihood and number of parameters, and by the loss on unseen records. Contact that is lost is never linear.
+    """
+    if model.fit.structure.base.contact:
+        return None
+    linear = evaluate(linear_dynamics(experiment), experiment)
+    surely = unseen_improvement(model, linear, experiment) > UNSEEN
+    return linear if surely and linear.score < model.score - TIED else None
+
+
+def linear_finding(linear: Candidate, model: Candidate, experiment: Experiment) -> Finding:
+    """Say what linear dynamics reach."""
+    unit, kind, order = experiment.output_unit, linear.fit.kind, linear.fit.order
+    words = {
+        "prony": "a spectrum of relaxation times",
+        "rational": f"{order} poles",
+        "delayed": f"{order} poles behind a delay",
+    }[kind]
+    return Finding(
+        "higher_order_linear",
+        f"Linear dynamics of higher order ({words}) explain these records better than any effect that is nonlinear: their "
+        f"error on unseen records is {linear.test_rms:.3g} {unit}, that of the refined model {model.test_rms:.3g} {unit}.",
+        float(order),
+        "1",
+    )

@@ -1,0 +1,305 @@
+"""A set of effects fitted with a base: how well it explains all records, next to others, and next to the noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, shape_bounds
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, prediction_variance, scaled_covariance
+from lumbar.tissue.diagnosis.noise.noise_floor import prediction_error_filter
+from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
+from lumbar.tissue.models.form import Form
+from lumbar.tissue.models.model_data import FittedParameter
+from lumbar.tissue.models.motion import Motion
+
+_MOST_LEFT = 0.5
+"""Share of a response's variance that a model without a known noise floor may leave and still be adequate."""
+_PREDICTION_ORDER = 12
+_UNCERTAIN = 4.0
+"""Variances of a prediction, from the uncertainty of the parameters, that an unseen error may be above the noise (95 %)."""
+ADEQUATE = 1.1
+"""A model whose error is within this factor of the noise floor leaves nothing to explain."""
+SAME_SCORE = 1e-6
+"""Relative difference of scores that rounding on another processor may turn round."""
+_EARLY = 0.6
+"""Share of the training record from which the rest is predicted."""
+_FREEDOM = 4
+"""Degrees of freedom of Student's t for unseen errors."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A fitted set of effects and how well it does."""
+
+    fit: Fit
+    train_rms: float
+    test_rms: float
+    """`train_rms`, `test_rms`: free-run simulation errors in the output's unit."""
+    score: float
+    """Minus twice the log-likelihood of all records, up to a constant, and the logarithm of their size for each parameter
+    (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors are taken as Student's t, so that a few
+    peaks beyond the range of the training record do not outweigh all the rest."""
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects, in the order added."""
+        return self.fit.structure.effects
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters."""
+        return len(self.fit.linear) + len(self.fit.nonlinear)
+
+
+def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
+    """Simulate a fitted model on all records."""
+    training, tests = experiment.training, experiment.tests
+    simulated = [(item, fit.simulate(item.motion)) for item in tests]
+    errors = np.concatenate([item.error(values) for item, values in simulated])
+    unseen = np.concatenate([item.whitened_error(values) for item, values in simulated])
+    score = training.size * np.log(fit.squared_error / training.size) + _unlikelihood(unseen)
+    score += (len(fit.linear) + len(fit.nonlinear)) * np.log(training.size + len(unseen))
+    train_rms = training.kept(("rms", fit), lambda: fit.rms(training))
+    return Candidate(fit, train_rms, float(np.sqrt(np.mean(errors**2))), float(score))
+
+
+def _robust_scale(errors: np.ndarray) -> float:
+    """Maximum-likelihood scale of Student's t, by expectation and maximisation."""
+    square = errors**2
+    scale = float(np.median(square)) or float(np.mean(square))
+    for _ in range(12):
+        if scale <= 0:
+            break
+        scale = float(np.mean((_FREEDOM + 1) * square / (_FREEDOM + square / scale)))
+    return float(np.sqrt(scale))
+
+
+def _loss(errors: np.ndarray, scale: float) -> np.ndarray:
+    """Minus twice the log-likelihood of Student's t, per error, up to a constant."""
+    return (_FREEDOM + 1) * np.log1p((errors / scale) ** 2 / _FREEDOM)
+
+
+def _unlikelihood(errors: np.ndarray) -> float:
+    scale = _robust_scale(errors)
+    if scale <= 0:
+        return float("-inf")
+    return float(np.sum(_loss(errors, scale))) + 2 * len(errors) * float(np.log(scale))
+
+
+def likelihood_ratio(before: Candidate, after: Candidate, experiment: Experiment) -> float:
+    """Likelihood-ratio statistic on the training record: twice what the log-likelihood gains."""
+    return experiment.training.size * float(np.log(before.fit.squared_error / after.fit.squared_error))
+
+
+def unseen_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
+    """How many standard errors the loss on unseen records falls by.
+
+    Mean difference of losses over its standard error, neighbouring samples taken as dependent (Diebold and Mariano,
+    J. Bus. Econ. Stat. 13 (1995) 253-263; Bartlett weights over half a second). The loss is that of Student's t: of
+    squared errors the mean hangs on a few peaks where the force is extrapolated, and no difference is ever certain.
+    """
+    return _improvement(before.fit, after.fit, experiment.tests)
+
+
+def later_improvement(before: Candidate, after: Candidate, experiment: Experiment) -> float:
+    """How many standard errors the loss falls by on what follows in the training record, refitted to its beginning.
+
+    For effects that accumulate: short records, in which they begin anew, hardly show them.
+    """
+    training = experiment.training
+    early, later = training.kept("early and later", lambda: training.split(_EARLY))
+    fits = [refit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
+    return _improvement(*fits, [later])
+
+
+def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
+    errors = [(before.whitened_errors(record), after.whitened_errors(record)) for record in records]
+    scale = min(_robust_scale(np.concatenate(own)) for own in zip(*errors, strict=True))
+    if scale <= 0:
+        return np.inf
+    differences = [_loss(first, scale) - _loss(second, scale) for first, second in errors]
+    size = sum(len(item) for item in differences)
+    mean = sum(float(item.sum()) for item in differences) / size
+    lags = max(1, round(0.5 / records[0].motion.sampling_time))
+    variance = 0.0
+    for item in differences:
+        centred = item - mean
+        variance += float(centred @ centred)
+        for lag in range(1, min(lags, len(centred) - 1)):
+            variance += 2 * (1 - lag / lags) * float(centred[lag:] @ centred[:-lag])
+    if variance <= 0:
+        return 0.0 if mean == 0 else float(np.copysign(np.inf, mean))
+    return mean * size / float(np.sqrt(variance))
+
+
+def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
+    """Whether the errors are within this factor of the noise floor, or of what it may scatter to.
+
+    Without a floor: whether the model explains most of the response and leaves white noise.
+    """
+    if experiment.floor is None:
+        return leaves_white_noise(candidate.fit, experiment, factor)
+    floor, training, tests = experiment.floor, experiment.training, experiment.tests
+
+    def largest(records: list[FitData]) -> float:
+        return floor.rms * max(factor, floor.largest_ratio(sum(item.size for item in records)))
+
+    if candidate.train_rms > largest([training]):
+        return False
+    if candidate.test_rms <= largest(tests):
+        return True
+    left = candidate.test_rms**2 - largest(tests) ** 2
+    return left <= _UNCERTAIN * prediction_variance(candidate.fit, training, tests)
+
+
+def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:
+    """Whether a larger model explains more than what the smaller one has being slightly wrong.
+
+    It leaves noise alone, or removes a share of what the base without effects leaves to explain, or most of what the smaller
+    model leaves (`lumbar.tissue.diagnosis.selection.thresholds`).
+    """
+    if is_adequate(after, experiment):
+        return True
+    floor = 0.0 if experiment.floor is None else experiment.floor.rms
+    share = WORTHWHILE if floor else WORTHWHILE_BLIND
+    of_base, of_rest = (max(item.train_rms**2 - floor**2, 0.0) for item in (base, before))
+    removed = before.train_rms**2 - after.train_rms**2
+    return removed >= max(min(share * of_base, MOST_OF_REST * of_rest), floor**2)
+
+
+def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:
+    """Whether a model explains half of the variance of every record at least, and its past does not predict its error.
+
+    Prediction by an autoregressive model (Yule–Walker): white noise cannot be predicted, so the error is at most
+    this factor above that of the prediction.
+    """
+    for record in (experiment.training, *experiment.tests):
+        errors = fit.errors(record)
+        if np.mean(errors**2) > _MOST_LEFT * np.var(record.settled(record.force)):
+            return False
+        if predictability(errors) > factor:
+            return False
+    return True
+
+
+def predictability(errors: np.ndarray) -> float:
+    """RMS of a signal over that of its prediction error by its own past; 1 for white noise."""
+    size, order = len(errors), min(_PREDICTION_ORDER, len(errors) // 20)
+    length = 1 << (2 * size).bit_length()
+    covariance = np.fft.irfft(np.abs(np.fft.rfft(errors, length)) ** 2, length)[: order + 1] / size
+    _, gained = prediction_error_filter(covariance)
+    # What white noise would gain by chance: one part in its size for each coefficient.
+    return float(np.sqrt(max(gained * (1 - order / size), 1.0)))
+
+
+def best_by_effect(candidates: list[Candidate]) -> list[Candidate]:
+    """Best form of every set of effects, best first."""
+    best: dict[frozenset[str], Candidate] = {}
+    for candidate in sorted(candidates, key=lambda item: item.score):
+        best.setdefault(frozenset(candidate.effects), candidate)
+    return list(best.values())
+
+
+def by_score(candidates: list[Candidate]) -> list[Candidate]:
+    """Candidates by score, the best first; those whose scores are the same to rounding by their effects' names."""
+    ordered: list[Candidate] = []
+    alike: list[Candidate] = []
+    for item in sorted(candidates, key=lambda item: item.score):
+        if alike and item.score - alike[0].score > SAME_SCORE * abs(alike[0].score):
+            ordered += sorted(alike, key=lambda item: item.effects)
+            alike = []
+        alike.append(item)
+    return ordered + sorted(alike, key=lambda item: item.effects)
+
+
+_AT_BOUND = 1e-3
+"""Distance from a bound, as a share of the logarithmic range, within which a parameter counts as at it."""
+
+
+def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
+    """Say what in a fitted model contradicts the names of its effects.
+
+    - No force that an effect adds is surely different from 0 (of several, or of those that its form calls essential, one
+      of them or all together).
+    - A parameter that decides whether the mechanism is there lies at the end of its range.
+    - What the form itself refuses (`Form.contradiction`): a limit that the record exceeds, less than two cycles of a
+      disturbance or a frequency of the excitation's own grid.
+    - Nothing is left of the base.
+
+    Parameters
+    ----------
+    fit : Fit
+        Base and effects.
+
+    Returns
+    -------
+    list of str
+        One sentence each; empty where nothing contradicts.
+    """
+    structure, training = fit.structure, experiment.training
+    count = len(structure.base.linear)
+    found = []
+    if count and structure.base.system == "tissue" and not np.any(fit.linear[:count] > 0):
+        found.append(f"nothing is left of {structure.base.name}: all its stiffnesses are 0")
+    known = estimates(fit, training, experiment.input_unit, experiment.output_unit)
+    low, high = shape_bounds(structure, training, fit.nonlinear) if len(fit.nonlinear) else ((), ())
+    position = len(structure.base.nonlinear)
+    for form in structure.forms:
+        own = [item for item in known if item.effect == form.effect]
+        found += _nothing_added(form, own, fit, training)
+        for shape in form.nonlinear:
+            if shape.decisive and _at_end(fit.nonlinear[position], low[position], high[position]):
+                found.append(f"{form.effect}: {shape.name} is at the end of its range")
+            position += 1
+        if form.contradiction is not None:
+            values = {item.name: item.value for item in own}
+            found += _refused(form, values, fit, experiment)
+    return found
+
+
+def _nothing_added(form: Form, own: list[FittedParameter], fit: Fit, training: FitData) -> list[str]:
+    names = form.essential or tuple(item.name for item in form.linear)
+    sizes = [item for item in own if item.name in names]
+    if not sizes or any(item.low > 0 or item.high < 0 for item in sizes):
+        return []
+    if len(sizes) > 1 and _surely_together(form, names, fit, training):
+        return []
+    return [f"{form.effect}: the interval of {', '.join(names)} holds 0"]
+
+
+def _surely_together(form: Form, names: tuple[str, ...], fit: Fit, training: FitData) -> bool:
+    """Whether several amplitudes together are surely not 0, by Wald's test: alike ones hide each other's share."""
+    from scipy.stats import chi2
+
+    owners = [form for form in fit.structure.forms for _ in form.linear]
+    items = fit.structure.linear[len(fit.structure.base.linear) :]
+    mine = [index for index, item in enumerate(items) if owners[index] is form and item.name in names]
+    chosen = np.array(mine) + len(fit.structure.base.linear)
+    scaled, size = scaled_covariance(fit, training)
+    amplitudes = fit.linear[chosen] * size[chosen]
+    wald = amplitudes @ np.linalg.pinv(scaled[np.ix_(chosen, chosen)], rcond=1e-12) @ amplitudes
+    return bool(wald > chi2.ppf(0.95, len(chosen)))
+
+
+def _at_end(value: float, low: float, high: float) -> bool:
+    room = _AT_BOUND * np.log(high / low)
+    return bool(np.log(value / low) < room or np.log(high / value) < room)
+
+
+def _refused(form: Form, values: dict[str, float], fit: Fit, experiment: Experiment) -> list[str]:
+    """What a form itself says of its parameters on the training records, one by one."""
+    training = experiment.training
+    noise = experiment.floor.rms if experiment.floor else fit.rms(training)
+    motions = (training.motion,) if isinstance(training.motion, Motion) else training.motion.parts
+    forces = [training.force] if len(motions) == 1 else training.motion.split(training.force)
+    period = experiment.floor.period if experiment.floor else None
+    for motion, force in zip(motions, forces, strict=True):
+        words = form.contradiction(values, motion, force - fit.zero, noise, period)
+        if words:
+            return [f"{form.effect}: {words}"]
+    return []
