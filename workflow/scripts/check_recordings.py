@@ -8,7 +8,7 @@ def main(input, output, plan: list[dict], data: str):
     from pathlib import Path
 
     from lumbar.base.files import write_json
-    from lumbar.lifting.quality.axes import read_upright
+    from lumbar.lifting.quality.body import read_upright
     from lumbar.records.checking import check_recordings
 
     # Where they are for this job: a store's objects are copied for it.

@@ -9,7 +9,7 @@ def main(input, output, data: str):
 
     from lumbar.base.files import read_json
     from lumbar.lifting.movement.model_spread import spread_table
-    from lumbar.lifting.quality.quality_table import quality_table
+    from lumbar.lifting.quality.sheet import quality_table
     from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
     from lumbar.publishing.figures.style import person_and_box, save
 

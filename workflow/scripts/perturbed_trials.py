@@ -23,8 +23,8 @@ def main(
         separation_table,
         values_of,
     )
-    from lumbar.lifting.quality.quality_table import quality_table
     from lumbar.lifting.quality.screening import read_screened
+    from lumbar.lifting.quality.sheet import quality_table
     from lumbar.lifting.stability.comparison.perturbed_trials import (
         compare_trials,
         inside_by_weight,

@@ -8,7 +8,7 @@ from c3d_builder import build_c3d
 from marker_gaps import missing_share
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.quality.axes import read_upright
+from lumbar.lifting.quality.body import read_upright
 from lumbar.lifting.quality.screening import read_screened
 from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, read_markers

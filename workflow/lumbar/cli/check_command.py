@@ -36,7 +36,7 @@ def add(commands) -> None:
 
 def run(options) -> None:
     """Check the files and print one line for each."""
-    from lumbar.lifting.quality.axes import read_upright
+    from lumbar.lifting.quality.body import read_upright
     from lumbar.records.checking import check_recordings
 
     settings = load_settings(*options.config)

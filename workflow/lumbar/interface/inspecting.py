@@ -62,7 +62,7 @@ def inspect(
     >>> print(found.axes)
     up +z, forward +y
     """
-    from lumbar.lifting.quality.gate import usable
+    from lumbar.lifting.quality.gate import usable_markers
     from lumbar.lifting.quality.screening import Screening, meant_labels
     from lumbar.lifting.quality.sheet import quality_sheet
 
@@ -73,7 +73,7 @@ def inspect(
     open_layout = replace(layout, required=(), check_axes=False)
     screening = Screening(height_m, layout.aliases, refuse=False)
     recording = _read(path, open_layout, screening)
-    sound = usable(screening.points, screening.findings)
+    sound = usable_markers(screening.points, screening.findings)
     found = _axes(sound, meant_labels(layout.aliases, sound), layout)
     if found is not None and found != (layout.up, layout.forward):
         open_layout = replace(open_layout, up=found[0], forward=found[1])
@@ -139,7 +139,7 @@ def _axes(
     points: dict[str, np.ndarray], meant: dict[str, str], layout: MarkerLayout
 ) -> tuple[Axis, Axis] | None:
     """Axes of the file by the body in it, undoing the settings' rotation."""
-    from lumbar.lifting.quality.axes import axes_found
+    from lumbar.lifting.quality.body import axes_found
     from lumbar.lifting.quality.landmarks import landmarks
     from lumbar.records.marker_axes import rotation_to_standard
 

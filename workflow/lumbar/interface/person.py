@@ -206,7 +206,7 @@ class Lift:
     @property
     def sheet(self) -> QualitySheet:
         """The quality sheet, after what the force plates tell of the rate."""
-        return self.quality.told_by_plates(self.plates.rate_factor if self.plates else None)
+        return self.quality.with_rate_from_plates(self.plates.rate_factor if self.plates else None)
 
     @property
     def checks(self) -> list[str]:

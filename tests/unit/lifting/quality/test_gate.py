@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from quality_corruptions import CORRUPTIONS, Trunk, changed, exchanged
 
-from lumbar.lifting.quality.gate import examine, hidden
+from lumbar.lifting.quality.gate import examine, mask_findings
 from lumbar.lifting.quality.landmarks import side_pairs
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
@@ -138,7 +138,7 @@ def test_what_is_left_out_is_hidden_and_nothing_else(recordings):
     recording, _ = recordings("ktk_pig_com_oracle/gait.c3d")
     frames = slice(100, 150)
     corrupted = changed(recording.positions, "C7", frames, recording["C7"][100])
-    cleaned = hidden(corrupted, examine(corrupted, recording.time, recording.rate))
+    cleaned = mask_findings(corrupted, examine(corrupted, recording.time, recording.rate))
     assert np.isnan(cleaned["C7"][frames]).all()
     assert np.array_equal(cleaned["C7"][:100], recording["C7"][:100])
     assert all(cleaned[label] is corrupted[label] for label in corrupted if label != "C7")

@@ -10,8 +10,10 @@ from quality_corruptions import changed
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.lifting.quality.sheet import quality_table
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
+from lumbar.twin.examples import example_lift
 from lumbar.twin.lifting_recordings import write_lift, write_markers
 from study_settings import study_settings
 
@@ -134,3 +136,17 @@ def test_a_marker_that_stands_still_throughout_turns_no_axis(shared, tmp_path):
     found = lumbar.inspect(tmp_path / "walk.c3d")
     assert found.axes == "up +z, forward +y"
     assert [(finding.kind, finding.markers) for finding in found.sheet.findings] == [("frozen", ("C7",))]
+
+
+def test_nothing_found_is_not_said_of_what_was_not_checked(tmp_path):
+    somebody = example_lift(tmp_path / "lift.c3d")
+    measured = lumbar.inspect(tmp_path / "lift.c3d", height_m=somebody.height_m).sheet
+    unknown = lumbar.inspect(tmp_path / "lift.c3d").sheet
+    sheets = [{"lift": name, **sheet.as_dict()} for name, sheet in (("a", measured), ("b", unknown))]
+    rows = quality_table(sheets, "synthetic twin").frame
+    assert rows["findings"].tolist() == ["none", "none"]
+    assert rows["not_checked"].tolist() == [
+        ", ".join(measured.unchecked) or "none",
+        ", ".join(unknown.unchecked),
+    ]
+    assert "stature" in rows["not_checked"][1] and "stature" not in rows["not_checked"][0]

@@ -95,7 +95,7 @@ def test_labels_exchanged_throughout_are_proposed_and_an_alias_mends_them(points
 def test_labels_exchanged_inside_rules_are_accepted(shared):
     """Rules of the box transfer, with T1 and T10 exchanged in the file and then in the rules."""
     from lumbar.lifting.quality.gate import examine
-    from lumbar.lifting.quality.rule_labels import meant_in_rules
+    from lumbar.lifting.quality.screening import meant_in_rules
     from lumbar.settings.layout import MeanOfMarkers, PointBetween
 
     path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"

@@ -41,7 +41,7 @@ from lumbar.settings.plain import plain
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.lifting.quality.finding import Finding
+    from lumbar.lifting.quality.sheet import Finding
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from lumbar.lifting.movement.gaps import ISLAND, Gap
-from lumbar.lifting.quality.finding import Finding
+from lumbar.lifting.quality.sheet import Finding
 from lumbar.records.markers import MarkerRecording
 
 _LONGEST_S = 1.0

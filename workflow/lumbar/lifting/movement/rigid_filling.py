@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.lifting.movement.gaps import FILLED, Gap, runs
-from lumbar.lifting.quality.finding import NOTED, Clock, Finding
+from lumbar.lifting.quality.sheet import NOTED, Clock, Finding
 from lumbar.records.marker_aliases import labels_of
 
 if TYPE_CHECKING:

@@ -1,15 +1,20 @@
-"""Labels against the body: order along the trunk, left and right, front and back, size against stature.
+"""Labels against the body: its axes, order along the trunk, left and right, front and back, size against stature.
 
 `points` are positions in metres by label, shape (n_frames, 3), NaN where not seen; `named` says which landmarks labels mean.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
-from lumbar.lifting.quality.landmarks import LENGTHS, level, side_pairs
+from lumbar.lifting.quality.landmarks import LENGTHS, landmarks, level, side_pairs
+from lumbar.records.marker_axes import check_axes, tells_axes
+from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.layout import Axis, MarkerLayout
 
 TRUNK_SHARE = 0.265
 """Length of the trunk, from the middle of the pelvis's markers to that of the shoulders', as a share of stature."""
@@ -24,6 +29,8 @@ _AGREEING = 0.3
 """Length of a mean of unit vectors that agree on a direction."""
 _CLEAR_DEPTH_M = 0.03
 _MOST_EXCHANGES = 4
+_BY_LABELS = " by its usual labels, which no alias names"
+AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
 
 def _part(landmark: str) -> str:
@@ -31,16 +38,14 @@ def _part(landmark: str) -> str:
 
 
 def _centre(points, named, parts: Collection[str], without: Collection[str] = ()) -> np.ndarray | None:
+    """Mean over those markers of some landmarks that are seen, NaN where none is, shape (n_frames, 3)."""
     chosen = [
         points[label]
         for label, landmark in named.items()
         if _part(landmark) in parts and label not in without
     ]
-    return _mean(chosen) if chosen else None
-
-
-def _mean(chosen: list[np.ndarray]) -> np.ndarray:
-    """Mean over the markers seen, NaN where none is, shape (n_frames, 3)."""
+    if not chosen:
+        return None
     stacked = np.stack(chosen)
     seen = np.isfinite(stacked)
     with np.errstate(invalid="ignore"):
@@ -132,17 +137,11 @@ def _on_spine(landmark: str) -> bool:
 def side_exchanges(
     points: dict[str, np.ndarray], named: dict[str, str]
 ) -> tuple[list[tuple[str, str, str]], str]:
-    """Pairs left/right and front/back that lie the wrong way round, and whether all of left and right do.
+    """Pairs left/right and front/back that lie the wrong way round, and what shows that all of left and right do, if so.
 
     Every pair of a left and a right marker, of a front and a back one and of toe and heel says where the right side is. One
     that most frames of the others contradict is exchanged: the one after whose exchange fewest are contradicted goes first.
-
-    Returns
-    -------
-    pairs : list of (str, str, str)
-        Labels and what was seen.
-    mirrored : str
-        What was seen where left and right are exchanged on the whole body; empty otherwise.
+    Each pair comes with what was seen.
     """
     points = dict(points)
     pairs: list[tuple[str, str, str]] = []
@@ -275,3 +274,68 @@ def _median_length(vectors: np.ndarray) -> float:
         length = np.linalg.norm(vectors, axis=1)
     length = length[np.isfinite(length)]
     return float(np.median(length)) if length.size else np.nan
+
+
+def axes_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Axis, Axis] | None:
+    """Return the signed axes up and forward, e.g. ``("+y", "+x")``, in the axes the points are given in.
+
+    Up is where the shoulders are above the pelvis, forward where neither up nor to the right is. None where the labels name
+    no trunk, no sides, or the person lies so that one axis is both.
+    """
+    trunk = trunk_axis(points, named)
+    if trunk is None:
+        return None
+    up = np.nanmedian(trunk[1], axis=0)
+    sides, depths = rightward(points, named)
+    votes = [*sides.values(), *depths.values()]
+    if not votes or not np.isfinite(up).all():
+        return None
+    right = np.nanmedian(np.nansum(votes, axis=0), axis=0)
+    vertical = _signed(up)
+    forward = _signed(np.cross(up, right))
+    return None if vertical[1] == forward[1] else (vertical, forward)
+
+
+def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecording:
+    """Read a marker file as `lumbar.records.markers.read_markers` does, and compare its axes with the body by all usual labels.
+
+    What no marker tells is among the notes of the recording.
+
+    Raises
+    ------
+    InputError
+        As `read_markers`; and where the body stands or faces along another axis than `markers.up` or `markers.forward`, or left
+        and right are exchanged.
+    """
+    measured: dict[str, np.ndarray] = {}
+
+    def kept(points: dict[str, np.ndarray], time: np.ndarray, rate: float):
+        measured.update(points)
+        return points, {}
+
+    recording = read_markers(path, layout, screen=kept)
+    unknown = check_unaliased_axes(measured, recording, layout)
+    if not unknown:
+        return recording
+    note = f"not checked: {' and '.join(unknown)} of the axes, which no known label of the body tells"
+    return replace(recording, notes=(*recording.notes, note))
+
+
+def check_unaliased_axes(
+    points: dict[str, np.ndarray], recording: MarkerRecording, layout: MarkerLayout
+) -> list[str]:
+    """Raise where usual labels show a body that stands or faces another way than declared, and no alias tells.
+
+    The markers are given by the file's labels, turned by the declared axes, and as a recording under standard names. What is
+    returned is which of up and forward no marker tells.
+    """
+    if not layout.check_axes or not tells_axes(recording.positions):
+        return []
+    body = {name: points[label] for name, label in landmarks(points).items()}
+    check_axes({**body, **recording.positions}, layout, recording.source, _BY_LABELS)
+    return tells_axes({**body, **recording.positions})
+
+
+def _signed(vector: np.ndarray) -> Axis:
+    largest = int(np.abs(vector).argmax())
+    return AXES[largest][int(vector[largest] > 0)]

@@ -1,8 +1,10 @@
-"""Which frames about a leap are wrong: those in which the distances to other markers are not what they usually are.
+"""Frames in which a marker is not where it belongs: about a leap, and off the rigid part that it is on.
 
-A leap alone does not say it: a marker that drifted away for a second and leaps back is right in all the rest of the
-recording, on both sides. Each distance d to another marker that the leap changes by s is therefore written as
+A leap alone does not say which frames are wrong: a marker that drifted away for a second and leaps back is right in all the
+rest of the recording, on both sides. Each distance d to another marker that the leap changes by s is therefore written as
 x = (d - d before the leap) / s: about 0 where the marker is as just before the leap, about 1 where it is as just after it.
+
+Rigid parts (a box, a plate, a pelvis, a thorax) are found from the recording itself, by distances that stay while they move.
 """
 
 from __future__ import annotations
@@ -32,10 +34,21 @@ _BESIDE_S = 0.3
 _ENOUGH_FRAMES = 2000
 """Frames, spread over a recording, from which the unrest of a distance is told."""
 _SAME_FRAME = 3
+_SAMPLES = 300
+_RIGID_M = 0.008
+"""Spread (5th to 95th percentile) of a length that is called rigid: skin moves by some millimetres."""
+_APART_M = 0.03
+_MOVING_M, _MOVING_S = 0.015, 0.2
+"""A marker moves where it comes further than this within this time."""
+_DEVIATION_M = 0.03
+_SPREADS = 6.0
+_SHORTEST = 5
+_MAJORITY = 0.6
+_LEAST_OF_PART = 3
 
 
 @dataclass(frozen=True)
-class Displaced:
+class Displacement:
     """Frames in which a marker is not where it belongs."""
 
     frames: slice
@@ -58,32 +71,24 @@ class _Sides:
     seen: str
 
 
-def displaced(
+def displacements(
     points: dict[str, np.ndarray], label: str, leaps: dict[str, list[Leap]], rate: float
-) -> tuple[list[Displaced], list[Leap]]:
+) -> tuple[list[Displacement], list[Leap]]:
     """Return the frames in which a marker is displaced, and the leaps of which it cannot be told which side is right.
 
     Where the distances do not tell, the steps of successive leaps still add up: frames between a leap away and one back are
-    displaced. A gap of more than half a second ends what can be compared.
-
-    Parameters
-    ----------
-    points : dict of str to ndarray, shape (n_frames, 3)
-        Metres; NaN where not seen.
-    leaps : dict of str to list of Leap
-        By label.
-    rate : float
-        Frames per second.
+    displaced. A gap of more than half a second ends what can be compared. Points in metres, shape (n_frames, 3), and leaps
+    are those of all markers, by label.
     """
     seen = np.isfinite(points[label][:, 0])
-    found: list[Displaced] = []
+    found: list[Displacement] = []
     untold: list[Leap] = []
     for section in _sections(seen, rate):
         inside = [leap for leap in leaps[label] if section.start < leap.first < section.stop]
         sides = [_sides(points, label, leap, _leaping(leaps, leap), rate) for leap in inside]
         told = [(leap, side) for leap, side in zip(inside, sides, strict=True) if side is not None]
         found += [
-            Displaced(_wrong_frames(leap, side, section, inside, rate), leap, side.seen)
+            Displacement(_wrong_frames(leap, side, section, inside, rate), leap, side.seen)
             for leap, side in told
         ]
         if len(told) < len(inside):
@@ -228,7 +233,7 @@ def _until_usual(off: np.ndarray, limit: float) -> int:
     return len(off)
 
 
-def _away_and_back(section: slice, leaps: list[Leap], seen: np.ndarray) -> list[Displaced]:
+def _away_and_back(section: slice, leaps: list[Leap], seen: np.ndarray) -> list[Displacement]:
     """Stretches between a leap away and one back, by the sums of their steps; those with most frames are right."""
     starts = [section.start, *(leap.first for leap in leaps)]
     stops = [*(leap.last + 1 for leap in leaps), section.stop]
@@ -239,7 +244,7 @@ def _away_and_back(section: slice, leaps: list[Leap], seen: np.ndarray) -> list[
     right = near[int(np.argmax(near @ [seen[part].sum() for part in frames]))]
     words = "and back: elsewhere than before and after"
     return [
-        Displaced(frames[index], leaps[index - 1], words)
+        Displacement(frames[index], leaps[index - 1], words)
         for index in range(1, len(frames) - 1)
         if not right[index] and right[:index].any() and right[index:].any()
     ]
@@ -249,7 +254,7 @@ def _bounds(leap: Leap, frames: slice) -> bool:
     return leap.first == frames.start or leap.last + 1 == frames.stop
 
 
-def _united(found: list[Displaced], n_frames: int) -> list[Displaced]:
+def _united(found: list[Displacement], n_frames: int) -> list[Displacement]:
     """Stretches without overlap, each with what was seen at the first leap of its own."""
     mask = np.zeros(n_frames, dtype=bool)
     for one in found:
@@ -258,5 +263,118 @@ def _united(found: list[Displaced], n_frames: int) -> list[Displaced]:
     for run in runs(mask):
         inside = [one for one in found if run.start <= one.frames.start < run.stop]
         first = min(inside, key=lambda one: one.leap.first)
-        united.append(Displaced(run, first.leap, first.seen))
+        united.append(Displacement(run, first.leap, first.seen))
     return united
+
+
+def rigid_mates(points: dict[str, np.ndarray], without: frozenset[str] = frozenset()) -> dict[str, list[str]]:
+    """Return, for each marker, those at the most constant distance from it, most constant first; `without` are nobody's mates."""
+    labels = list(points)
+    every = max(1, len(next(iter(points.values()))) // _SAMPLES)
+    sample = np.stack([points[label][::every] for label in labels])
+    mates = {}
+    for index, label in enumerate(labels):
+        spread, middle = _spread_from(sample, index)
+        known = [
+            other for other in np.argsort(spread) if np.isfinite(spread[other]) and middle[other] > _APART_M
+        ]
+        mates[label] = [labels[other] for other in known if labels[other] not in without][:_MATES]
+    return mates
+
+
+def _spread_from(sample: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """Spread and median of the distance of every marker from one of them; sample has shape (n_markers, n, 3)."""
+    low, middle, high = _percentiles(np.linalg.norm(sample - sample[index], axis=2), (0.05, 0.5, 0.95))
+    return high - low, middle
+
+
+def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[tuple[str, float]]]:
+    """Mates whose distance from a marker is constant while either moves, with its spread in metres; at most `_MATES`.
+
+    What rests tells nothing: two feet on the ground are not one body.
+    """
+    labels = list(points)
+    every = max(1, round(_MOVING_S * rate / 8))
+    lag = max(1, round(_MOVING_S * rate / every))
+    sample = np.stack([points[label][::every] for label in labels])
+    with np.errstate(invalid="ignore"):
+        moving = np.linalg.norm(sample[:, lag:] - sample[:, :-lag], axis=2) > _MOVING_M
+    spreads = np.full((len(labels), len(labels)), np.nan)
+    for index in range(len(labels)):
+        frames = np.flatnonzero(moving[index])
+        if len(frames) * every >= _MOVING_S * rate:
+            chosen = frames[np.linspace(0, len(frames) - 1, min(len(frames), _SAMPLES)).astype(int)]
+            spread, middle = _spread_from(sample[:, chosen], index)
+            spreads[:, index] = np.where(middle > _APART_M, spread, np.nan)
+    spreads = np.maximum(spreads, spreads.T)
+    return {
+        label: [
+            (labels[other], float(row[other])) for other in np.argsort(row)[:_MATES] if row[other] < _RIGID_M
+        ]
+        for label, row in zip(labels, spreads, strict=True)
+    }
+
+
+def _percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
+    """Of each row over what is finite, shape (n_shares, n_rows); NaN with fewer than ten finite values.
+
+    By one sorting: NumPy's own percentiles without NaN go through the rows one by one.
+    """
+    ordered = np.sort(values, axis=1)
+    count = np.isfinite(ordered).sum(axis=1)
+    at = np.round(np.outer(shares, np.maximum(count - 1, 0))).astype(int)
+    found = np.take_along_axis(ordered, at.T, axis=1).T
+    return np.where(count >= min(10, values.shape[1]), found, np.nan)
+
+
+def length(points: dict[str, np.ndarray], one: str, other: str, frames: slice | np.ndarray) -> float:
+    """Median distance of two markers over some frames, metres; NaN where they were not seen together."""
+    distance = np.linalg.norm(points[one][frames] - points[other][frames], axis=1)
+    return float(np.nanmedian(distance)) if np.isfinite(distance).any() else np.nan
+
+
+def off_its_part(points: dict[str, np.ndarray], rate: float) -> list[tuple[str, slice, str]]:
+    """Stretches in which a marker is not where the rigid part that it belongs to has it.
+
+    A marker counts as part of a rigid one by three mates at distances that stay within 8 mm in nine of ten frames in which either
+    moves. It is off where most of these differ by more than 30 mm, and by six times their usual spread, from their medians.
+
+    Each stretch has its label, its frames and what was seen.
+    """
+    found = []
+    known: dict[frozenset[str], np.ndarray] = {}
+    for label, rigid in _rigid_parts(points, rate).items():
+        if len(rigid) >= _LEAST_OF_PART:
+            for other, _ in rigid:
+                if frozenset((label, other)) not in known:
+                    known[frozenset((label, other))] = _change_of_length(points[label], points[other])
+            changes = {other: known[frozenset((label, other))] for other, _ in rigid}
+            limits = [max(_DEVIATION_M, _SPREADS * spread) for _, spread in rigid]
+            found += _stretches_off(label, changes, limits)
+    return found
+
+
+def _change_of_length(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    distance = np.linalg.norm(one - other, axis=1)
+    # The median of what is seen: NumPy's own without NaN takes twice as long.
+    return distance - np.median(distance[np.isfinite(distance)])
+
+
+def _stretches_off(
+    label: str, changes: dict[str, np.ndarray], limits: list[float]
+) -> list[tuple[str, slice, str]]:
+    change = np.abs(list(changes.values()))
+    with np.errstate(invalid="ignore"):
+        far = (change > np.array(limits)[:, None]).sum(axis=0)
+    together = np.isfinite(change).sum(axis=0)
+    stretches = runs((far > _MAJORITY * together) & (together >= _LEAST_OF_PART))
+    mates = ", ".join(changes)
+    return [
+        (
+            label,
+            stretch,
+            f"up to {np.nanmax(change[:, stretch]) * 1e3:.0f} mm off its distances from {mates}, constant elsewhere",
+        )
+        for stretch in stretches
+        if stretch.stop - stretch.start >= _SHORTEST
+    ]

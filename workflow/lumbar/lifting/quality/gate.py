@@ -13,13 +13,18 @@ from lumbar.lifting.quality.body import (
     side_exchanges,
     stature_found,
 )
-from lumbar.lifting.quality.displacement import Displaced, displaced
-from lumbar.lifting.quality.exchanges import Exchange, lands_on, take_exchanges
-from lumbar.lifting.quality.finding import ERROR, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
+from lumbar.lifting.quality.displacement import Displacement, displacements, length, off_its_part, rigid_mates
 from lumbar.lifting.quality.landmarks import landmarks, side_pairs
-from lumbar.lifting.quality.leaps import Leap, find_leaps, step_sizes
-from lumbar.lifting.quality.lengths import length, off_its_part, rigid_mates
-from lumbar.lifting.quality.missing_frames import missing_frames
+from lumbar.lifting.quality.leaps import (
+    Exchange,
+    Leap,
+    find_leaps,
+    lands_on,
+    missing_frames,
+    step_sizes,
+    take_exchanges,
+)
+from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
 from lumbar.lifting.quality.tempo import (
     FINE_RATE,
     HIGHEST_HZ,
@@ -28,7 +33,13 @@ from lumbar.lifting.quality.tempo import (
     frequency_scale,
     tells_tempo,
 )
-from lumbar.lifting.quality.trajectories import LABORATORY_M, beyond_laboratory, copied, frozen, held
+from lumbar.lifting.quality.trajectories import (
+    LABORATORY_M,
+    beyond_laboratory,
+    copied_stretches,
+    frozen_stretches,
+    held_samples,
+)
 
 _WRONG_UNIT = 1.8
 _OTHER_STATURE = 1.25
@@ -67,10 +78,6 @@ def examine(
     ----------
     points : dict of str to ndarray, shape (n_frames, 3)
         Measured markers by the file's labels; metres, z up; NaN where not seen.
-    time : ndarray, shape (n_frames,)
-        Seconds.
-    rate : float
-        Frames per second.
     height_m : float, optional
         Stature of the person; without it any from 0.6 to 2.6 m is accepted.
     meant : dict of str to str, optional
@@ -88,11 +95,11 @@ def examine(
     wrong = _unit(points, named, clock, height_m)
     if wrong:
         return wrong
-    findings, stepping = held(points, clock)
-    for check in (beyond_laboratory, frozen, partial(copied, named=named)):
+    findings, stepping = held_samples(points, clock)
+    for check in (beyond_laboratory, frozen_stretches, partial(copied_stretches, named=named)):
         found = check(points, clock)
         findings += found
-        points = hidden(points, found)
+        points = mask_findings(points, found)
     found, points = _leaps(points, named, clock)
     findings += found
     findings += _rigid_parts(points, clock)
@@ -104,18 +111,12 @@ def examine(
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
 
 
-def unchecked(
+def unchecked_properties(
     points: dict[str, np.ndarray],
     height_m: float | None = None,
     meant: dict[str, str] | None = None,
 ) -> dict[str, str]:
-    """Return what `examine` cannot compare with a body in a recording, with the reason.
-
-    Parameters
-    ----------
-    points, height_m, meant
-        As of `examine`.
-    """
+    """Return what `examine` cannot compare with a body in a recording, with the reason; parameters as there."""
     if not points:
         return {}
     named = {label: landmark for landmark, label in landmarks(points, meant).items()}
@@ -141,7 +142,7 @@ def unchecked(
     return found
 
 
-def hidden(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
+def mask_findings(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
     """Return the points with NaN where a finding leaves a marker out or proposes another label for it."""
     result = dict(points)
     for finding in findings:
@@ -153,9 +154,9 @@ def hidden(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, 
     return result
 
 
-def usable(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
+def usable_markers(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
     """Return the markers that are not left out of all frames, without the frames that are; exchanges are not made."""
-    kept = hidden(points, [finding for finding in findings if finding.outcome == LEFT_OUT])
+    kept = mask_findings(points, [finding for finding in findings if finding.outcome == LEFT_OUT])
     return {label: positions for label, positions in kept.items() if np.isfinite(positions).any()}
 
 
@@ -224,27 +225,24 @@ def _leaps(
     missing, leaps = _missing_frames(points, leaps, clock)
     exchanges, remaining = take_exchanges(leaps)
     n_frames = len(clock.time)
-    chosen = {exchange: _shorter(exchange, n_frames) for exchange in exchanges}
     straight = points
-    for exchange, stretches in chosen.items():
-        straight = _exchanged(straight, (exchange.first, exchange.second), stretches)
+    for exchange in exchanges:
+        shorter, _ = exchange.stretches(n_frames)
+        straight = _exchanged(straight, (exchange.first, exchange.second), shorter)
     spikes = {label: spikes for label, (_, spikes) in found.items()}
     findings = missing + _displaced(straight, remaining, spikes, clock)
-    straight = hidden(straight, findings)
+    straight = mask_findings(straight, findings)
     whole, mirrored = _whole_exchanges(straight, named)
-    flipped = _flipped(list(chosen), [pair for pair, _ in whole], points, named)
+    flipped = _flipped(exchanges, [pair for pair, _ in whole], points, named)
     for pair in {*(frozenset(pair) for pair, _ in whole), *(one.pair for one in flipped)}:
         straight = _exchanged(straight, tuple(pair), [slice(0, n_frames)])
-    for exchange, stretches in chosen.items():
+    changing = frozenset().union(*(one.pair for one in exchanges))
+    for exchange in exchanges:
+        shorter, longer = exchange.stretches(n_frames)
         if exchange in flipped:
             whole = [item for item in whole if frozenset(item[0]) != exchange.pair]
-            stretches = (
-                exchange.others(n_frames)
-                if stretches == exchange.exchanged(n_frames)
-                else exchange.exchanged(n_frames)
-            )
-        changing = frozenset().union(*(one.pair for one in chosen))
-        findings += _exchange_findings(points, straight, exchange, stretches, changing, clock)
+        wrong = longer if exchange in flipped else shorter
+        findings += _exchange_findings(points, straight, exchange, wrong, changing, clock)
     for pair, evidence in whole:
         cause = (
             f"their labels are exchanged: if so, let {pair[0]} and {pair[1]} change places in markers.aliases; until then both "
@@ -299,12 +297,6 @@ def _flipped(
     ]
 
 
-def _shorter(exchange: Exchange, n_frames: int) -> list[slice]:
-    one, other = exchange.exchanged(n_frames), exchange.others(n_frames)
-    frames = [sum(part.stop - part.start for part in parts) for parts in (one, other)]
-    return one if frames[0] <= frames[1] else other
-
-
 def _exchanged(points, pair: tuple[str, str], stretches: list[slice]) -> dict[str, np.ndarray]:
     one, other = points[pair[0]].copy(), points[pair[1]].copy()
     for stretch in stretches:
@@ -353,7 +345,7 @@ def _displaced(
                 )
             )
             continue
-        stretches, untold = displaced(points, label, leaps, clock.rate)
+        stretches, untold = displacements(points, label, leaps, clock.rate)
         findings += [_jump(points, label, stretch, clock) for stretch in stretches]
         findings += [_untold(label, leap, clock) for leap in untold]
         for spike in spikes[label]:
@@ -368,7 +360,7 @@ def _off_way(positions: np.ndarray, spike: slice) -> float:
     return float(np.nanmax(np.linalg.norm(positions[spike] - ends.mean(axis=0), axis=1)))
 
 
-def _jump(points, label: str, stretch: Displaced, clock: Clock) -> Finding:
+def _jump(points, label: str, stretch: Displacement, clock: Clock) -> Finding:
     leap = stretch.leap
     other = lands_on(leap, label, points)
     cause = (

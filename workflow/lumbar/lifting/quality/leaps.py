@@ -1,16 +1,20 @@
-"""Leaps of a marker from one frame to the next that no body makes.
+"""Leaps of a marker from one frame to the next that no body makes: of one marker, of two that change labels, of most at once.
 
 Between frames k and k + 1 the line through frames k - 1 and k and that through k + 1 and k + 2 are continued to the middle; what
 lies between them there is half the third difference. Constant velocity and acceleration leave it zero, so that a fast
-movement is no leap.
+movement is no leap. Two markers that exchange their labels leap each to where the other was; where frames are missing without
+a gap, most markers leap together.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from lumbar.lifting.quality.sheet import ERROR, Clock, Finding
 from lumbar.records.stretches import runs
 
 SMALLEST_M = 0.02
@@ -25,6 +29,13 @@ LONGEST_GAP_S = 0.5
 _GAP_M, _GAP_M_S2 = 0.05, 4.0
 """What a marker may be off after a gap of t seconds: a constant and a share of t squared."""
 _LINE = 3
+_LEAST_LEAPS = 3
+_LEAST_STEP_M = 3e-3
+_TOGETHER = 0.5
+"""Share of the markers that do not go on smoothly: what stands, as feet on the floor, does not leap where frames are missing."""
+_SAME_FRAME = 2
+_SHARE, _LEAST_M = 0.25, 0.015
+"""How far from the other's place a marker may land: a share of their distance, or this."""
 
 
 @dataclass(frozen=True)
@@ -51,20 +62,7 @@ class Leap:
 
 
 def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[slice]]:
-    """Return the leaps of one marker and its spikes, which come back within a few frames.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n_frames, 3)
-        Metres; NaN where not seen.
-    rate : float
-        Frames per second.
-
-    Returns
-    -------
-    leaps : list of Leap
-    spikes : list of slice
-    """
+    """Return the leaps of one marker, shape (n_frames, 3) in metres, and its spikes, which come back within a few frames."""
     size = step_sizes(positions)
     threshold = _thresholds(size, rate)
     with np.errstate(invalid="ignore"):
@@ -150,3 +148,129 @@ def _across_gaps(positions: np.ndarray, rate: float) -> list[Leap]:
         if np.linalg.norm(after - before) > _GAP_M + _GAP_M_S2 * seconds**2:
             leaps.append(Leap(gap.start - 1, gap.stop, before, after))
     return leaps
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Two labels change places at some frames and back at others."""
+
+    first: str
+    second: str
+    """`first`, `second`: labels."""
+    frames: tuple[int, ...]
+    """First frames after each change."""
+    distance: float
+    """Metres between both markers at the first change."""
+
+    @property
+    def pair(self) -> frozenset[str]:
+        """Both labels."""
+        return frozenset((self.first, self.second))
+
+    def stretches(self, n_frames: int) -> tuple[list[slice], list[slice]]:
+        """Stretches between odd and even changes and the others, together the recording: those of fewer frames first."""
+        parts = [slice(*edges) for edges in pairwise([0, *self.frames, n_frames])]
+        one, other = parts[1::2], parts[::2]
+        frames = [sum(part.stop - part.start for part in each) for each in (one, other)]
+        return (one, other) if frames[0] <= frames[1] else (other, one)
+
+
+def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[str, list[Leap]]]:
+    """Take the leaps that are exchanges from all leaps, by label; the leaps that no other marker explains stand second.
+
+    Where several markers leap at once, as those of both legs, each leap belongs to the exchange that it fits best.
+    """
+    changes: dict[tuple[str, str], list[tuple[int, float]]] = {}
+    taken: set[tuple[str, int]] = set()
+    flat = [(label, leap) for label, found in leaps.items() for leap in found]
+    candidates = [
+        (_miss(leap, other), (label, leap), (other_label, other))
+        for index, (label, leap) in enumerate(flat)
+        for other_label, other in flat[index + 1 :]
+        if other_label != label and _change_places(leap, other)
+    ]
+    for _, (label, leap), (other_label, other) in sorted(candidates, key=lambda found: found[0]):
+        ends = {(label, leap.first), (other_label, other.first)}
+        if taken & ends:
+            continue
+        taken |= ends
+        distance = float(np.linalg.norm(leap.before - other.before))
+        changes.setdefault((label, other_label), []).append((min(leap.first, other.first), distance))
+    exchanges = [
+        Exchange(*pair, tuple(sorted(frame for frame, _ in found)), found[0][1])
+        for pair, found in changes.items()
+    ]
+    remaining = {
+        label: [leap for leap in found if (label, leap.first) not in taken] for label, found in leaps.items()
+    }
+    return exchanges, remaining
+
+
+def _miss(one: Leap, other: Leap) -> float:
+    """How far both leaps end from where the other began, metres."""
+    return float(np.linalg.norm(one.after - other.before) + np.linalg.norm(other.after - one.before))
+
+
+def _change_places(one: Leap, other: Leap) -> bool:
+    if one.last >= other.first or other.last >= one.first:
+        return False
+    tolerance = max(_LEAST_M, _SHARE * float(np.linalg.norm(one.before - other.before)))
+    there = np.linalg.norm(one.after - other.before) < tolerance
+    return bool(there and np.linalg.norm(other.after - one.before) < tolerance)
+
+
+def lands_on(leap: Leap, label: str, points: dict[str, np.ndarray]) -> str | None:
+    """Return the label of the marker that was seen, just before, where a leap ends; None where there was none."""
+    best, nearest = None, max(_LEAST_M, _SHARE * leap.size)
+    for other, positions in points.items():
+        distance = np.linalg.norm(positions[leap.last] - leap.after)
+        if other != label and distance < nearest:
+            best, nearest = other, distance
+    return best
+
+
+def missing_frames(
+    points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], clock: Clock
+) -> tuple[list[Finding], dict[str, list[Leap]]]:
+    """Find the frames between which most markers leap, and return the other leaps by label.
+
+    The findings are errors: which movement is missing, nobody knows. `leaps` are those without exchanges of two markers.
+    """
+    counted = Counter(leap.first for found in leaps.values() for leap in found)
+    findings: list[Finding] = []
+    taken: list[int] = []
+    steps: list[tuple[np.ndarray, np.ndarray]] = []
+    for frame, count in counted.most_common():
+        if count < _LEAST_LEAPS or any(abs(frame - other) <= _SAME_FRAME for other in taken):
+            continue
+        # Of no use to a recording in which no markers leap together, which most are.
+        steps = steps or [(size, unrest(size)) for size in map(step_sizes, points.values())]
+        leaping, seen = _count_leaping(steps, frame)
+        if leaping >= max(_LEAST_LEAPS, _TOGETHER * seen):
+            taken.append(frame)
+            findings.append(_finding(frame, leaping, seen, clock))
+    remaining = {
+        label: [leap for leap in found if all(abs(leap.first - frame) > _SAME_FRAME for frame in taken)]
+        for label, found in leaps.items()
+    }
+    return findings, remaining
+
+
+def _count_leaping(steps: list[tuple[np.ndarray, np.ndarray]], frame: int) -> tuple[int, int]:
+    """Count of the markers that do not go on smoothly into a frame, and of those seen about it."""
+    leaping = seen = 0
+    for size, usual in steps:
+        if np.isfinite(size[frame - 1]):
+            seen += 1
+            leaping += bool(size[frame - 1] > max(_LEAST_STEP_M, ABOVE_UNREST * usual[frame - 1]))
+    return leaping, seen
+
+
+def _finding(frame: int, leaping: int, seen: int, clock: Clock) -> Finding:
+    others = "; the others hardly move" if leaping < seen else ""
+    evidence = f"all markers leap together at {clock.time[frame]:.2f} s ({leaping} of {seen}{others}): frames are missing there"
+    cause = (
+        "export the recording again with all its frames, or only the part before or after; markers that were not seen are to "
+        "be gaps, not frames that are cut out"
+    )
+    return clock.finding("missing frames", ERROR, (), evidence, cause, slice(frame - 1, frame + 1))

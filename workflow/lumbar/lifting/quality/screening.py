@@ -1,4 +1,9 @@
-"""Reading a marker file through the gate: what cannot be a body becomes a gap, and the reader of the results is told."""
+"""Reading a marker file through the gate: what cannot be a body becomes a gap, and the reader of the results is told.
+
+A label that alone fills a standard name says what it means. One inside a rule does not; but ``T12: {between: [T1, SACRUM],
+share: 0.26}`` can only be meant of a marker at T10: the rule's level along the trunk, and its side, tell. So labels that
+somebody has let change places in the layout's aliases are not called exchanged again.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +14,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.quality.axes import check_unaliased_axes
-from lumbar.lifting.quality.finding import ERROR, LEFT_OUT, PROPOSED, Finding
-from lumbar.lifting.quality.gate import examine, hidden, unchecked, usable
-from lumbar.lifting.quality.rule_labels import meant_in_rules
-from lumbar.lifting.quality.sheet import QualitySheet, quality_sheet
+from lumbar.lifting.quality.body import check_unaliased_axes
+from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties, usable_markers
+from lumbar.lifting.quality.landmarks import landmarks, level
+from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, PROPOSED, Finding, QualitySheet, quality_sheet
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
-from lumbar.settings.layout import Alias, MarkerLayout
+from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint, PointBetween
+
+_CLEAR = 0.3
+"""Fall of the misfit of all rules, in lengths of the trunk, from which labels are taken for exchanged on purpose."""
 
 
 @dataclass
@@ -42,11 +49,11 @@ class Screening:
         meant = meant_labels(self.aliases, points)
         meant = meant_in_rules(self.aliases, points, meant) | meant
         self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
-        self.unchecked = unchecked(points, self.height_m, meant)
+        self.unchecked = unchecked_properties(points, self.height_m, meant)
         errors = [finding for finding in self.findings if finding.outcome == ERROR]
         if errors and self.refuse:
             raise InputError("; ".join(map(str, errors)))
-        screened = hidden(points, self.findings)
+        screened = mask_findings(points, self.findings)
         left_out = {
             label: f"{finding.kind} in all frames"
             for finding in self.findings
@@ -54,19 +61,6 @@ class Screening:
             if np.isnan(screened[label]).all()
         }
         return screened, left_out
-
-
-def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -> dict[str, str]:
-    """Return, by standard name, the label of the file that alone fills an alias."""
-    meant = {}
-    for name, alias in aliases.items():
-        for choice in alias if isinstance(alias, tuple) else (alias,):
-            if not isinstance(choice, str):
-                break  # a rule: no one marker
-            if choice in labels:
-                meant[name] = choice
-                break
-    return meant
 
 
 def read_screened(
@@ -100,7 +94,7 @@ def read_screened(
     screening = Screening(height_m, layout.aliases if layout else {})
     try:
         recording = read_markers(path, layout, name=name, screen=screening, mend=mend)
-        sound = usable(screening.points, screening.findings)
+        sound = usable_markers(screening.points, screening.findings)
         check_unaliased_axes(sound, recording, layout or MarkerLayout())
     except InputError as error:
         text = str(error)
@@ -110,7 +104,7 @@ def read_screened(
 
 def _concerning(screening: Screening) -> list[Finding]:
     """The findings with the standard names whose frames they leave out."""
-    kept = hidden(screening.points, screening.findings)
+    kept = mask_findings(screening.points, screening.findings)
     labels = [label for label, points in kept.items() if np.isfinite(points).any()]
     return [
         replace(finding, concerns=_filled_by(finding.markers, labels, screening.aliases))
@@ -132,3 +126,80 @@ def _filled_by(
         points[label] = np.array([[0.0] * 3, [np.nan] * 3])
     resolved = resolve_aliases(aliases, points, {}, {}, "", ())
     return tuple(name for name, positions in resolved.positions.items() if np.isnan(positions[1]).any())
+
+
+def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -> dict[str, str]:
+    """Return, by standard name, the label of the file that alone fills an alias."""
+    meant = {}
+    for name, alias in aliases.items():
+        for choice in alias if isinstance(alias, tuple) else (alias,):
+            if not isinstance(choice, str):
+                break  # a rule: no one marker
+            if choice in labels:
+                meant[name] = choice
+                break
+    return meant
+
+
+def meant_in_rules(
+    aliases: Mapping[str, Alias | None], labels: Collection[str], meant: Mapping[str, str]
+) -> dict[str, str]:
+    """Return, by landmark, the labels inside rules that stand for another landmark than usual; `meant` as of `meant_labels`."""
+    usual = {label: landmark for landmark, label in landmarks(labels).items()}
+    alone = {label: name for name, label in meant.items()}
+    means = {**usual, **alone}
+    parts = {label for alias in aliases.values() for label in _labels(alias, aliases, inside=False)}
+    inside = sorted(label for label in parts if label in usual and label not in alone)
+    others = sorted({*inside, *(label for label in alone if label in usual and alone[label] != usual[label])})
+    found: dict[str, str] = {}
+    while True:
+        trials = [
+            {one: usual[other]} | ({other: usual[one]} if other in inside else {})
+            for one in inside
+            for other in others
+            if one != other and not {one, other} & found.keys()
+        ]
+        best = min(trials, key=lambda trial: _misfit(aliases, means | trial), default={})
+        if not best or _misfit(aliases, means | best) > _misfit(aliases, means) - _CLEAR:
+            return {landmark: label for label, landmark in found.items()}
+        means |= best
+        found |= best
+
+
+def _labels(alias: Alias | None, aliases: Mapping[str, Alias | None], inside: bool) -> list[str]:
+    """Labels inside the rules of an alias; names of other aliases are none."""
+    if isinstance(alias, str):
+        return [alias] if inside and alias not in aliases else []
+    if isinstance(alias, tuple):
+        return [label for part in alias for label in _labels(part, aliases, inside)]
+    return [label for part, _ in _parts(alias) for label in _labels(part, aliases, True)]
+
+
+def _parts(rule) -> list[tuple[Alias, float]]:
+    """Parts of a rule with their shares in its level."""
+    if isinstance(rule, MeanOfMarkers):
+        return [(part, 1 / len(rule.mean)) for part in rule.mean]
+    if isinstance(rule, PointBetween):
+        return [(rule.between[0], 1 - rule.share), (rule.between[1], rule.share)]
+    return [(rule.start, 1.0)] if isinstance(rule, OffsetPoint) else []
+
+
+def _misfit(aliases: Mapping[str, Alias | None], means: Mapping[str, str]) -> float:
+    """Sum over the rules of the distance between the level of the name and that of its parts, and of parts of the other side."""
+    total = 0.0
+    for name, alias in aliases.items():
+        for rule in alias if isinstance(alias, tuple) else (alias,):
+            parts = [(_landmark(part, aliases, means), share) for part, share in _parts(rule)]
+            total += sum({name[:2], landmark[:2]} == {"L_", "R_"} for landmark, _ in parts)
+            levels = [level(landmark) for landmark, _ in parts]
+            if parts and level(name) is not None and None not in levels and not isinstance(rule, OffsetPoint):
+                found = sum(height * share for height, (_, share) in zip(levels, parts, strict=True))
+                total += abs(found - level(name))
+    return total
+
+
+def _landmark(part: Alias, aliases: Mapping[str, Alias | None], means: Mapping[str, str]) -> str:
+    """Landmark of a part of a rule; empty where it is a rule itself, or a label that is not known."""
+    if not isinstance(part, str):
+        return ""
+    return part if part in aliases else means.get(part, "")

@@ -1,4 +1,7 @@
-"""The quality sheet of a recording: what is in its file, what is wrong with it, what became of its markers."""
+"""What is wrong with a marker recording, finding by finding; the quality sheet of a recording, and those of a study as a table.
+
+A finding says which markers, when, what was seen, the likely cause, and what is done about it.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,105 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.lifting.quality.finding import Finding
 from lumbar.lifting.quality.tempo import FINE_RATE
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
+from lumbar.tables.table import Table
+
+ERROR, LEFT_OUT, PROPOSED, NOTED = "error", "left out", "proposed", "noted"
+"""What a finding leads to: the trial stops; the stretch becomes a gap; an exchange of labels is proposed, and until somebody
+exchanges them the stretch is a gap; nothing, it is said."""
+_AGAIN = "label it again in the capture software"
+REMEDIES = {
+    "beyond laboratory": "export it again, or take another marker in markers.aliases",
+    "frozen": "delete the frozen frames in the capture software, where longer gaps can be filled",
+    "copied": _AGAIN,
+    "jump": f"{_AGAIN}, or take another marker in markers.aliases",
+    "spike": _AGAIN,
+    "off its part": f"{_AGAIN}, or take another marker in markers.aliases",
+    "exchanged": "label both again in the capture software",
+}
+"""What brings back the frames that a finding leaves out, by its kind."""
+_SHOWN = 5
+_DEFINITIONS = {
+    "lift": "Person, mass of the box, and number of the trial where there are several; of perturbed trials group and number.",
+    "file": "Marker file.",
+    "markers": "Measured markers in the file.",
+    "rate_Hz": "Frames per second.",
+    "duration_s": "Seconds.",
+    "missing_percent": "Share of all samples of all markers in which a marker was not seen, in percent.",
+    "longest_gap_s": "Longest stretch in which a marker was not seen; 0 where all always were.",
+    "estimated": "Standard markers that the file does not hold and a rule fills.",
+    "left_out": "Stretches of a marker left out because they cannot be a body's.",
+    "findings": "What was found, with marker and time; each kind is explained in docs/quality.md.",
+    "not_checked": "What the file's markers did not allow to check; why stands in quality.json.",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One finding."""
+
+    kind: str
+    """E.g. ``"frozen"``; docs/quality.md explains each."""
+    outcome: str
+    """``"error"``, ``"left out"``, ``"proposed"`` or ``"noted"``."""
+    markers: tuple[str, ...]
+    """Labels of the file; empty where the whole recording is meant."""
+    first_frame: int
+    n_frames: int
+    """`first_frame`, `n_frames`: frames count from 0."""
+    start_s: float
+    """Time of the first frame, on the recording's clock."""
+    length_s: float
+    """Frames divided by the rate."""
+    evidence: str
+    """What was seen, in numbers."""
+    cause: str = ""
+    """What it most likely comes from, or what to do."""
+    concerns: tuple[str, ...] = ()
+    """Standard names that the markers fill, directly or by a rule."""
+
+    @property
+    def remedy(self) -> str:
+        """What to do so that its frames can be used."""
+        return REMEDIES[self.kind]
+
+    @property
+    def frames(self) -> slice:
+        """The frames as a slice."""
+        return slice(self.first_frame, self.first_frame + self.n_frames)
+
+    def __str__(self) -> str:
+        who = ", ".join(self.markers) or "all markers"
+        when = f"{self.start_s:.2f} to {self.start_s + self.length_s:.2f} s"
+        when += f" (frames {self.first_frame} to {self.frames.stop - 1})"
+        return f"{self.kind}: {who}, {when}: {self.evidence}" + (f"; {self.cause}" if self.cause else "")
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Frames of a recording in seconds: makes findings."""
+
+    time: np.ndarray
+    """Shape (n_frames,)."""
+    rate: float
+    """Frames per second."""
+
+    def finding(
+        self,
+        kind: str,
+        outcome: str,
+        markers: tuple[str, ...],
+        evidence: str,
+        cause: str = "",
+        frames: slice | None = None,
+    ) -> Finding:
+        """Return a finding about some frames, or about all of them."""
+        first, stop = (frames.start, frames.stop) if frames else (0, len(self.time))
+        seconds = float(self.time[first]), (stop - first) / self.rate
+        return Finding(kind, outcome, markers, int(first), int(stop - first), *seconds, evidence, cause)
 
 
 @dataclass(frozen=True)
@@ -61,7 +158,7 @@ class QualitySheet:
         """Share of all samples of all markers that were not seen."""
         return sum(gap.missing_share for gap in self.gaps) / max(1, len(self.markers))
 
-    def told_by_plates(self, rate_factor: float | None) -> QualitySheet:
+    def with_rate_from_plates(self, rate_factor: float | None) -> QualitySheet:
         """The sheet after a comparison with force plates: by them the rate is known, where they tell it."""
         if rate_factor is None:
             return self
@@ -84,7 +181,7 @@ class QualitySheet:
             counted = ", ".join(f"{count} × {reason}" for reason, count in reasons.most_common())
             lines.append(f"no markers: {counted}")
         if self.events:
-            shown = ", ".join(f"{_event(event)} {event.time:.2f} s" for event in self.events)
+            shown = ", ".join(f"{event_label(event)} {event.time:.2f} s" for event in self.events)
             lines.append(f"events in the file: {shown}")
         lines += [f"note: {note}" for note in self.notes]
         lines.append(self._gaps_in_words())
@@ -107,10 +204,8 @@ class QualitySheet:
         return f"gaps: {self.missing_share:.2%} of all samples; longest of each: {worst}{more}"
 
 
-_SHOWN = 5
-
-
-def _event(event: RecordedEvent) -> str:
+def event_label(event: RecordedEvent) -> str:
+    """Label of an event with its side, as the file has them."""
     return f"{event.context} {event.label}".strip()
 
 
@@ -122,12 +217,8 @@ def quality_sheet(
 ) -> QualitySheet:
     """Return the sheet of a recording.
 
-    Parameters
-    ----------
-    points : dict of str to ndarray, shape (n_frames, 3)
-        Measured markers by the file's labels, before anything was left out.
-    unchecked : dict of str to str, optional
-        As of `lumbar.lifting.quality.gate.unchecked`.
+    The points are its measured markers by the file's labels, before anything was left out; `unchecked` is as of
+    `lumbar.lifting.quality.gate.unchecked_properties`.
     """
     return QualitySheet(
         file=recording.source,
@@ -158,3 +249,37 @@ def _open_stretches(points: dict[str, np.ndarray], recording: MarkerRecording) -
             start = float(recording.time[longest.start])
             found.append(OpenStretch(label, float(missing.mean()), length, start))
     return tuple(sorted(found, key=lambda gap: -gap.longest_s))
+
+
+def quality_table(sheets: Sequence[dict], data: str) -> Table:
+    """Return one row per recording: sheets as of `QualitySheet.as_dict`, with the name of the lift under ``lift``."""
+    import pandas as pd
+
+    return Table(
+        "What the recordings hold, and what in them cannot be a body's",
+        pd.DataFrame([_row(sheet) for sheet in sheets], columns=list(_DEFINITIONS)),
+        _DEFINITIONS,
+        data,
+        decimals={"missing_percent": 2, "longest_gap_s": 2, "duration_s": 2, "rate_Hz": 0},
+    )
+
+
+def _row(sheet: dict) -> dict:
+    findings = [
+        f"{finding['kind']} ({finding['outcome']}): {', '.join(finding['markers']) or 'all markers'} "
+        f"from {finding['start_s']:.2f} s for {finding['length_s']:.2f} s"
+        for finding in sheet["findings"]
+    ]
+    return {
+        "lift": sheet["lift"],
+        "file": Path(sheet["file"]).name,
+        "markers": len(sheet["markers"]),
+        "rate_Hz": float(sheet["rate_Hz"]),
+        "duration_s": sheet["duration_s"],
+        "missing_percent": 100 * sheet["missing_share"],
+        "longest_gap_s": max((gap["longest_s"] for gap in sheet["gaps"]), default=0.0),
+        "estimated": ", ".join(sheet["estimated"]) or "none",
+        "left_out": sum(finding["outcome"] in ("left out", "proposed") for finding in sheet["findings"]),
+        "findings": "; ".join(findings) or "none",
+        "not_checked": ", ".join(sheet["unchecked"]) or "none",
+    }

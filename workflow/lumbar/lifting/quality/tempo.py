@@ -23,15 +23,7 @@ _MOST_MARKERS = 20
 
 
 def frequency_scale(points: dict[str, np.ndarray], rate: float) -> float | None:
-    """Frequency scale of a movement in hertz; None of a person who hardly moves.
-
-    Parameters
-    ----------
-    points : dict of str to ndarray, shape (n_frames, 3)
-        Metres; NaN where not seen.
-    rate : float
-        Frames per second.
-    """
+    """Frequency scale in hertz of points by label, shape (n_frames, 3) in metres; None of a person who hardly moves."""
     if not tells_tempo(points):
         return None
     points = _some(points)

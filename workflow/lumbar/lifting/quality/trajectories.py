@@ -1,11 +1,15 @@
-"""Single trajectories that no marker can have: outside any laboratory, standing still to the last bit, copies of others."""
+"""Single trajectories that no marker can have: outside any laboratory, standing still to the last bit, copies of others.
+
+`points` are positions in metres by label, shape (n_frames, 3), NaN where not seen.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from lumbar.lifting.quality.finding import LEFT_OUT, NOTED, Clock, Finding
+from lumbar.lifting.quality.body import levels_found
 from lumbar.lifting.quality.landmarks import level
+from lumbar.lifting.quality.sheet import LEFT_OUT, NOTED, Clock, Finding
 from lumbar.records.stretches import runs
 
 LABORATORY_M = 100.0
@@ -24,13 +28,7 @@ _FRAMES_AT_ONCE = 1000
 
 
 def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
-    """Frames in which a marker is farther from the origin than any laboratory is long.
-
-    Parameters
-    ----------
-    points : dict of str to ndarray, shape (n_frames, 3)
-        Metres; NaN where not seen.
-    """
+    """Frames in which a marker is farther from the origin than any laboratory is long."""
     findings = []
     for label, positions in points.items():
         with np.errstate(invalid="ignore"):
@@ -43,7 +41,7 @@ def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Findi
     return findings
 
 
-def frozen(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
     """Stretches in which a marker keeps its coordinates to the last bit while others move.
 
     A file whose numbers are coarse repeats some of them by chance: the share of unchanged steps outside of a run says how
@@ -84,14 +82,10 @@ def _nearest(points: dict[str, np.ndarray], index: int, run: slice) -> list[int]
     return order[:_NEIGHBOURS]
 
 
-def held(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], set[str]]:
+def held_samples(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], set[str]]:
     """Find markers that move in every second (third, …) frame alone and keep their coordinates to the last bit in between.
 
-    Returns
-    -------
-    findings : list of Finding
-    labels : set of str
-        Of these markers.
+    Their labels stand second.
     """
     held_in: dict[int, list[str]] = {}
     for label, positions in points.items():
@@ -128,7 +122,7 @@ def _moves_every(positions: np.ndarray) -> int:
     return 0
 
 
-def copied(points: dict[str, np.ndarray], clock: Clock, named: dict[str, str]) -> list[Finding]:
+def copied_stretches(points: dict[str, np.ndarray], clock: Clock, named: dict[str, str]) -> list[Finding]:
     """Stretches in which two markers are closer than two markers can be: one is a copy of the other.
 
     Which of the two is the copy is told by what lies nearer to its nominal level along the trunk, or by which of them leapt
@@ -199,8 +193,6 @@ def _which_is_off_level(
     points, named: dict[str, str], pair: tuple[str, str], stretch: slice
 ) -> tuple[str, ...]:
     """Return the marker of a pair that lies farther from its level along the trunk."""
-    from lumbar.lifting.quality.body import levels_found
-
     if not all(label in named and level(named[label]) is not None for label in pair):
         return ()
     found = levels_found({label: positions[stretch] for label, positions in points.items()}, named, pair)
