@@ -37,8 +37,8 @@ from lumbar.lifting.pushes.prediction import prediction_frame  # noqa: E402
 from lumbar.records.record import Channel, Record  # noqa: E402
 from lumbar.settings.improvement import ImprovementSettings  # noqa: E402
 from lumbar.settings.pushes import PushesSettings  # noqa: E402
+from lumbar.settings.signals import SurgeonSettings  # noqa: E402
 from lumbar.settings.study_settings import StudySettings  # noqa: E402
-from lumbar.settings.surgeon import SurgeonSettings  # noqa: E402
 from lumbar.twin.tissue_recordings import tissue_force  # noqa: E402
 from run.timings import timings  # noqa: E402
 

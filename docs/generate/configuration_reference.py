@@ -15,7 +15,7 @@ import lumbar.study
 from lumbar.base.files import write_text
 from lumbar.settings.plain import name_of, plain
 from lumbar.settings.study_settings import StudySettings
-from lumbar.study.allowed import KeyType, keys_of, section_of
+from lumbar.study.validation import KeyType, keys_of, section_of
 
 DOCS = Path(__file__).resolve().parents[1]
 SCHEMA = Path(lumbar.study.__file__).with_name("study.schema.json")

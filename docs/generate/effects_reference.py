@@ -159,7 +159,7 @@ def _unit(template: str) -> str:
 
 def write_reference(folder: Path) -> None:
     """Write every catalogue's page, and its pictures to ``images/<page>`` beside it."""
-    from lumbar.publishing.figures.signature_figures import signature_figure
+    from lumbar.publishing.figures.comparison_figures import signature_figure
     from lumbar.publishing.figures.style import save
 
     for system, reference in REFERENCES.items():

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import lumbar
 from answers import Answer, ask
-from lumbar.study.study_recordings import record_layout
+from lumbar.study.study import record_layout
 
 FINDINGS = {
     "pos_noise": "position_noise",

@@ -1,4 +1,4 @@
-"""Blind experiments on pendulums: swings with one hidden effect, by the mechanics of `lumbar.twin.swinging_body`."""
+"""Blind experiments on pendulums: swings with one hidden effect, by the mechanics of `lumbar.twin.hip_moment`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lumbar.twin.swinging_body import AT_REST, Mass, Signal, Swing, acceleration, constant, rate
+from lumbar.twin.hip_moment import AT_REST, Mass, Signal, Swing, acceleration, constant, rate
 
 EFFECTS = ("hand_load", "passive_stiffness", "coulomb_friction", "variable_length", "moving_pivot", "drag")
 """What may be hidden, by the names of DESIGN."""

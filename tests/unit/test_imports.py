@@ -20,7 +20,9 @@ ROOMS = [
     ["settings"],
     ["base"],
 ]
-"""From the top down: what stands in a row imports no row above it and nothing beside it."""
+"""From the top down: what stands in a row imports no row above it and nothing beside it.
+
+The twin, too, uses no code that analyses it."""
 TISSUE = [["haptics"], ["fmu", "diagnosis"], ["identification"], ["signals", "effects", "survey"], ["models"]]
 LIFTING = [["body_model"], ["pushes"], ["stability", "measures"], ["movement"], ["quality", "population"]]
 """The rooms of the two wings, likewise."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from lumbar.settings.perturbations import PerturbationsSettings
 from lumbar.settings.plain import typed
+from lumbar.settings.pushes import PerturbationsSettings
 
 
 def perturbation_settings(**more) -> PerturbationsSettings:

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from lumbar.study.chapters import CHAPTERS
+from lumbar.study.artefacts import CHAPTERS
 from running import copy_project, snakemake
 
 DEFAULT_CHAPTERS = [name for name in CHAPTERS if name not in ("perturbations", "population", "pushes")]

@@ -15,7 +15,7 @@ from lumbar.interface.new_study import new_study
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.subject import SubjectSettings
-from lumbar.study.settings_files import load_settings
+from lumbar.study.load_study import load_settings
 from running import copy_project, snakemake
 
 FILLED = {

@@ -18,8 +18,8 @@ from __future__ import annotations
 __version__ = "0.1.0"
 
 _VERBS = {
-    "load_settings": "lumbar.study.settings_files",
-    "load_subject": "lumbar.study.settings_files",
+    "load_settings": "lumbar.study.load_study",
+    "load_subject": "lumbar.study.load_study",
     "read": "lumbar.interface.reading",
     "import_recordings": "lumbar.interface.importing",
     "bandwidth": "lumbar.interface.surgeons",

@@ -25,7 +25,7 @@ from lumbar.interface.rendering import render as render
 from lumbar.interface.study_report import report as report
 from lumbar.interface.surgeons import bandwidth as bandwidth
 from lumbar.interface.surgeons import design_signals as design_signals
-from lumbar.study.settings_files import load_settings as load_settings
-from lumbar.study.settings_files import load_subject as load_subject
+from lumbar.study.load_study import load_settings as load_settings
+from lumbar.study.load_study import load_subject as load_subject
 
 __version__: str

@@ -1,6 +1,6 @@
 # Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
 
-from lumbar.study.study_recordings import record_set, set_layout, settings_of_set
+from lumbar.study.study import record_set, set_layout, settings_of_set
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
 DIAGNOSED = (

@@ -3,7 +3,7 @@
 # tests are made from signals that are designed from its surgeon's motion.
 
 
-from lumbar.study.study_recordings import reading_plan, recordings_of
+from lumbar.study.study import reading_plan, recordings_of
 
 RECORDED_CHAPTERS = sorted(recordings_of(study))
 # What rules without recordings of their own wait for: nothing is made from a study whose recordings are not sound.

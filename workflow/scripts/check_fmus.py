@@ -10,7 +10,7 @@ def main(input, output, settings: RuntimeSettings, seed: int, data: str):
     from pathlib import Path
 
     from lumbar.base.files import read_json, write_csv
-    from lumbar.publishing.figures.fmu_figures import fmu_force_figure
+    from lumbar.publishing.figures.runtime_figures import fmu_force_figure
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.effects.catalogue import catalogues_with
     from lumbar.tissue.fmu.build.export_model import select_models

@@ -10,8 +10,7 @@ def main(input, output, names: list[str], groups: list[str], synthetic: bool, da
     import pandas as pd
 
     from lumbar.base.files import read_json, write_csv
-    from lumbar.publishing.reproduction.claims_summary import summary_table
-    from lumbar.publishing.reproduction.register import all_claims, examine_claims
+    from lumbar.publishing.reproduction.register import all_claims, examine_claims, summary_table
 
     published = {Path(path).stem: pd.read_csv(path) for path in input.published}
     results = {

@@ -3,7 +3,7 @@
 from job import run, stem
 
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.perturbations import PerturbationsSettings
+from lumbar.settings.pushes import PerturbationsSettings
 from lumbar.settings.stability import StabilitySettings
 
 
@@ -31,7 +31,7 @@ def main(
         trial_of,
         trials_table,
     )
-    from lumbar.publishing.figures.perturbed_trials_figure import trials_figure
+    from lumbar.publishing.figures.push_figures import trials_figure
     from lumbar.publishing.figures.style import save
 
     trials, sheets, recordings = [], [], []

@@ -12,7 +12,7 @@ def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, data:
     from lumbar.interface.device import load_models
     from lumbar.interface.reading import read_listed
     from lumbar.interface.rendering import rendering_of
-    from lumbar.publishing.figures.haptic_figures import nothing_to_show
+    from lumbar.publishing.figures.runtime_figures import nothing_to_show
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.fmu.build.export_model import find_models
     from lumbar.tissue.haptics.passive_models import fit_passive_models

@@ -11,8 +11,12 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
 
     from lumbar.base.files import read_json
     from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
-    from lumbar.publishing.figures.basin_comparison_figure import comparison_figure
-    from lumbar.publishing.figures.stability_figures import figure_4_3, figure_4_4, shown_lift
+    from lumbar.publishing.figures.stability_figures import (
+        comparison_figure,
+        figure_4_3,
+        figure_4_4,
+        shown_lift,
+    )
     from lumbar.publishing.figures.style import person_and_box, save
 
     facts = [read_json(path) for path in input.facts]

@@ -20,7 +20,7 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     from lumbar.lifting.stability.model.failures import announcement, failures_frame, failures_table, joined
     from lumbar.lifting.stability.model.trajectories import LiftStates
     from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import cross_checked
-    from lumbar.publishing.figures.grid_figure import grid_figure
+    from lumbar.publishing.figures.people_figures import grid_figure
     from lumbar.publishing.figures.style import save
 
     facts = [read_json(path) for path in input.facts]

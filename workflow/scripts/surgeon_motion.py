@@ -2,7 +2,7 @@
 
 from job import run, stem
 
-from lumbar.settings.surgeon import SurgeonSettings
+from lumbar.settings.signals import SurgeonSettings
 
 
 def main(input, output, settings: SurgeonSettings, seed: int, data: str):

@@ -5,8 +5,8 @@ from job import run, stem
 
 def main(input, output, data: str):
     """Write the table and both drawings."""
-    from lumbar.publishing.figures.analogue_figures import analogues_figure, arx_figure
     from lumbar.publishing.figures.style import save
+    from lumbar.publishing.figures.tissue_figures import analogues_figure, arx_figure
     from lumbar.tissue.identification.table_2_1 import table_2_1
     from lumbar.tissue.models.tissue_models import HO, IL, KB, MW
 

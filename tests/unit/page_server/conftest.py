@@ -11,8 +11,8 @@ import pytest
 from asking import ask, serving
 
 import lumbar
-from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.own_recordings import OwnDiagnosis
+from lumbar.page_server.served_sets import ExploredSet
 from lumbar.page_server.server import new_server
 from lumbar.page_server.study_change import with_value
 from lumbar.settings.improvement import ImprovementSettings

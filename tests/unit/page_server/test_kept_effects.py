@@ -12,10 +12,9 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.interface.importing import import_recordings
 from lumbar.interface.reading import read_listed
-from lumbar.page_server.kept_effects import keep_effects
-from lumbar.page_server.kept_records import keep_records
+from lumbar.page_server.keeping import keep_effects, keep_records
 from lumbar.study.load_study import load_study
-from lumbar.study.study_recordings import record_set, set_layout
+from lumbar.study.study import record_set, set_layout
 from lumbar.twin.examples import example_records
 
 SETS = "  record_sets:\n    - {name: tissue}\n    - {name: other, base: KB}\n"

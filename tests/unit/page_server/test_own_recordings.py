@@ -14,8 +14,8 @@ import pytest
 from asking import ended
 
 from lumbar.page_server import own_recordings
-from lumbar.page_server.field_problems import FIELDS, in_fields
 from lumbar.page_server.own_recordings import OwnRecordings
+from lumbar.page_server.recording_preview import FIELDS, in_fields
 from lumbar.page_server.trust import HOST
 from lumbar.twin.examples import example_records
 from patience import PATIENCE_S

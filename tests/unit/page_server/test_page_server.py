@@ -19,7 +19,7 @@ from lumbar.base.files import read_json
 from lumbar.cli.command import INTERRUPTED
 from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.server import new_server
-from lumbar.page_server.sketch import HEIGHT, Sketch
+from lumbar.page_server.waiting import HEIGHT, Sketch
 from lumbar.twin.examples import example_records
 
 

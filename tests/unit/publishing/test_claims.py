@@ -19,8 +19,7 @@ from lumbar.publishing.reproduction.claim import (
     examine,
     verdict,
 )
-from lumbar.publishing.reproduction.claims_summary import summary_table
-from lumbar.publishing.reproduction.register import all_claims, examine_claims
+from lumbar.publishing.reproduction.register import all_claims, examine_claims, summary_table
 
 
 @pytest.fixture(scope="module")

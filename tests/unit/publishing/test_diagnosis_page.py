@@ -13,8 +13,7 @@ import pytest
 from periodic_records import STEP, multisine, noise, record, relaxing_force
 
 from lumbar.base.errors import InputError
-from lumbar.publishing.pages.diagnosis_page import diagnosis_page
-from lumbar.publishing.pages.diagnosis_pictures import draw_pictures, pictured_effects
+from lumbar.publishing.pages.diagnosis_page import diagnosis_page, draw_pictures, pictured_effects
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, picture, table
 from lumbar.tissue.diagnosis.evidence.evidence import (
     EXCITATION,

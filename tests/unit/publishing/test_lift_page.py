@@ -14,7 +14,7 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.interface.lift_page import FILES, saved_lifts
 from lumbar.lifting.measures.balance import BaseOfSupport
-from lumbar.publishing.lift_page.moving_body import balance_columns, body_columns
+from lumbar.publishing.lift_page.lift_data import balance_columns, body_columns
 
 EVIL = "</script><script>alert(1)</script>"
 EVERY = slice(None, None, 50)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 
-from lumbar.publishing.figures.comparison_figure import comparison_figure, default_segment
+from lumbar.publishing.figures.comparison_figures import comparison_figure, default_segment
 from lumbar.publishing.figures.location_figure import location_figure
 from lumbar.publishing.figures.style import save
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor

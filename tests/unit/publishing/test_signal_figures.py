@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lumbar.publishing.figures.signal_figures import excitation_figure
-from lumbar.publishing.figures.surgeon_figures import psd_figure
+from lumbar.publishing.figures.signal_figures import excitation_figure, psd_figure
 from lumbar.tissue.signals.excitation import Signal
 
 

@@ -9,10 +9,9 @@ from html import unescape
 import pytest
 
 from generate.equation_index import equations
-from lumbar.publishing.study_report.contents import chapters
-from lumbar.publishing.study_report.picture import smaller
+from lumbar.publishing.study_report.contents import chapters, smaller
+from lumbar.publishing.study_report.page import FAILS, WARNS, troubles
 from lumbar.publishing.study_report.published_values import beside
-from lumbar.publishing.study_report.troubles import FAILS, WARNS, troubles
 from lumbar.study.artefacts import read_artefacts
 from small_report import CHOICES, CLAIMS, SHEET, make_results, page_of
 

@@ -16,7 +16,7 @@ from lumbar.records.checking import check_recordings
 from lumbar.records.columns import read_record
 from lumbar.records.importing.study_file import PROVENANCE
 from lumbar.study.load_study import load_study
-from lumbar.study.study_recordings import reading_plan
+from lumbar.study.study import reading_plan
 
 FILES = foreign_files()
 

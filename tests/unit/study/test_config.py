@@ -17,7 +17,7 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import TrialSettings
 from lumbar.study.artefacts import Artefact, read_artefacts
 from lumbar.study.load_study import load_study, name_lifts
-from lumbar.study.study_recordings import reading_plan, record_layout, record_set, recordings_of
+from lumbar.study.study import reading_plan, record_layout, record_set, recordings_of
 from lumbar.study.validation import laid_over
 from study_settings import study_config, study_settings, subject_settings
 

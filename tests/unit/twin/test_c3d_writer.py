@@ -7,7 +7,7 @@ import ezc3d
 import numpy as np
 
 from lumbar.records.c3d_file import read_c3d
-from lumbar.twin.c3d_writer import write_c3d
+from lumbar.twin.lifting_recordings import write_c3d
 
 LABELS = ["ann:C7", "ann:SACRUM", "box:BOX_1"]
 

@@ -1,6 +1,5 @@
 """Synthetic surgeon trials: what the configuration promises, by estimators that are not the library's."""
 
-import ast
 from dataclasses import replace
 
 import numpy as np
@@ -99,11 +98,3 @@ def test_other_sizes(settings, change):
 def test_unknown_surgeon_is_named_with_those_there_are(settings):
     with pytest.raises(InputError, match=r"any is by 'nobody'.*surgeon_1, surgeon_2"):
         surgeon_trial("any", "nobody", settings, 1)
-
-
-def test_twin_does_not_use_the_analysis_it_feeds(project):
-    tree = ast.parse(
-        (project / "workflow" / "lumbar" / "twin" / "surgeon_recordings.py").read_text(encoding="utf-8")
-    )
-    imported = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert not {name for name in imported if name.startswith("lumbar.tissue.signals")}

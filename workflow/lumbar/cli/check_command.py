@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError
 from lumbar.cli.options import new_command
 from lumbar.settings.plain import plain
-from lumbar.study.settings_files import load_settings
+from lumbar.study.load_study import load_settings
 
 if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings

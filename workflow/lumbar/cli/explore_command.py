@@ -14,8 +14,8 @@ from lumbar.cli.options import add_data, add_fit, new_command
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
-    from lumbar.page_server.explored_set import ExploredSet
     from lumbar.page_server.own_recordings import OwnDiagnosis
+    from lumbar.page_server.served_sets import ExploredSet
     from lumbar.records.record import Record
     from lumbar.settings.study_settings import StudySettings
     from lumbar.study.study import Study
@@ -88,7 +88,7 @@ def run(options) -> None:
 def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     from lumbar.cli.record_folder import read_folder
     from lumbar.interface.diagnosis import diagnose
-    from lumbar.page_server.explored_set import ExploredSet
+    from lumbar.page_server.served_sets import ExploredSet
 
     options.folder = options.target
     records, settings, data = read_folder(options)
@@ -120,7 +120,7 @@ def _own(settings: StudySettings, output: Path, *kept) -> OwnDiagnosis:
 
 
 def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
-    from lumbar.page_server.kept_records import keep_records
+    from lumbar.page_server.keeping import keep_records
     from lumbar.study.load_study import DEFAULT_FILES, load_study_file
 
     if not DEFAULT_FILES[0].is_file():
@@ -141,9 +141,9 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
 def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
     """A record set, diagnosed as the workflow does."""
     from lumbar.interface.diagnosis import diagnose
-    from lumbar.page_server.explored_set import ExploredSet
-    from lumbar.page_server.kept_effects import keep_effects
-    from lumbar.study.study_recordings import settings_of_set
+    from lumbar.page_server.keeping import keep_effects
+    from lumbar.page_server.served_sets import ExploredSet
+    from lumbar.study.study import settings_of_set
 
     read = cache(partial(_records_of, study, name))
 
@@ -156,7 +156,7 @@ def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
 
 def _records_of(study: Study, name: str) -> Sequence[Record]:
     from lumbar.interface.reading import read_listed
-    from lumbar.study.study_recordings import record_set, set_layout
+    from lumbar.study.study import record_set, set_layout
 
     entry = record_set(study.settings, name)
     paths = [study.recording(record.file) for record in entry.records]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lumbar.cli.options import add_data, add_folder, add_output, new_command
-from lumbar.study.settings_files import load_settings
+from lumbar.study.load_study import load_settings
 
 
 def add(commands) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.cli.options import new_command
-from lumbar.study.settings_files import load_settings
+from lumbar.study.load_study import load_settings
 
 
 def add(commands) -> None:

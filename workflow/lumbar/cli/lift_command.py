@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.cli.options import add_data, add_output, new_command
-from lumbar.study.settings_files import load_settings
+from lumbar.study.load_study import load_settings
 
 if TYPE_CHECKING:
     from lumbar.interface.person import Lift

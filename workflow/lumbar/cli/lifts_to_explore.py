@@ -11,7 +11,7 @@ from lumbar.page_server.served_lifts import ServedLift
 
 def lifts_of_folder(options) -> list[ServedLift]:
     """Lifts that the folder ``target`` holds; none where it is a folder of records."""
-    from lumbar.study.settings_files import load_settings
+    from lumbar.study.load_study import load_settings
 
     found = saved_lifts(options.target)
     settings = load_settings(*options.config).stability if found else None

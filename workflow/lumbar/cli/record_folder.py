@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from lumbar.study.settings_files import load_settings
+from lumbar.study.load_study import load_settings
 
 if TYPE_CHECKING:
     from lumbar.interface.refinement import Refinement
@@ -24,7 +24,7 @@ def fit_settings(options) -> StudySettings:
 def read_folder(options) -> tuple[RecordSet, StudySettings, str]:
     """Return the records of the folder with their periods, how they are fitted, and what they are called."""
     from lumbar.interface.reading import read
-    from lumbar.study.study_recordings import record_layout
+    from lumbar.study.study import record_layout
     from lumbar.tissue.diagnosis.noise.periods import fold_periods
 
     settings = fit_settings(options)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.cli.options import add_output, new_command
-from lumbar.study.settings_files import load_settings
+from lumbar.study.load_study import load_settings
 
 
 def add(commands) -> None:

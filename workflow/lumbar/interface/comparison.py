@@ -184,7 +184,7 @@ class Comparisons(OnRecords):
 
     def figure(self, name: str) -> Figure:
         """Return the picture of one record: measured and simulated output, and what is left of every record."""
-        from lumbar.publishing.figures.comparison_figure import comparison_figure
+        from lumbar.publishing.figures.comparison_figures import comparison_figure
 
         shown = self[name]
         comparisons = [item.comparison for item in self.simulated]

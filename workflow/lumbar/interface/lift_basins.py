@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID
 from lumbar.interface.person import Lift
-from lumbar.settings.seed import SEED
+from lumbar.settings.key import SEED
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:

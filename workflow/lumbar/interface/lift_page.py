@@ -12,8 +12,8 @@ from lumbar.interface.person import Lift
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
+    from lumbar.publishing.lift_page.lift_data import RecordedLift
     from lumbar.publishing.lift_page.page import LiftPage
-    from lumbar.publishing.lift_page.recorded_lift import RecordedLift
 
 FILES = ("body.csv", "com.csv", "pendulum.csv", "pendulum.json", "events.json")
 """What the page of a saved lift is made of."""
@@ -66,7 +66,7 @@ def saved_lifts(folder: str | os.PathLike) -> list[Path]:
 
 
 def _analysed(lift: Lift, data: str) -> RecordedLift:
-    from lumbar.publishing.lift_page.recorded_lift import RecordedLift
+    from lumbar.publishing.lift_page.lift_data import RecordedLift
 
     events = {name: event.as_dict() for name, event in lift.analysed.events.items()}
     return RecordedLift(lift.body, lift.analysed.pivot, lift.states, lift.facts, events, data or lift.data)
@@ -77,7 +77,7 @@ def _saved(folder: Path, data: str) -> RecordedLift:
     import pandas as pd
 
     from lumbar.base.files import read_json
-    from lumbar.publishing.lift_page.recorded_lift import RecordedLift
+    from lumbar.publishing.lift_page.lift_data import RecordedLift
 
     absent = [name for name in FILES if not (folder / name).is_file()]
     if absent:

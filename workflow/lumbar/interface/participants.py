@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.interface.data_label import NOT_SAID, data_label
-from lumbar.settings.seed import SEED
+from lumbar.settings.key import SEED
 from lumbar.settings.survey import SurveySettings
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
+from lumbar.settings.key import SEED
 from lumbar.settings.population import PopulationSettings
-from lumbar.settings.seed import SEED
 from lumbar.settings.stability import GROUPS
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class PeopleCompared:
 
     def figure(self) -> Figure:
         """Return all measures at one glance: who is safer, and how certain that is."""
-        from lumbar.publishing.figures.population_figure import comparison_figure
+        from lumbar.publishing.figures.people_figures import comparison_figure
 
         return comparison_figure(self.comparisons, self.groups)
 

@@ -124,7 +124,7 @@ def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
     """Return the person, read from a file where one is given."""
     if isinstance(subject, SubjectSettings):
         return subject
-    from lumbar.study.settings_files import load_subject
+    from lumbar.study.load_study import load_subject
 
     return load_subject(Path(subject))
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import data_label
 from lumbar.interface.person import Lift
+from lumbar.settings.key import SEED
 from lumbar.settings.pushes import PushesSettings
-from lumbar.settings.seed import SEED
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
@@ -272,7 +272,7 @@ class PushPrediction:
 
     def figure(self):
         """Draw the ROC curves."""
-        from lumbar.publishing.figures.push_figure import push_figure
+        from lumbar.publishing.figures.push_figures import push_figure
 
         return push_figure(self.contest.frame, self.frame)
 

@@ -151,7 +151,7 @@ class Rendering:
         InputError
             If no model is a transfer function.
         """
-        from lumbar.publishing.figures.haptic_figures import z_width_figure
+        from lumbar.publishing.figures.runtime_figures import z_width_figure
         from lumbar.tissue.haptics.passivity import z_width
 
         if not self.linear:
@@ -160,7 +160,7 @@ class Rendering:
 
     def loop_figure(self) -> Figure:
         """The loop that oscillates beside the mended one, of the best fitting model that has both; else the first two loops."""
-        from lumbar.publishing.figures.haptic_figures import loop_figure
+        from lumbar.publishing.figures.runtime_figures import loop_figure
         from lumbar.tissue.haptics.judgement import mended
 
         return loop_figure(mended(self.judgements) or self.judgements[:2])

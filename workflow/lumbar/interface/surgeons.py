@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 from lumbar.interface.data_label import data_label
 from lumbar.records.record import Record
+from lumbar.settings.key import SEED
 from lumbar.settings.plain import plain
-from lumbar.settings.seed import SEED
-from lumbar.settings.signals import SignalsSettings
-from lumbar.settings.surgeon import SurgeonSettings
+from lumbar.settings.signals import SignalsSettings, SurgeonSettings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,7 +79,7 @@ class Bandwidth:
 
     def figure(self) -> Figure:
         """Return the spectra with the bandwidths read off them."""
-        from lumbar.publishing.figures.surgeon_figures import psd_figure
+        from lumbar.publishing.figures.signal_figures import psd_figure
 
         pooled = {quantity: self.spectra.pooled(quantity) for quantity in self.spectra.psd}
         return psd_figure(

@@ -12,8 +12,8 @@ from tornado.web import Finish, RequestHandler, stream_request_body
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background, told
-from lumbar.page_server.field_problems import FIELDS
 from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis, OwnRecordings, OwnTabs
+from lumbar.page_server.recording_preview import FIELDS
 from lumbar.page_server.requests import read_request
 from lumbar.page_server.served_sets import OWN, ServedSets
 

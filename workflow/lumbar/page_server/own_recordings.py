@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING, Any
 from lumbar.base.errors import InputError
 from lumbar.interface.importing import ForeignFile, ImportedRecordings, import_recordings
 from lumbar.page_server.background import WRITING, told
-from lumbar.page_server.explored_set import ExploredSet
-from lumbar.page_server.field_problems import FIELDS, in_fields
-from lumbar.page_server.recording_preview import preview, tables_columns
-from lumbar.page_server.served_sets import OWN, ServedSets
+from lumbar.page_server.recording_preview import FIELDS, in_fields, preview, tables_columns
+from lumbar.page_server.served_sets import OWN, ExploredSet, ServedSets
 from lumbar.settings.key import NAME
 
 if TYPE_CHECKING:

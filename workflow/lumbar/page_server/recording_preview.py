@@ -1,14 +1,98 @@
-"""What the page shows of recordings before they are diagnosed: columns, what they were taken for, first rows, curves."""
+"""What the page shows of recordings before they are diagnosed: columns, and messages beside the field they concern."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 
 from lumbar.interface.importing import ImportedRecordings
-from lumbar.page_server.field_problems import in_labels
-from lumbar.records.importing.raw_table import RawTable
+from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable
+
+FIELDS = {
+    "time": "Time",
+    "time_unit": "Unit of time",
+    "position": "Position",
+    "position_unit": "Unit of position",
+    "force": "Force",
+    "force_unit": "Unit of force",
+    "rate": "Sampling rate",
+    "trim": "Part",
+    "table": "Table or sheet",
+    "flip_force": "Change the sign of the force",
+    "accept_clipped": "Accept clipped records",
+}
+"""Fields by the argument of `lumbar.import_recordings`, with their labels."""
+_LONGEST_FIRST = sorted((name.replace("_", "-") for name in FIELDS), key=len, reverse=True)
+_OPTION = re.compile(rf"--({'|'.join(_LONGEST_FIRST)})")
+_ALIASES = (
+    ("--sheet", "--table"),
+    ("--variable", "--table"),
+    ("the layout's 'clipped: accept'", "--accept-clipped"),
+)
+_NO_TABLE = re.compile(r"no (table|sheet|variable) '")
+_METAVARS = re.compile(r"(--[a-z-]+) (?:NAME or NUMBER|COLUMN|NAME|NUMBER|HZ|VARIABLE)\b")
+
+
+def in_fields(message: str, wrong: dict[str, list[str]]) -> list[str]:
+    """Part a reader's message into its problems, and put each to the field that it names first.
+
+    Parameters
+    ----------
+    wrong : dict of str to list of str
+        By field; takes the problems that name one.
+
+    Returns
+    -------
+    list of str
+        Problems that no field decides.
+
+    Examples
+    --------
+    >>> wrong = {name: [] for name in FIELDS}
+    >>> in_fields("a.csv: no column of time and no rate is stated; give --time COLUMN or --rate HZ", wrong)
+    []
+    >>> wrong["time"]
+    ['a.csv: no column of time and no rate is stated; give “Time” or “Sampling rate”']
+    """
+    rest = []
+    for problem in _problems(message):
+        option = _OPTION.search(problem)
+        if option is not None:
+            place = wrong[option[1].replace("-", "_")]
+        else:
+            place = wrong["table"] if _NO_TABLE.search(problem) else rest
+        place.append(in_labels(problem))
+    return rest
+
+
+def in_labels(text: str) -> str:
+    """The reader's words with the fields' labels for the options that they name.
+
+    Examples
+    --------
+    >>> in_labels("column 2, as told by --force")
+    'column 2, as told by “Force”'
+    """
+    return _OPTION.sub(lambda found: f"“{FIELDS[found[1].replace('-', '_')]}”", text)
+
+
+def _problems(message: str) -> list[str]:
+    """Single problems of a message that may list several, without the columns that follow them."""
+    text = re.split(rf"\n\s*{COLUMNS_FOLLOW.strip()} ", message)[0]
+    for name, option in _ALIASES:
+        text = text.replace(name, option)
+    text = _METAVARS.sub(r"\1", text)
+    parts = [part.strip() for part in re.split(r"\n\s*- ", text)]
+    listed = [part for part in parts if not _is_heading(part)]
+    return listed or parts
+
+
+def _is_heading(part: str) -> bool:
+    """Whether a part only says that problems follow."""
+    return bool(re.search(r"(: \d+ problems?|: not everything can be told from the file)$", part))
+
 
 _ROWS, _POINTS, _MOST_COLUMNS = 4, 300, 60
 

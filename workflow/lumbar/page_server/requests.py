@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.page_server.background import DRAWING, WRITING, told
-from lumbar.page_server.explored_set import ExploredSet
+from lumbar.page_server.served_sets import ExploredSet
 from lumbar.page_server.study_change import Change
 
 if TYPE_CHECKING:

@@ -1,11 +1,112 @@
-"""The sets that a server shows: those of the study or folder, and those of recordings given on the page."""
+"""The sets of records that the server shows, each with its diagnosis, made once: of a study or folder, and given on the page."""
 
 from __future__ import annotations
 
 import secrets
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from lumbar.page_server.explored_set import ExploredSet
+from lumbar.base.progress import going_on
+from lumbar.page_server.background import DRAWING, Job
+from lumbar.publishing.explorer.shown import model_key
+
+if TYPE_CHECKING:
+    from lumbar.interface.diagnosis import Diagnosis
+    from lumbar.interface.refinement import Refinement
+    from lumbar.page_server.study_change import Change
+    from lumbar.publishing.explorer.page import ExplorerPage
+    from lumbar.publishing.explorer.shown import ShownModel
+    from lumbar.records.record import Record
+
+
+@dataclass(eq=False)
+class ExploredSet:
+    """A set of records, diagnosed when it is first looked at."""
+
+    name: str
+    make: Callable[[], Diagnosis]
+    """Without arguments; returns the diagnosis."""
+    output: Path
+    """Folder that the page may write to."""
+    keep: Callable[[Sequence[str]], Change] | None = None
+    """Takes effects, returns the change of the study that keeps them; None without a study."""
+    study: str = ""
+    """File that `keep` changes, for the page."""
+    own: str = ""
+    """Address of the page on which the records were given; empty for those of a study or folder."""
+    read: Callable[[], Sequence[Record]] = tuple
+    """Without arguments; returns the records, to be shown while they are diagnosed."""
+    title: str = ""
+    """What the terminal calls it; empty for its name."""
+    job: Job | None = None
+    _refits: dict[str, Refinement] = field(default_factory=dict)
+    _fitted: dict[str, ShownModel] = field(default_factory=dict)
+    _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
+    _preparing: threading.Lock = field(default_factory=threading.Lock)
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """The diagnosis of the set."""
+        return self.make()
+
+    @cached_property
+    def page(self) -> ExplorerPage:
+        """Its page."""
+        return self.diagnosis.page()
+
+    @cached_property
+    def variables(self) -> dict[str, Any]:
+        """What the page's template shows; the same for every tab."""
+        return {**self.page.variables(served=True, study=self.study), "own": self.own}
+
+    @property
+    def ready(self) -> bool:
+        """Whether the page can be shown at once."""
+        return "variables" in self.__dict__
+
+    def begin(self) -> Job:
+        """Prepare the page beside the server, once; again where that failed or was cancelled."""
+        with self._one_at_a_time:
+            if self.job is None or (self.job.done and self.job.error):
+                self.job = Job(self.prepare)
+            return self.job
+
+    def prepare(self) -> None:
+        """Diagnose the records and draw the page."""
+        with self._preparing:
+            going_on("diagnosing the records")
+            _ = self.diagnosis
+            going_on("drawing the page")
+            with DRAWING:
+                _ = self.page.records, self.page.models, self.variables
+
+    def refitted(self, effects: Sequence[str]) -> Refinement:
+        """The base with these effects, fitted once: every tab that asks again gets the same one.
+
+        Raises
+        ------
+        InputError, NumericalError
+            As `lumbar.refine`.
+        """
+        with self._one_at_a_time:
+            key = model_key(effects)
+            if key not in self._refits:
+                self._refits[key] = self.diagnosis.with_effects(effects)
+            return self._refits[key]
+
+    def fitted(self, effects: Sequence[str]) -> ShownModel:
+        """The base with these effects as the page draws it: of the diagnosis, where it has them, else fitted; as `refitted`."""
+        key = model_key(effects)
+        if not self._fitted:
+            self._fitted.update({model.key: model for model in self.page.models})
+        if key not in self._fitted:
+            self._fitted[key] = self.page.shown(self.refitted(effects).path[-1])
+        return self._fitted[key]
+
 
 OWN = "/_own"
 """Address of the page for own recordings; no record set's name begins so."""

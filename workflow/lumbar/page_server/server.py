@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background
-from lumbar.page_server.explored_set import ExploredSet
 from lumbar.page_server.requests import TabRequests
-from lumbar.page_server.served_sets import OWN, RESULT, ServedSets
+from lumbar.page_server.served_sets import OWN, RESULT, ExploredSet, ServedSets
 from lumbar.page_server.trust import HOST, FromHere, Guarded
 
 if TYPE_CHECKING:

@@ -10,6 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
+SEED = 2023
+
+
 Kind = TypeVar("Kind")
 
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.key import NAME, UNIQUE, key, required, section, settings
+from lumbar.settings.key import NAME, SEED, UNIQUE, key, required, section, settings
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.perturbations import PerturbationsSettings
 from lumbar.settings.population import PopulationSettings
-from lumbar.settings.pushes import PushesSettings
+from lumbar.settings.pushes import PerturbationsSettings, PushesSettings
 from lumbar.settings.runtime import RuntimeSettings
-from lumbar.settings.seed import SEED
-from lumbar.settings.signals import SignalsSettings
+from lumbar.settings.signals import SignalsSettings, SurgeonSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings
-from lumbar.settings.surgeon import SurgeonSettings
 from lumbar.settings.survey import SurveySettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.settings.twin import TwinSettings

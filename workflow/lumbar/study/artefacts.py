@@ -1,4 +1,4 @@
-"""The sheet of artefacts: every table, figure and file that a study makes."""
+"""Chapters of a study, and the sheet of artefacts: every table, figure and file that it makes."""
 
 from __future__ import annotations
 
@@ -7,9 +7,21 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import get_args
 
 from lumbar.base.errors import Problems
-from lumbar.study.chapters import CHAPTERS
+from lumbar.settings.study_settings import Chapter
+
+CHAPTERS: tuple[str, ...] = get_args(Chapter)
+NEEDS = {
+    "signals": ["surgeon"],
+    "improvement": ["tissue"],
+    "runtime": ["tissue"],
+    "stability": ["lifting"],
+}
+"""Chapters that build on another one of the same study."""
+LIFTED = {"lifting", "population"}
+"""Chapters that begin with the recorded lifts."""
 
 
 @dataclass(frozen=True)

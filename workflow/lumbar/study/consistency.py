@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import LumbarError, Problems
 from lumbar.base.yaml_file import way_of
 from lumbar.settings.stability import GROUPS
-from lumbar.study.study import Study
-from lumbar.study.study_recordings import record_layout, record_set, recordings_of
+from lumbar.study.study import Study, record_layout, record_set, recordings_of
 
 if TYPE_CHECKING:
     from lumbar.settings.improvement import ImprovementSettings

@@ -8,10 +8,9 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_csv
-from lumbar.twin.hip_moment import box_held, hip_moment, trunk_angle
+from lumbar.twin.hip_moment import GRAVITY, box_held, hip_moment, trunk_angle
 from lumbar.twin.lifter import Movement
 from lumbar.twin.lifting_recordings import true_movement
-from lumbar.twin.swinging_body import GRAVITY
 
 if TYPE_CHECKING:
     from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, SyntheticPerson

@@ -127,7 +127,7 @@ def test_an_exchange_inside_rules_is_mended_through_the_reader(shared, project):
     from dataclasses import replace
 
     from lumbar.lifting.quality.screening import Screening
-    from lumbar.study.settings_files import load_settings
+    from lumbar.study.load_study import load_settings
 
     path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
     layout = load_settings(project / "config" / "studies" / "box_transfer.yaml").lifting.markers

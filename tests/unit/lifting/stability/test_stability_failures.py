@@ -30,8 +30,7 @@ from lumbar.lifting.stability.model.failures import (
     failures_table,
 )
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES
-from lumbar.publishing.figures.basin_comparison_figure import comparison_figure
-from lumbar.publishing.figures.stability_figures import figure_4_3, figure_4_4
+from lumbar.publishing.figures.stability_figures import comparison_figure, figure_4_3, figure_4_4
 from study_settings import changed
 
 FAST = changed(

@@ -26,7 +26,7 @@ from lumbar.lifting.stability.comparison.table_4_1_grid import (
 )
 from lumbar.lifting.stability.model.failures import joined
 from lumbar.lifting.stability.model.trajectories import COMS, GRID, PLANES, THESIS, LiftStates
-from lumbar.publishing.figures.grid_figure import grid_figure
+from lumbar.publishing.figures.people_figures import grid_figure
 from lumbar.settings.stability import CompareSettings
 
 FAST = replace(SETTINGS, knots=101, checks=(), grid=replace(SETTINGS.grid, knots=101))

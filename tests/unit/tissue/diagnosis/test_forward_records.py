@@ -15,7 +15,7 @@ from lumbar.base.errors import InputError
 from lumbar.cli.command import main
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
-from lumbar.study.settings_files import load_settings
+from lumbar.study.load_study import load_settings
 from lumbar.tissue.diagnosis.forward.forward_base import response_of
 from lumbar.tissue.diagnosis.linear.direction import FORWARD
 from lumbar.tissue.effects.catalogue import catalogues_with

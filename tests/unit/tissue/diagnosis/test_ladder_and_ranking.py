@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from lumbar.publishing.figures.ladder_figure import ladder_figure
+from lumbar.publishing.figures.comparison_figures import ladder_figure
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, separation_sentence
 from lumbar.tissue.diagnosis.selection.candidate import by_score
 from lumbar.tissue.diagnosis.selection.verdict import told_apart

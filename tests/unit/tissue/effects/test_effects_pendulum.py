@@ -1,4 +1,4 @@
-"""The pendulum and its effects against Newton's law for point masses (`lumbar.twin.swinging_body`)."""
+"""The pendulum and its effects against Newton's law for point masses (`lumbar.twin.hip_moment`)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lumbar.tissue.effects.starts import interval_starts, modulation_starts
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
-from lumbar.twin.swinging_body import Mass, Swing, acceleration, constant, rate
+from lumbar.twin.hip_moment import Mass, Swing, acceleration, constant, rate
 
 NAMES = ["hand_load", "passive_stiffness", "coulomb_friction", "variable_length", "moving_pivot", "drag"]
 FORMS = {form.key: form for effect in PENDULUM.values() for form in effect.forms}

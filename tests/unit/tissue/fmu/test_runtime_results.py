@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from lumbar.publishing.figures.fmu_figures import fmu_force_figure
+from lumbar.publishing.figures.runtime_figures import fmu_force_figure
 from lumbar.publishing.figures.style import save
 from lumbar.tissue.fmu.build.reference_response import push_profile, reference_output
 from lumbar.tissue.fmu.check.check_table import check_table

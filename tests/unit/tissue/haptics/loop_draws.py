@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.settings.device import DeviceSettings
+from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
 
 

@@ -10,7 +10,7 @@ import pytest
 from loop_draws import drawn_device, drawn_model
 from scipy.integrate import solve_ivp
 
-from lumbar.settings.device import DeviceSettings
+from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import (
     SampledModel,
     largest_pole,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.settings.surgeon import WelchSettings
+from lumbar.settings.signals import WelchSettings
 from lumbar.tissue.signals.spectrum import level_frequency, position_psd, power_share_frequency
 
 FREQUENCY = np.arange(0, 50.0001, 0.01)

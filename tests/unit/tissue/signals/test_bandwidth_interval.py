@@ -7,7 +7,7 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
-from lumbar.settings.surgeon import BandwidthSettings, WelchSettings
+from lumbar.settings.signals import BandwidthSettings, WelchSettings
 from lumbar.tissue.signals.surgeon_motion import (
     MotionSpectra,
     motion_bandwidths,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.settings.surgeon import WelchSettings
+from lumbar.settings.signals import WelchSettings
 from lumbar.tissue.signals.spectrum import position_psd, velocity_psd
 
 SETTINGS = WelchSettings()

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from lumbar.records.markers import MarkerRecording
     from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.perturbations import PerturbationsSettings
+    from lumbar.settings.pushes import PerturbationsSettings
     from lumbar.settings.stability import StabilitySettings
 
 FEET_SHARE = 0.029

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from lumbar.publishing.explorer.shown import model_key
-from lumbar.publishing.figures.signature_figures import signature_thumbnail
+from lumbar.publishing.figures.comparison_figures import signature_thumbnail
 from lumbar.publishing.pages.html import picture, table
 from lumbar.tables.words import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence

@@ -1,16 +1,137 @@
-"""The excitation signals in time and in frequency."""
+"""Spectra of the surgeons' motion with the bandwidths read off them, and the excitation signals."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import NullLocator
 
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    SERIES,
+    house_style,
+    label_panels,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     from lumbar.tissue.signals.excitation import Signal
+
+_LABELS = {"position": "Position PSD (mm²/Hz)", "velocity": "Velocity PSD ((mm/s)²/Hz)"}
+_SURGEON_STYLES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
+_DECADES_SHOWN = 8
+
+
+@house_style
+def psd_figure(
+    frequency: np.ndarray,
+    psd: Mapping[str, np.ndarray],
+    pooled: Mapping[str, np.ndarray],
+    surgeons: Sequence[str],
+    bandwidths: dict,
+    reference: float | None,
+):
+    """Draw every trial thin, the pooled spectrum thick, and the bandwidths with their intervals above.
+
+    Parameters
+    ----------
+    frequency : numpy.ndarray of float, shape (lines,)
+        Hz, the first being 0 (not drawn: the axis is logarithmic).
+    psd : mapping of str to numpy.ndarray of float, shape (trials, lines)
+        By quantity.
+    pooled : mapping of str to numpy.ndarray of float, shape (lines,)
+        By quantity.
+    surgeons : sequence of str
+        Of every trial.
+    bandwidths : dict
+        As `lumbar.tissue.signals.surgeon_motion.motion_bandwidths` returns it.
+    reference : float or None
+        A published bandwidth in Hz to compare with.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, axes = new_figure(DOUBLE_COLUMN, 3.8, ncols=2, sharex=True)
+    label_panels(axes)
+    people = sorted(set(surgeons))
+    for axis, quantity in zip(axes, pooled, strict=True):
+        for surgeon, row in zip(surgeons, psd[quantity], strict=True):
+            index = people.index(surgeon)
+            axis.loglog(
+                frequency[1:],
+                row[1:],
+                color=SERIES[index % (len(SERIES) - 1)],
+                linestyle=_SURGEON_STYLES[index % len(_SURGEON_STYLES)],
+                linewidth=0.5,
+                alpha=0.6,
+            )
+        axis.loglog(
+            frequency[1:], pooled[quantity][1:], color=MEASURED, linewidth=1.8, label="mean of all surgeons"
+        )
+        # Head-room above the spectra keeps the intervals clear of them.
+        top = max(psd[quantity][:, 1:].max(), pooled[quantity].max())
+        bottom = max(pooled[quantity][1:].min() / 5, top * 10.0**-_DECADES_SHOWN)
+        axis.set_ylim(bottom, top * 30)
+        axis.set_xlim(frequency[1], frequency[-1])
+        limit = bandwidths["analysis_band_Hz"][1]
+        axis.axvspan(limit, frequency[-1], color="#eeeeee", zorder=0, label="outside the analysis band")
+        if reference is not None:
+            axis.axvline(
+                reference, color="#D55E00", linestyle=(0, (4, 2)), ymax=0.8, label=f"thesis: {reference:g} Hz"
+            )
+        _draw_bandwidths(axis, bandwidths[quantity], bandwidths["rules"])
+        axis.set_xlabel("Frequency (Hz)")
+        axis.set_ylabel(_LABELS[quantity])
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_locator(NullLocator())
+    figure.legend(
+        *axes[0].get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=5,
+        columnspacing=1.2,
+        handlelength=1.6,
+    )
+    return figure
+
+
+def _draw_bandwidths(axis, by_rule: dict, rules: dict) -> None:
+    """Draw a marker with its interval for each rule, in the head-room of the axes."""
+    named = {
+        "power_share": (f"{100 * rules['power_share']:g} % of the power", "o", "#0072B2", 0.95),
+        "level": (f"{-rules['level_dB']:g} dB under the peak", "s", "#009E73", 0.87),
+    }
+    transform = axis.get_xaxis_transform()
+    for rule, (text, marker, colour, height) in named.items():
+        value, low, high = (by_rule[rule][key] for key in ("value_Hz", "low_Hz", "high_Hz"))
+        style = {"color": colour, "transform": transform, "zorder": 4}
+        # Drawn empty where the rule has no answer, so that the legend still names it.
+        shown = [] if value is None else [value]
+        axis.plot(shown, [height] * len(shown), marker, markersize=4.5, label=text, **style)
+        if value is None:
+            continue
+        label, end = f"{value:.2f} Hz", value
+        if low is not None:
+            end = axis.get_xlim()[1] if high is None else high
+            axis.plot([low, end], [height, height], linewidth=1.2, **style)
+            label += f" ({low:.2f}–{'…' if high is None else f'{high:.2f}'})"
+        beyond = end > axis.get_xlim()[1] / 4
+        axis.annotate(
+            label,
+            (low if beyond and low is not None else end, height),
+            xycoords=transform,
+            xytext=(-5 if beyond else 5, 0),
+            textcoords="offset points",
+            ha="right" if beyond else "left",
+            va="center",
+            fontsize=6.5,
+            zorder=5,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.7},
+        )
+
 
 _SHOWN_TO = 2.0
 """The spectra are shown up to this factor times the excited band."""

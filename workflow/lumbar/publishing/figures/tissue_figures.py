@@ -1,4 +1,4 @@
-"""Figures 3.4 and 3.5: excitation and response of the tissue, and the models' free runs."""
+"""Figures 2.4 and 3.2, the models as block diagram and mechanical analogues; Figures 3.4 and 3.5, their fits."""
 
 from __future__ import annotations
 
@@ -8,12 +8,196 @@ from lumbar.base.errors import InputError
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
     MEASURED,
+    MODELS,
     house_style,
     label_panels,
     model_look,
     new_figure,
 )
 from lumbar.records.record import Record
+from lumbar.tissue.models.network import Dashpot, Network, Parallel, Series, Spring
+from lumbar.tissue.models.tissue_models import IL, TissueModel
+
+INK = "#000000"
+_LINE = 1.2
+_GAP = 0.18  # rigid bar above and below parts in parallel
+
+
+def _size(network: Network) -> tuple[float, float]:
+    """Width and height of a network's drawing; one element is 1 × 1."""
+    match network:
+        case Series(parts):
+            sizes = [_size(part) for part in parts]
+            return max(width for width, _ in sizes), sum(height for _, height in sizes)
+        case Parallel(parts):
+            sizes = [_size(part) for part in parts]
+            return sum(width for width, _ in sizes), max(height for _, height in sizes) + 2 * _GAP
+    return 1.0, 1.0
+
+
+def _draw_network(axis, network: Network, x: float, top: float) -> None:
+    """Draw a network hanging from the point (x, top)."""
+    match network:
+        case Spring(symbol):
+            _draw_spring(axis, x, top, symbol)
+        case Dashpot(symbol):
+            _draw_dashpot(axis, x, top, symbol)
+        case Series(parts):
+            for part in parts:
+                _draw_network(axis, part, x, top)
+                top -= _size(part)[1]
+        case Parallel(parts):
+            _draw_parallel(axis, parts, x, top)
+
+
+def _draw_parallel(axis, parts: tuple[Network, ...], x: float, top: float) -> None:
+    width, height = _size(Parallel(parts))
+    left = x - width / 2
+    centres = []
+    for part in parts:
+        part_width, part_height = _size(part)
+        centres.append(left + part_width / 2)
+        left += part_width
+        _draw_network(axis, part, centres[-1], top - _GAP)
+        bottom = top - _GAP - part_height
+        axis.plot([centres[-1]] * 2, [bottom, top - height + _GAP], color=INK, linewidth=_LINE)
+    for level, inner in ((top, top - _GAP), (top - height, top - height + _GAP)):
+        axis.plot([x, x], [level, inner], color=INK, linewidth=_LINE)
+        axis.plot(
+            [centres[0], centres[-1]], [inner, inner], color=INK, linewidth=_LINE, solid_capstyle="projecting"
+        )
+
+
+def _draw_spring(axis, x: float, top: float, symbol: str) -> None:
+    turns = 9
+    heights = np.concatenate([[0.0], np.linspace(0.2, 0.8, turns), [1.0]])
+    offsets = np.zeros(turns + 2)
+    offsets[2:-2] = 0.16 * (-1.0) ** np.arange(turns - 2)
+    axis.plot(x + offsets, top - heights, color=INK, linewidth=_LINE, solid_joinstyle="round")
+    _label(axis, x + 0.24, top - 0.5, symbol)
+
+
+def _draw_dashpot(axis, x: float, top: float, symbol: str) -> None:
+    axis.plot([x, x], [top, top - 0.45], color=INK, linewidth=_LINE)  # rod
+    axis.plot([x - 0.13, x + 0.13], [top - 0.45] * 2, color=INK, linewidth=1.8 * _LINE)  # piston
+    cup_x = [x - 0.19, x - 0.19, x + 0.19, x + 0.19]
+    axis.plot(cup_x, [top - 0.3, top - 0.68, top - 0.68, top - 0.3], color=INK, linewidth=_LINE)
+    axis.plot([x, x], [top - 0.68, top - 1.0], color=INK, linewidth=_LINE)
+    _label(axis, x + 0.26, top - 0.5, symbol)
+
+
+def _label(axis, x: float, y: float, symbol: str) -> None:
+    letter, index = symbol[0], symbol[1:]
+    axis.text(x, y, f"${letter}_{index}$" if index else f"${letter}$", va="center", fontsize=10)
+
+
+def _arrow(axis, tail: tuple[float, float], head: tuple[float, float], color: str = INK) -> None:
+    style = {"arrowstyle": "-|>", "color": color, "linewidth": _LINE, "shrinkA": 0, "shrinkB": 0}
+    axis.annotate("", xy=head, xytext=tail, arrowprops=style)
+
+
+def _ground(axis, x: float, y: float) -> None:
+    axis.plot([x - 0.5, x + 0.5], [y, y], color=INK, linewidth=_LINE)
+    for start in np.linspace(x - 0.5, x + 0.4, 7):
+        axis.plot([start + 0.1, start], [y, y - 0.12], color=INK, linewidth=0.6 * _LINE)
+
+
+@house_style
+def analogues_figure(models: tuple[TissueModel, ...]):
+    """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground.
+
+    Parameters
+    ----------
+    models : tuple of TissueModel
+        Definitions; their networks are drawn as they stand.
+    """
+    figure, axes = new_figure(DOUBLE_COLUMN, 2.7, ncols=len(models), squeeze=False)
+    tallest = max(_size(model.network)[1] for model in models if model.network)
+    for axis, model in zip(axes[0], models, strict=True):
+        axis.set_xlim(-1.5, 1.5)
+        axis.set_ylim(-tallest - 0.15, 0.95)
+        axis.set_aspect("equal")
+        axis.axis("off")
+        axis.set_title(f"{model.name}\n{model.title}", color=MODELS[model.name]["color"], fontweight="bold")
+        _draw_model(axis, model, tallest)
+    return figure
+
+
+def _draw_model(axis, model: TissueModel, tallest: float) -> None:
+    if model.network is None:
+        box = {"boxstyle": "square,pad=0.9", "facecolor": INK, "edgecolor": INK}
+        axis.text(
+            0,
+            -tallest / 2,
+            "$H(z)$\nblack box",
+            ha="center",
+            va="center",
+            color="white",
+            fontsize=9,
+            bbox=box,
+        )
+        axis.plot([0, 0], [0, -tallest], color=INK, linewidth=_LINE, zorder=0)
+    else:
+        rod = (tallest - _size(model.network)[1]) / 2
+        _draw_network(axis, model.network, 0.0, -rod)
+        for start in (0.0, rod - tallest):
+            axis.plot([0, 0], [start, start - rod], color=INK, linewidth=_LINE)
+    _ground(axis, 0.0, -tallest)
+    axis.plot([-0.45, 0.45], [0, 0], color=INK, linewidth=2 * _LINE)  # the tool tip
+    _arrow(axis, (-0.3, 0.85), (-0.3, 0.08))
+    axis.text(-0.38, 0.55, "$x$", ha="right", va="center", fontsize=10)
+    # The tissue pushes back against the tool; the inverted model pulls it in.
+    tail, head = ((0.3, 0.85), (0.3, 0.08)) if model is IL else ((0.3, 0.08), (0.3, 0.85))
+    _arrow(axis, tail, head, "#D55E00")
+    axis.text(0.4, 0.55, "$-F$" if model is IL else "$F$", va="center", fontsize=10, color="#D55E00")
+
+
+def _block(axis, x: float, y: float, text: str, height: float = 0.8) -> None:
+    width = 1.5
+    from matplotlib.patches import Rectangle
+
+    axis.add_patch(Rectangle((x - width / 2, y - height / 2), width, height, fill=False, linewidth=_LINE))
+    axis.text(x, y, text, ha="center", va="center", fontsize=10)
+
+
+@house_style
+def arx_figure():
+    """Figure 2.4: the ARX model as signal flow, and the equations A x = b it becomes."""
+    figure, axis = new_figure(DOUBLE_COLUMN, 2.2)
+    axis.set_xlim(0, 11)
+    axis.set_ylim(-1.9, 1.5)
+    axis.set_aspect("equal")
+    axis.axis("off")
+    _block(axis, 3.2, 0.0, r"$B(z^{-1})$")
+    _block(axis, 7.4, 0.0, r"$\dfrac{1}{A(z^{-1})}$", height=1.1)
+    axis.add_patch(_circle(5.3, 0.0))
+    axis.text(5.3, 0.0, "+", ha="center", va="center", fontsize=11)
+    _arrow(axis, (1.0, 0.0), (2.45, 0.0))
+    _arrow(axis, (3.95, 0.0), (5.08, 0.0))
+    _arrow(axis, (5.52, 0.0), (6.65, 0.0))
+    _arrow(axis, (8.15, 0.0), (9.7, 0.0))
+    _arrow(axis, (5.3, 1.05), (5.3, 0.22))
+    axis.text(0.9, 0.0, "input\n$u_k$", ha="right", va="center", fontsize=9)
+    axis.text(9.8, 0.0, "output\n$y_k$", ha="left", va="center", fontsize=9)
+    axis.text(5.3, 1.12, "error $e_k$", ha="center", va="bottom", fontsize=9)
+    rows = r"$y_k = -a_{1}\,y_{k-1} - \cdots - a_{n}\,y_{k-n} + b_{0}\,u_k + \cdots + b_{m}\,u_{k-m} + e_k$"
+    axis.text(5.3, -1.15, rows, ha="center", va="center", fontsize=9)
+    axis.text(
+        5.3,
+        -1.7,
+        r"one row per sample:  $\mathbf{A}\,\mathbf{x} = \mathbf{b}$,  "
+        r"$\mathbf{x} = (-a_1 \ldots -a_n,\; b_0 \ldots b_m)$",
+        ha="center",
+        va="center",
+        fontsize=9,
+    )
+    return figure
+
+
+def _circle(x: float, y: float):
+    from matplotlib.patches import Circle
+
+    return Circle((x, y), 0.22, fill=False, linewidth=_LINE)
 
 
 def _segment(record: Record, segment_s: tuple[float, float]) -> np.ndarray:

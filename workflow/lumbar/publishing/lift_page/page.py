@@ -18,12 +18,14 @@ from lumbar.publishing.explorer.one_file import Drawn, beside, drawn, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
 from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
-from lumbar.publishing.lift_page.moving_body import (
+from lumbar.publishing.lift_page.lift_data import (
+    PushedPendulum,
     balance_columns,
     body_columns,
     centres,
     chains,
     drawn_frames,
+    pushed_pendulums,
 )
 from lumbar.publishing.lift_page.plots import (
     CERTIFIED,
@@ -35,14 +37,13 @@ from lumbar.publishing.lift_page.plots import (
     SHADES,
     lift_pictures,
 )
-from lumbar.publishing.lift_page.pushed_pendulums import PushedPendulum, pushed_pendulums
 
 if TYPE_CHECKING:
     from bokeh.document import Document
     from bokeh.models import ColumnDataSource
 
     from lumbar.lifting.stability.model.trajectories import Failure
-    from lumbar.publishing.lift_page.recorded_lift import RecordedLift
+    from lumbar.publishing.lift_page.lift_data import RecordedLift
     from lumbar.settings.stability import StabilitySettings
 
 PAGE = "publishing/lift_page/lift_page.html.jinja"

@@ -1,7 +1,7 @@
 // A pendulum in closed loop about its trajectory, pushed: lumbar.lifting.stability's equations and its Runge-Kutta step, knot by knot.
 "use strict";
 window.lumbarPendulum = (() => {
-  // loop: constants and columns of lumbar.publishing.lift_page.pushed_pendulums; point: of the grid, two to a knot.
+  // loop: constants and columns of lumbar.publishing.lift_page.lift_data; point: of the grid, two to a knot.
 
   function feedback(loop, point, e, w) {
     return -(loop.s12[point] * e + loop.s22[point] * w) / (loop.inertia * loop.control_weight);

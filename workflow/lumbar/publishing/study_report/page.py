@@ -1,21 +1,189 @@
-"""The report of a study as one HTML page that needs nothing from elsewhere."""
+"""The report of a study as one HTML page that needs nothing from elsewhere, begun with what fails or warns."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
 from lumbar.publishing.study_report.contents import Chapter
 from lumbar.publishing.study_report.published_values import counted, not_holding
-from lumbar.publishing.study_report.troubles import FAILS, recordings, troubles
 from lumbar.tables.layout import split
 
 if TYPE_CHECKING:
     import pandas as pd
+
+FAILS, WARNS = "fails", "warns"
+_WARNING = re.compile(r"^(?:\w*Warning|WARNING): (.*(?:\n  .*)*)", flags=re.M)
+_TOLD_BY_FILES = ("lift", "stability_tables")
+"""Stages whose warnings stand in their results too: lifts without a pendulum, missing basins."""
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """One thing that a reader should know before any result."""
+
+    grade: str
+    """``"fails"`` or ``"warns"``."""
+    where: str
+    """Stage, lift, record set or file."""
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One recording of the study and how good it is."""
+
+    chapter: str
+    name: str
+    rate_Hz: float | None
+    duration_s: float | None
+    """`rate_Hz`, `duration_s`: none where the recording has no time."""
+    channels: str
+    """What it holds."""
+    missing_percent: float | None = None
+    """Share of all samples of all markers that were not seen; None for others."""
+    findings: tuple[str, ...] = ()
+
+
+def recordings(results: Path) -> list[Recording]:
+    """Return every recording that was checked, with the quality of those of markers."""
+    sheets = {
+        Path(sheet["file"]).name: sheet
+        for sheet in map(read_json, sorted(results.glob("lifting/*/quality.json")))
+    }
+    found = []
+    for path in sorted(results.glob("checked/*.json")):
+        for entry in read_json(path)["recordings"]:
+            sheet = sheets.get(entry["file"].rpartition("/")[2], {})
+            missing = sheet.get("missing_share")
+            found.append(
+                Recording(
+                    path.stem,
+                    entry.get("name") or entry["file"],
+                    entry.get("rate_Hz"),
+                    entry.get("duration_s"),
+                    _channels(entry),
+                    None if missing is None else 100 * missing,
+                    tuple(map(_finding, sheet.get("findings", ()))),
+                )
+            )
+    return found
+
+
+def _channels(entry: dict) -> str:
+    if "markers" in entry:
+        return f"{len(entry['markers'])} markers"
+    return ", ".join(f"{item['quantity']} ({item['unit']})" for item in entry.get("channels", {}).values())
+
+
+def _finding(finding: dict) -> str:
+    markers = ", ".join(finding["markers"]) or "all markers"
+    return (
+        f"{finding['kind']} ({finding['outcome']}): {markers} from {finding['start_s']:.2f} s for "
+        f"{finding['length_s']:.2f} s: {finding['evidence']}"
+    )
+
+
+def troubles(results: Path) -> list[Trouble]:
+    """Return what fails, then what warns."""
+    found = [
+        *_of_recordings(results),
+        *_of_lifts(results),
+        *_of_diagnoses(results),
+        *_of_basins(results),
+        *_of_fmus(results),
+        *_of_logs(results),
+    ]
+    return sorted(dict.fromkeys(found), key=lambda item: item.grade != FAILS)
+
+
+def _of_recordings(results: Path) -> Iterator[Trouble]:
+    for item in recordings(results):
+        for finding in item.findings:
+            yield Trouble(FAILS if "(error)" in finding else WARNS, item.name, finding)
+
+
+def _of_lifts(results: Path) -> Iterator[Trouble]:
+    for path in sorted(results.glob("lifting/*/pendulum.json")):
+        facts = read_json(path)
+        if facts.get("no_deposit"):
+            yield Trouble(FAILS, facts["lift"], f"no deposit: {facts['no_deposit']}")
+        for what, why in facts.get("missing", {}).items():
+            yield Trouble(FAILS, facts["lift"], f"no {what}: {why}")
+        for words in facts.get("assumptions", ()):
+            yield Trouble(WARNS, facts["lift"], f"assumed: {words}")
+
+
+def _of_diagnoses(results: Path) -> Iterator[Trouble]:
+    for path in sorted(results.glob("improvement/*/diagnosis.json")):
+        where, found = f"diagnosis of {path.parent.name}", read_json(path)
+        if found["verdict"] == "unexplained":
+            yield Trouble(FAILS, where, "something is missing, and no effect of the catalogue explains it")
+        if found["verdict"] == "tied":
+            names = [*found["selected"], *map(str, found["tied_with"])]
+            yield Trouble(WARNS, where, f"these cannot be told apart on these records: {', '.join(names)}")
+        if found["complete"] is False:
+            yield Trouble(WARNS, where, "the error that is left is above 1.2 times the noise floor")
+        if found["noise_floor_rms"] is None:
+            yield Trouble(WARNS, where, "no record repeats, so the noise floor is not known")
+        for finding in found.get("findings", ()):
+            yield Trouble(WARNS, where, finding["sentence"])
+
+
+def _of_basins(results: Path) -> Iterator[Trouble]:
+    missing = _table(results / "stability" / "failures.csv")
+    for row in () if missing is None else missing.itertuples():
+        lift = f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}".replace("_", " ")
+        yield Trouble(FAILS, lift, f"{row.basin}: {row.reason}")
+    areas = _table(results / "stability" / "boa.csv")
+    if areas is None:
+        return
+    exact = areas[areas["method"] == "exact"]
+    left, starts = exact["exits"].sum(), exact["simulated_starts"].sum()
+    if left:
+        yield Trouble(FAILS, "basins", f"{left:g} of {starts:g} simulated starts leave an exact basin")
+    if (exact["control_exits"] == 0).any():
+        yield Trouble(WARNS, "basins", "a basin made too large on purpose was not found out by simulation")
+    open_ = int((exact["proved_share"] < 1).sum())
+    if open_:
+        yield Trouble(
+            WARNS, "basins", f"{open_} of {len(exact)} exact basins are not proved over the whole movement"
+        )
+
+
+def _of_fmus(results: Path) -> Iterator[Trouble]:
+    checks = _table(results / "runtime" / "fmu_check.csv")
+    for row in () if checks is None else checks.itertuples():
+        problems = int(row.schema_problems + row.lint_problems)
+        if problems:
+            yield Trouble(FAILS, row.file, f"{problems} problems found by the checks")
+        if row.relative_error > row.tolerance:
+            yield Trouble(
+                FAILS, row.file, f"off its model by {row.relative_error:.2g} (allowed: {row.tolerance:.2g})"
+            )
+
+
+def _of_logs(results: Path) -> Iterator[Trouble]:
+    """Warnings that stages wrote to their logs."""
+    for path in sorted((results / "logs").rglob("*.log")):
+        stage = path.relative_to(results / "logs").with_suffix("")
+        if stage.parts[0] in _TOLD_BY_FILES:
+            continue
+        for found in _WARNING.finditer(path.read_text(encoding="utf-8")):
+            yield Trouble(WARNS, stage.as_posix().replace("_", " "), found[1].strip())
+
+
+def _table(path: Path) -> pd.DataFrame | None:
+    import pandas as pd
+
+    return pd.read_csv(path) if path.is_file() else None
+
 
 PAGE = "publishing/study_report/report.html.jinja"
 

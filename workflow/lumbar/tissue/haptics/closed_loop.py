@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.settings.device import DeviceSettings
+from lumbar.settings.runtime import DeviceSettings
 
 _SMALLEST_ANGLE = 1e-4
 

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from lumbar.base.errors import NumericalError
-from lumbar.settings.device import DeviceSettings
-from lumbar.settings.runtime import RuntimeSettings
+from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.haptics.judgement import Analysis, Judgement, analyse

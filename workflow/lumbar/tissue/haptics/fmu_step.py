@@ -18,7 +18,7 @@ from lumbar.tissue.models.model_data import Port
 if TYPE_CHECKING:
     from fmpy.model_description import ModelDescription
 
-    from lumbar.settings.device import DeviceSettings
+    from lumbar.settings.runtime import DeviceSettings
 
 
 class UnpackedFmu:

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.settings.device import DeviceSettings
-from lumbar.settings.runtime import RuntimeSettings
+from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.haptics.closed_loop import largest_stable_gain

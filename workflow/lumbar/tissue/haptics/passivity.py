@@ -23,8 +23,7 @@ from functools import cache
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.settings.device import DeviceSettings
-from lumbar.settings.runtime import RuntimeSettings
+from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
 from lumbar.tissue.haptics.rendered_model import exported_at, rendered
 from lumbar.tissue.models.fitted_model import FittedModel

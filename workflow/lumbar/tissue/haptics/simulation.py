@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.settings.device import DeviceSettings
+from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, period, propagation
 
 PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0

@@ -9,7 +9,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 
 if TYPE_CHECKING:
-    from lumbar.settings.surgeon import WelchSettings
+    from lumbar.settings.signals import WelchSettings
 
 QUANTITIES = ("position", "velocity")
 """Quantities whose spectra are analysed, each from the same position recording."""

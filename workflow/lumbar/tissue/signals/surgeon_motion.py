@@ -21,7 +21,7 @@ from lumbar.tissue.signals.spectrum import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.surgeon import BandwidthSettings, WelchSettings
+    from lumbar.settings.signals import BandwidthSettings, WelchSettings
 
 POOLED = "pooled"
 """Name of the mean of all trials in the table of spectra."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.perturbations import PerturbationsSettings
+    from lumbar.settings.pushes import PerturbationsSettings
     from lumbar.settings.stability import StabilitySettings
 
 PHASE_POINTS = 401

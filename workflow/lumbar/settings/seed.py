@@ -1,3 +1,0 @@
-"""The seed of bootstraps and simulations where none is given."""
-
-SEED = 2023
