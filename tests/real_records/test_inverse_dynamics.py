@@ -54,7 +54,7 @@ def test_inverse_dynamics_gives_the_published_parameters(folder):
 def test_intervals_hold_the_parameters_of_inverse_dynamics(folder):
     """What friction leaves depends on the stroke: intervals as of white noise are a third as wide."""
     records, keywords = positioning_axis(folder)
-    prepared = prepare_for(list(records), DiagnosisSettings(**keywords)).unwhitened()
+    prepared = prepare_for(list(records), DiagnosisSettings(**keywords)).without_whitening()
     fit = fit_base(Structure(BASES["KV"]), prepared.training)
     for effect in ("inertia", "coulomb_friction"):
         fit = add(fit, TISSUE[effect].forms[0], prepared.training)

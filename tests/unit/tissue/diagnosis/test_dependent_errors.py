@@ -130,7 +130,7 @@ def test_intervals_hold_the_best_parameters(kind):
         random = np.random.default_rng([6, seed])
         motion = wandering(random)
         force = TISSUE.simulate(motion, np.array([STIFFNESS, VISCOSITY]), np.zeros(0))
-        data = FitData(kind, motion, force + ERRORS[kind](random, motion), counts_from=0.0)
+        data = FitData(kind, motion, force + ERRORS[kind](random, motion), settling_time=0.0)
         found = {item.name: item for item in estimates(fit(TISSUE, data, np.zeros(0)), data, "mm", "N")}
         inside += [found[name].low <= value <= found[name].high for name, value in truth.items()]
     assert 0.93 <= np.mean(inside) <= 0.97
@@ -148,7 +148,7 @@ def test_records_fitted_together_are_independent():
     found = fit(TISSUE, both, np.zeros(0))
     jacobian, errors = sensitivities(found, both), found.whitened_errors(both)
     scores = [
-        sensitivities(found, part) * (part.settled(found.simulate(part.motion) - part.force))[:, None]
+        sensitivities(found, part) * (part.trim(found.simulate(part.motion) - part.force))[:, None]
         for part in parts
     ]
     inverse = np.linalg.inv(jacobian.T @ jacobian)

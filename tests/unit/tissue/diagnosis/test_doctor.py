@@ -67,18 +67,18 @@ def test_the_prediction_agrees_with_the_least_squares_gain(truth):
     injection = Injection.middle(truth.fit, form, truth.training)
     data, fit = truth.training, truth.fit
     predicted = injection.predicted(truth.noise * np.sqrt(30.0 / data.size))
-    cubic = data.counted(data.motion.position**3)
+    cubic = data.whiten(data.motion.position**3)
     step = 1e-6
     columns = [np.ones(data.size)]
     for number in range(len(fit.linear)):
-        columns.append(data.counted(fit.structure.design(data.motion, fit.nonlinear)[:, number]))
+        columns.append(data.whiten(fit.structure.design(data.motion, fit.nonlinear)[:, number]))
     up, down = (
         fit.structure.simulate(data.motion, fit.linear, fit.nonlinear * (1 + sign * step)) for sign in (1, -1)
     )
-    columns.append(data.counted(up - down) / step)
+    columns.append(data.whiten(up - down) / step)
     design = np.column_stack(columns)
     left = cubic - design @ np.linalg.lstsq(design, cubic, rcond=None)[0]
-    size = np.sqrt(np.mean(data.settled(data.motion.position**3) ** 2))
+    size = np.sqrt(np.mean(data.trim(data.motion.position**3) ** 2))
     expected = truth.noise * np.sqrt(30.0) * size / np.linalg.norm(left)
     assert predicted == pytest.approx(expected, rel=0.02)
 

@@ -202,8 +202,8 @@ def test_choices_and_confirmation_look_at_different_seconds():
     for one, other, whole in zip(first.tests, second.tests, prepared.tests, strict=True):
         assert not (one.keep & other.keep).any()
         assert one.size + other.size == whole.size
-        both = np.concatenate([one.settled(whole.force), other.settled(whole.force)])
-        assert sorted(both) == sorted(whole.settled(whole.force))
+        both = np.concatenate([one.trim(whole.force), other.trim(whole.force)])
+        assert sorted(both) == sorted(whole.trim(whole.force))
 
 
 def test_an_exponential_that_is_a_straight_line_becomes_one():

@@ -213,7 +213,7 @@ def test_slopes_are_those_of_the_force(delay):
     vector = poles.to_vector()
 
     def force(values):
-        return forces(moved, poles.replaced(values), False) @ linear
+        return forces(moved, poles.with_vector(values), False) @ linear
 
     slopes = slope_forces(moved, poles, linear, False)
     for index, unit in enumerate(np.eye(len(vector))):

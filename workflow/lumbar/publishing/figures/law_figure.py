@@ -63,7 +63,7 @@ def _added(proposal: Proposal) -> np.ndarray | None:
     records = (proposal.experiment.training, *proposal.experiment.tests)
     before, after = proposal.left_by.fit, proposal.law.fit
     return np.concatenate(
-        [item.settled(after.simulate(item.motion) - before.simulate(item.motion)) for item in records]
+        [item.trim(after.simulate(item.motion) - before.simulate(item.motion)) for item in records]
     )
 
 

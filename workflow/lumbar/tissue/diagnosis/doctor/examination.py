@@ -154,7 +154,7 @@ class Question:
 
     def distance(self, data: FitData, noise: float) -> float:
         """Noise standard deviations between both models under an excitation, beyond what the rival's parameters take up."""
-        difference = data.counted(self.truth.simulate(data.motion) - self.rival.simulate(data.motion))
+        difference = data.whiten(self.truth.simulate(data.motion) - self.rival.simulate(data.motion))
         left = beyond(tangent_basis(self.rival, [data]), difference)
         return float(np.sqrt(left @ left) / noise)
 

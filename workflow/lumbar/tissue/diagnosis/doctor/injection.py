@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, nonlinear_starts, shape_bounds
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
@@ -53,7 +53,7 @@ class Truth:
         templates, motions, disturbances, begins = [], [], [], []
         for number, (record, data) in enumerate(_pairs(verdict, records)):
             generator = np.random.default_rng([seed, number])
-            residual = data.settled(data.force - fit.simulate(data.motion))
+            residual = data.trim(data.force - fit.simulate(data.motion))
             zero = (
                 float(np.mean(residual)) if experiment.own_zeros and fit.structure.base.sensor_zero else 0.0
             )
@@ -102,7 +102,7 @@ def reaches_floor(verdict: Verdict) -> bool:
 def _pairs(verdict: Verdict, records: Sequence[Record]) -> list[tuple[Record, FitData]]:
     """Every record beside its prepared data, whole."""
     training, tests = verdict.experiment.training, verdict.experiment.tests
-    trained = training.parts if isinstance(training, JointData) else (training,)
+    trained = training.records
     # A record of which the end is held back stands among the tests whole.
     data = {item.name: item for item in (*trained, *tests)}
     return [(record, data[record.name]) for record in records]
@@ -209,7 +209,7 @@ class Injection:
 
     def _visible(self, fit: Fit) -> float:
         """RMS of what the model without the effect leaves of the added force, whitened."""
-        left = beyond(self._basis, self.data.counted(fit.simulate(self.data.motion) - self._without))
+        left = beyond(self._basis, self.data.whiten(fit.simulate(self.data.motion) - self._without))
         return float(np.sqrt(np.mean(left**2)))
 
     @cached_property
@@ -219,7 +219,7 @@ class Injection:
     def rms(self, fit: Fit) -> float:
         """RMS of what another model adds to the one without the effect, over the samples that count."""
         added = fit.simulate(self.data.motion) - self._without
-        return float(np.sqrt(np.mean(self.data.settled(added) ** 2)))
+        return float(np.sqrt(np.mean(self.data.trim(added) ** 2)))
 
     @cached_property
     def _without(self) -> np.ndarray:
@@ -239,7 +239,7 @@ class Injection:
         """Model by dose, which lies between 0 (no effect) and 1 (the largest), and the largest RMS."""
         if self.form.place is Place.PARALLEL:
             amplitudes = self._amplitudes()
-            largest = _LARGEST * float(np.sqrt(np.mean(self.data.settled(self.data.force) ** 2)))
+            largest = _LARGEST * float(np.sqrt(np.mean(self.data.trim(self.data.force) ** 2)))
             unit = self.rms(self._with(amplitudes, self.start))
             scale = largest / unit if unit > _NOTHING else 0.0
 

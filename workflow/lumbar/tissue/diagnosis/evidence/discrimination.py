@@ -295,7 +295,7 @@ class _Left:
 
 def _left_to_first_order(first: Fit, second: Fit, data: FitData) -> _Left:
     """The smaller of what either model leaves of the other beyond its tangent space."""
-    difference = data.counted(first.simulate(data.motion) - second.simulate(data.motion))
+    difference = data.whiten(first.simulate(data.motion) - second.simulate(data.motion))
     left = [beyond(tangent_basis(fit, [data]), difference) for fit in (first, second)]
     return min(_Left.of(float(item @ item), data.size) for item in left)
 
@@ -322,7 +322,7 @@ def _left_after_refit(
     force = truth.simulate(excitation.motion)
     data = FitData(excitation.words, excitation.motion, force, whitening)
     fitted = refit(other.structure, data, other.nonlinear)
-    unfitted = data.counted(other.simulate(excitation.motion) - force)
+    unfitted = data.whiten(other.simulate(excitation.motion) - force)
     return _Left.of(min(fitted.squared_error, float(unfitted @ unfitted)), data.size)
 
 

@@ -163,8 +163,7 @@ def _part(record: Record, samples: slice) -> Record:
 
 def _largest_factor(data: FitData) -> int:
     """Largest factor that leaves `PER_CYCLE` samples in the fastest cycle of any of the records."""
-    parts = data.parts if isinstance(data, JointData) else (data,)
-    edges = [spectral_edge(np.diff(part.motion.position), _STEP_POWER) for part in parts]
+    edges = [spectral_edge(np.diff(part.motion.position), _STEP_POWER) for part in data.records]
     return min(int(1 / (PER_CYCLE * edge)) for edge in edges)
 
 
@@ -178,4 +177,4 @@ def _smooth(data: FitData, factor: int) -> FitData:
     lower = Motion(np.arange(len(position)) * step, position, step, motion.smooth)
     late = (len(window) - 1) / 2 * motion.sampling_time
     before = data.begins * motion.sampling_time
-    return FitData(data.name, lower, force, counts_from=max(before + data.counts_from - late, 0.0))
+    return FitData(data.name, lower, force, settling_time=max(before + data.settling_time - late, 0.0))

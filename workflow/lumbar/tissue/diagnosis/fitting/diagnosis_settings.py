@@ -64,7 +64,7 @@ class DiagnosisSettings:
             session=improvement.session,
         )
 
-    def prepared(self, records: list[Record]) -> Experiment:
+    def prepare(self, records: list[Record]) -> Experiment:
         """Prepare records as they are."""
         return prepare(records, self.train, self.session)
 
@@ -79,7 +79,7 @@ def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experimen
     """
     if settings.system != "tissue":
         seen = [for_base(record, BASES[settings.base]) for record in records]
-        return replace(settings.prepared(seen), records=tuple(records))
+        return replace(settings.prepare(seen), records=tuple(records))
     sound, faults = repair(records)
-    experiment = settings.prepared(sound)
+    experiment = settings.prepare(sound)
     return replace(experiment, records=tuple(sound), faults=tuple(faults))

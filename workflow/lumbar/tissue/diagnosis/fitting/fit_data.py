@@ -1,4 +1,4 @@
-"""Records as a fit sees them: motion, force, which samples count, and the noise's colour."""
+"""Records as a fit sees them: motion, force, which samples count, the noise's colour, and a model's errors there."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class FitData:
     """Shape (samples,)."""
     whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
     """Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white."""
-    counts_from: float = SETTLING
+    settling_time: float = SETTLING
     """Seconds at the start that are left out of every error."""
     own_zero: bool = False
     """Whether the sensor had another zero than in training: the mean of an error then says nothing."""
@@ -35,17 +35,22 @@ class FitData:
     """Sample at which the record itself begins: before it lies what came earlier in the same session, which is simulated
     and never counted."""
 
-    def kept(self, key: Hashable, compute: Callable[[], Any]) -> Any:
-        """Result of `compute`, kept as long as the record: a search comes to the same fit on several ways."""
-        kept = self.__dict__.setdefault("_kept", {})
-        if key not in kept:
-            kept[key] = compute()
-        return kept[key]
+    def compute_once(self, key: Hashable, compute: Callable[[], Any]) -> Any:
+        """Result of `compute`, remembered as long as the record: a search comes to the same fit on several ways."""
+        known = self.__dict__.setdefault("_known", {})
+        if key not in known:
+            known[key] = compute()
+        return known[key]
+
+    @property
+    def records(self) -> tuple[FitData, ...]:
+        """The records that are fitted together: this one."""
+        return (self,)
 
     @property
     def first(self) -> int:
         """Index of the first sample that counts."""
-        return self.begins + round(self.counts_from / self.motion.sampling_time)
+        return self.begins + round(self.settling_time / self.motion.sampling_time)
 
     @property
     def length(self) -> int:
@@ -61,13 +66,13 @@ class FitData:
         count = round(share * self.length)
         end = self.begins + count
         early = replace(self, motion=self.motion.beginning(end), force=self.force[:end])
-        return early, replace(self, counts_from=count * self.motion.sampling_time)
+        return early, replace(self, settling_time=count * self.motion.sampling_time)
 
-    def unwhitened(self) -> FitData:
+    def without_whitening(self) -> FitData:
         """The same record, its errors taken as they are."""
         return replace(self, whitening=np.ones(1))
 
-    def counted_from(self, position: float) -> FitData:
+    def with_origin(self, position: float) -> FitData:
         """The same record, its positions counted from here."""
         return replace(self, motion=replace(self.motion, position=self.motion.position - position))
 
@@ -76,17 +81,17 @@ class FitData:
         """Number of samples that count."""
         return len(self.force) - self.first
 
-    def settled(self, signal: np.ndarray) -> np.ndarray:
+    def trim(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) from the first sample that counts."""
         return signal[self.first :]
 
-    def counted(self, signal: np.ndarray) -> np.ndarray:
+    def whiten(self, signal: np.ndarray) -> np.ndarray:
         """Whitened signal (samples first) from the first sample that counts."""
         if len(self.whitening) > 1:
             from scipy.signal import lfilter
 
             signal = lfilter(self.whitening, [1.0], signal, axis=0)
-        return self.settled(signal)
+        return self.trim(signal)
 
     def by_record(self, values: np.ndarray) -> list[np.ndarray]:
         """Values at the samples that count, apart for every record."""
@@ -99,11 +104,11 @@ class FitData:
 
     def error(self, simulated: np.ndarray) -> np.ndarray:
         """Simulated less measured force over the samples that count; about its mean where the zero is another one."""
-        return self._about_zero(self.settled(simulated - self.force))
+        return self._about_zero(self.trim(simulated - self.force))
 
     def whitened_error(self, simulated: np.ndarray) -> np.ndarray:
         """The same through the whitening filter."""
-        return self._about_zero(self.counted(simulated - self.force))
+        return self._about_zero(self.whiten(simulated - self.force))
 
     def _about_zero(self, errors: np.ndarray) -> np.ndarray:
         return errors - errors.mean() if self.own_zero else errors
@@ -132,7 +137,7 @@ class JointData(FitData):
             JoinedMotions(tuple(part.motion for part in parts)),
             np.concatenate([part.force for part in parts]),
             parts[0].whitening,
-            parts[0].counts_from,
+            parts[0].settling_time,
             parts=tuple(parts),
         )
 
@@ -141,13 +146,13 @@ class JointData(FitData):
         early, later = zip(*(part.split(share) for part in self.parts), strict=True)
         return self._with_parts(list(early)), self._with_parts(list(later))
 
-    def unwhitened(self) -> FitData:
+    def without_whitening(self) -> FitData:
         """The same records, their errors taken as they are."""
-        return self._with_parts([part.unwhitened() for part in self.parts])
+        return self._with_parts([part.without_whitening() for part in self.parts])
 
-    def counted_from(self, position: float) -> FitData:
+    def with_origin(self, position: float) -> FitData:
         """The same records, their positions counted from here."""
-        return self._with_parts([part.counted_from(position) for part in self.parts])
+        return self._with_parts([part.with_origin(position) for part in self.parts])
 
     def _with_parts(self, parts: list[FitData]) -> JointData:
         return replace(type(self).of(parts), own_zero=self.own_zero)
@@ -159,6 +164,11 @@ class JointData(FitData):
             return super().zeros
         owner = np.repeat(np.arange(len(self.parts)), [len(part.force) for part in self.parts])
         return (owner[:, None] == np.arange(len(self.parts))).astype(float)
+
+    @property
+    def records(self) -> tuple[FitData, ...]:
+        """The records that are fitted together."""
+        return self.parts
 
     @property
     def length(self) -> int:
@@ -174,18 +184,38 @@ class JointData(FitData):
         """Values at the samples that count, apart for every record."""
         return np.split(values, np.cumsum([part.size for part in self.parts])[:-1])
 
-    def settled(self, signal: np.ndarray) -> np.ndarray:
+    def trim(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) without what does not count of each record."""
         pieces = zip(self.parts, self.motion.split(signal), strict=True)
-        return np.concatenate([part.settled(piece) for part, piece in pieces])
+        return np.concatenate([part.trim(piece) for part, piece in pieces])
 
-    def counted(self, signal: np.ndarray) -> np.ndarray:
+    def whiten(self, signal: np.ndarray) -> np.ndarray:
         """Whitened signal (samples first) without what does not count of each record."""
         pieces = zip(self.parts, self.motion.split(signal), strict=True)
-        return np.concatenate([part.counted(piece) for part, piece in pieces])
+        return np.concatenate([part.whiten(piece) for part, piece in pieces])
 
     def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
         """Motion of the longest record, and a signal over all samples there."""
         return max(
             zip(self.motion.parts, self.motion.split(signal), strict=True), key=lambda pair: len(pair[0])
         )
+
+
+class FreeRun:
+    """A model that simulates records from their input alone, and how far it is from them."""
+
+    def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
+        """Free-run simulation of what the sensor reads, shape (samples,)."""
+        raise NotImplementedError
+
+    def rms(self, *records: FitData) -> float:
+        """Root mean square of the simulation error over all samples that count of these records together."""
+        return float(np.sqrt(np.mean(np.concatenate([self.errors(item) for item in records]) ** 2)))
+
+    def errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count."""
+        return record.error(self.simulate(record.motion))
+
+    def whitened_errors(self, record: FitData) -> np.ndarray:
+        """Free-run simulation error of the samples that count, through the record's whitening filter."""
+        return record.whitened_error(self.simulate(record.motion))

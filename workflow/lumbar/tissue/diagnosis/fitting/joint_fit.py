@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from lumbar.base.progress import going_on
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.joined_motions import JoinedMotions
 from lumbar.tissue.models.motion import Motion
@@ -21,7 +21,7 @@ from lumbar.tissue.models.structure import Structure
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(FreeRun):
     """A fitted model."""
 
     structure: Structure
@@ -46,18 +46,6 @@ class Fit:
         if isinstance(motion, JoinedMotions) and len(motion.parts) == len(self.zeros):
             return simulated + np.repeat(self.zeros, [len(part) for part in motion.parts])
         return simulated + self.zero
-
-    def rms(self, *records: FitData) -> float:
-        """Root mean square of the simulation error over all samples that count of these records together."""
-        return float(np.sqrt(np.mean(np.concatenate([self.errors(item) for item in records]) ** 2)))
-
-    def errors(self, record: FitData) -> np.ndarray:
-        """Free-run simulation error of the samples that count."""
-        return record.error(self.simulate(record.motion))
-
-    def whitened_errors(self, record: FitData) -> np.ndarray:
-        """Free-run simulation error of the samples that count, through the record's whitening filter."""
-        return record.whitened_error(self.simulate(record.motion))
 
 
 def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
@@ -162,7 +150,7 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
         The same one wherever the same is asked for.
     """
     going_on()
-    return data.kept((structure, start.tobytes()), lambda: _fitted(structure, data, start))
+    return data.compute_once((structure, start.tobytes()), lambda: _fitted(structure, data, start))
 
 
 def _fitted(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
@@ -178,7 +166,7 @@ def _fitted(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
 def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: bool = True) -> Fit:
     """Solve for the linear parameters at given nonlinear parameters."""
     design = _with_zero(structure, data, structure.design(data.motion, nonlinear))
-    force = data.counted(data.force)
+    force = data.whiten(data.force)
     linear = solve_linear(design, force, _signs(structure, data))
     error = force - design @ linear
     return _fit_of(structure, linear, nonlinear, error, converged)
@@ -188,7 +176,7 @@ def _with_zero(structure: Structure, data: FitData, design: np.ndarray) -> np.nd
     """Whitened columns that count, the sensor's zeros last."""
     if structure.base.sensor_zero:
         design = np.concatenate([design.T, data.zeros.T]).T  # column by column in memory
-    return data.counted(design)
+    return data.whiten(design)
 
 
 def _signs(structure: Structure, data: FitData) -> tuple[int, ...]:
@@ -243,7 +231,7 @@ def _least_squares(error, jacobian, start, low, high, **tolerances):
 
 def _search_nonlinear(structure, data, start, low, high) -> Fit:
     low, high = np.log(low), np.log(high)
-    force, signs = data.counted(data.force), _signs(structure, data)
+    force, signs = data.whiten(data.force), _signs(structure, data)
 
     def error(logarithms):
         design = _with_zero(structure, data, structure.design(data.motion, np.exp(logarithms)))
@@ -261,7 +249,7 @@ def _search_nonlinear(structure, data, start, low, high) -> Fit:
 
 def _search_all(structure, data, start, low=(), high=()) -> Fit:
     """Search all parameters together: the output forms' derivative by differences, the rest by columns."""
-    force = data.counted(data.force)
+    force = data.whiten(data.force)
     count = len(structure.nonlinear)
     inner = Structure(
         structure.base, tuple(form for form in structure.forms if form.place is not Place.OUTPUT)
@@ -280,7 +268,7 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
     def error(vector):
         nonlinear, linear = parts(vector)
         simulated = structure.simulate(data.motion, linear[:amplitudes], nonlinear)
-        return data.counted(simulated + _of_zeros(structure, data, linear)) - force
+        return data.whiten(simulated + _of_zeros(structure, data, linear)) - force
 
     def jacobian(vector, _):
         nonlinear, linear = parts(vector)
@@ -332,7 +320,7 @@ def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.nda
     The model's own nonlinear parameters are kept; linear ones are solved for together (parallel and input forms) or kept (output
     forms, which only transform the force).
     """
-    return data.kept((previous, form), lambda: _screened(previous, form, data))
+    return data.compute_once((previous, form), lambda: _screened(previous, form, data))
 
 
 def _screened(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:
@@ -359,7 +347,7 @@ def _linearised_error(
     """
     inner, slope = _output_slope(structure, data, structure.design(data.motion, nonlinear), linear, nonlinear)
     simulated = structure.output(inner, data.motion, nonlinear)
-    error = data.counted(simulated + _of_zeros(structure, data, np.append(linear, zeros)) - data.force)
+    error = data.whiten(simulated + _of_zeros(structure, data, np.append(linear, zeros)) - data.force)
     columns = _with_zero(structure, data, slope)
     return float(np.sum((error - columns @ np.linalg.lstsq(columns, error, rcond=1e-9)[0]) ** 2))
 

@@ -54,15 +54,15 @@ class Experiment:
     session: bool = False
     """Whether each record begins in the state in which the one before it left the tissue."""
 
-    def counted_from(self, surface: float) -> Experiment:
+    def with_origin(self, surface: float) -> Experiment:
         """The same records, their positions counted from here."""
         shift = surface - self.surface
         if not shift:
             return self
         return replace(
             self,
-            training=self.training.counted_from(shift),
-            tests=[item.counted_from(shift) for item in self.tests],
+            training=self.training.with_origin(shift),
+            tests=[item.with_origin(shift) for item in self.tests],
             surface=surface,
         )
 
@@ -81,10 +81,12 @@ class Experiment:
             tests=[replace(item, own_zero=True) for item in self.tests],
         )
 
-    def unwhitened(self) -> Experiment:
+    def without_whitening(self) -> Experiment:
         """The same records, their errors taken as they are."""
         return replace(
-            self, training=self.training.unwhitened(), tests=[item.unwhitened() for item in self.tests]
+            self,
+            training=self.training.without_whitening(),
+            tests=[item.without_whitening() for item in self.tests],
         )
 
     def error_dwarfs_noise(self, train_rms: float) -> bool:

@@ -47,7 +47,7 @@ def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
     structure, motion = fit.structure, data.motion
 
     def simulated(linear, logarithms):
-        return data.counted(structure.simulate(motion, linear, np.exp(logarithms)))
+        return data.whiten(structure.simulate(motion, linear, np.exp(logarithms)))
 
     logarithms = np.log(fit.nonlinear)
     columns = []
@@ -64,7 +64,7 @@ def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
         difference = simulated(fit.linear, logarithms + change) - simulated(fit.linear, logarithms - change)
         columns.append(difference / 2e-4)
     if structure.base.sensor_zero:
-        columns += list(data.counted(data.zeros).T)
+        columns += list(data.whiten(data.zeros).T)
     return np.stack(columns, axis=1)
 
 
@@ -80,7 +80,7 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
     numpy.ndarray, shape (parameters,)
         Sizes: 2-norms of the sensitivities.
     """
-    return data.kept(("covariance", fit), lambda: _scaled_covariance(fit, data))
+    return data.compute_once(("covariance", fit), lambda: _scaled_covariance(fit, data))
 
 
 def _scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
@@ -197,7 +197,7 @@ def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> floa
     covariance, size = scaled_covariance(fit, data)
     total, count = 0.0, 0
     for record in records:
-        jacobian = sensitivities(fit, record.unwhitened())
+        jacobian = sensitivities(fit, record.without_whitening())
         # Zeros that every training record has of its own say nothing of this one.
         known = min(jacobian.shape[1], len(size)) if len(fit.zeros) <= 1 else len(size) - len(fit.zeros)
         scaled = jacobian[:, :known] / size[:known]
@@ -229,18 +229,18 @@ def beyond(basis: np.ndarray, signals: np.ndarray) -> np.ndarray:
 
 def simulation_over(fit: Fit, records: list[FitData]) -> np.ndarray:
     """Whitened free run over all samples that count of these records, one record after another."""
-    return np.concatenate([record.counted(fit.simulate(record.motion)) for record in records])
+    return np.concatenate([record.whiten(fit.simulate(record.motion)) for record in records])
 
 
 def added_forces(fit: Fit, form: Form, data: FitData, start: np.ndarray) -> np.ndarray:
     """Whitened forces that a form adds, one per amplitude; of forms without linear parameters the change it makes."""
     if form.place is Place.PARALLEL:
-        return data.counted(forces_of(form, data.motion, start))
+        return data.whiten(forces_of(form, data.motion, start))
     structure, linear = fit.structure.with_form(form), linear_with_new(fit, form)
     changed = replace(
         fit, structure=structure, linear=linear, nonlinear=np.concatenate([fit.nonlinear, start])
     )
-    return data.counted(changed.simulate(data.motion) - fit.simulate(data.motion))[:, None]
+    return data.whiten(changed.simulate(data.motion) - fit.simulate(data.motion))[:, None]
 
 
 def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray, name: str) -> None:
@@ -264,7 +264,7 @@ def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray
     forces = added_forces(without, form, data, nonlinear)
     size, left = np.sum(forces**2, axis=0), np.sum(beyond(basis, forces) ** 2, axis=0)
     error = without.squared_error / data.size
-    response = float(np.var(data.settled(data.force)))
+    response = float(np.var(data.trim(data.force)))
     # An effect of RMS r adds N r² left/size to the squared error; noise hides 1.96² of its own variance.
     hidden = (size == 0) | (left * data.size * response <= 1.96**2 * error * size)
     if np.all(hidden):

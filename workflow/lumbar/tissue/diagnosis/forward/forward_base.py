@@ -85,7 +85,7 @@ def _forward(data: FitData) -> FitData:
         joint = ForwardJointData.of([_forward(part) for part in data.parts])
         return replace(joint, own_zero=data.own_zero)
     return ForwardData(
-        data.name, data.motion, data.force, data.whitening, data.counts_from, own_zero=data.own_zero
+        data.name, data.motion, data.force, data.whitening, data.settling_time, own_zero=data.own_zero
     )
 
 
@@ -108,13 +108,13 @@ class CarriedData(FitData):
         spectrum = rfft(signal, length, axis=0)
         return irfft(spectrum * kept.reshape(-1, *[1] * (signal.ndim - 1)), length, axis=0)[: len(signal)]
 
-    def counted(self, signal: np.ndarray) -> np.ndarray:
+    def whiten(self, signal: np.ndarray) -> np.ndarray:
         """Carried and whitened signal (samples first) from the first sample that counts."""
-        return super().counted(self._carried(signal))
+        return super().whiten(self._carried(signal))
 
     def error(self, simulated: np.ndarray) -> np.ndarray:
         """Simulated less measured force, carried to the motion, over the samples that count."""
-        return self._about_zero(self.settled(self._carried(simulated - self.force)))
+        return self._about_zero(self.trim(self._carried(simulated - self.force)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def carried(experiment: Experiment, response: Response) -> Experiment:
             motion,
             force,
             data.whitening,
-            data.counts_from,
+            data.settling_time,
             own_zero=data.own_zero,
             response=response,
         )
@@ -218,7 +218,7 @@ def prepared_forward(records: list[Record], settings: DiagnosisSettings) -> Expe
             "begins in the state that its own motion tells; leave session out"
         )
     seen = [with_measured_motion(record) for record in records]
-    return replace(forward_experiment(settings.prepared(seen)), records=tuple(seen))
+    return replace(forward_experiment(settings.prepare(seen)), records=tuple(seen))
 
 
 def shortened(experiment: Experiment) -> Experiment:

@@ -153,7 +153,7 @@ def prepared_base(records: list[Record], settings: DiagnosisSettings) -> tuple[E
     experiment = prepared_forward(records, settings)
     base = chosen_base(shortened(experiment), settings.base)
     if experiment.error_dwarfs_noise(base.train_rms):
-        experiment, fit = experiment.unwhitened(), base.fit
+        experiment, fit = experiment.without_whitening(), base.fit
         base = simulated(shortened(experiment), fit.structure, fit.linear, fit.nonlinear, fit.zero)
     return experiment, base
 
@@ -174,7 +174,7 @@ def forward_catalogue(catalogue: dict[str, Effect], base: Base) -> dict[str, Eff
 def _confirmed(experiment: Experiment, base: Candidate, settings: DiagnosisSettings) -> Verdict:
     """Name by the turned-round records, keep what simulation confirms; once effects are known, ask for the base again."""
     data = experiment.training
-    if base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(np.var(data.settled(data.force))):
+    if base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(np.var(data.trim(data.force))):
         # The motion hardly follows the force: nothing can be carried through a response that is not there.
         return Confirmation(experiment, base, settings).diagnosis()
     found, seen = _named(experiment, base, settings)

@@ -42,7 +42,7 @@ class ForwardFit(Fit):
     def sensitivities(self, data: FitData) -> np.ndarray:
         """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the zeros."""
         slopes = self.structure.sensitivities(data.motion, self.linear, self.nonlinear, self.zero)
-        return data.counted(np.column_stack([slopes, data.zeros]))
+        return data.whiten(np.column_stack([slopes, data.zeros]))
 
 
 def fit_forward(

@@ -109,7 +109,7 @@ def _settled_signs(
         last, sign = sign, _sign(simulated)
         if np.array_equal(sign, last):
             break
-    error = training.counted(np.abs(simulated) - training.force)
+    error = training.whiten(np.abs(simulated) - training.force)
     return float(error @ error), sign, dynamics
 
 
@@ -148,7 +148,7 @@ def _refined(structure: Structure, dynamics: LinearDynamics, data: FitData) -> F
 
     def error(vector):
         simulated = structure.simulate(data.motion, vector[:count] * size, np.exp(vector[count:]))
-        return data.counted(simulated - data.force)
+        return data.whiten(simulated - data.force)
 
     start = np.concatenate([dynamics.linear / size, dynamics.poles.to_vector()])
     found = least_squares(error, start, x_scale="jac", max_nfev=_EVALUATIONS)
@@ -193,4 +193,4 @@ def _base_of(dynamics: LinearDynamics) -> Base:
 
 
 def _columns(poles: Poles, held: bool) -> Callable[[Motion, np.ndarray], list[np.ndarray]]:
-    return lambda motion, nonlinear: list(forces(motion, poles.replaced(np.log(nonlinear)), held).T)
+    return lambda motion, nonlinear: list(forces(motion, poles.with_vector(np.log(nonlinear)), held).T)

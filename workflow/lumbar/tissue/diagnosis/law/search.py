@@ -102,7 +102,7 @@ class Search:
             form = form_of((term,))
             for start in nonlinear_starts(form, data, anything):
                 with np.errstate(all="ignore"):
-                    forces = data.counted(forces_of(form, data.motion, start))
+                    forces = data.whiten(forces_of(form, data.motion, start))
                 if np.isfinite(forces).all():
                     found.append(_Column(term, start, forces.astype(np.float32)))
         return found
@@ -111,7 +111,7 @@ class Search:
         """What every term at every starting value explains of the residual, the most first."""
         data = self.experiment.training
         basis = tangent_basis(model, [data])
-        residual = beyond(basis, data.counted(data.force - model.simulate(data.motion)))
+        residual = beyond(basis, data.whiten(data.force - model.simulate(data.motion)))
         columns = list(self.columns)
         if with_output:
             columns += self._output_columns(model)
@@ -230,10 +230,10 @@ class Search:
     def past_steps(self, structure: Structure, nonlinear: np.ndarray, first: int) -> np.ndarray:
         """Nonlinear parameters improved one by one without derivatives: errors change by steps where a force switches."""
         data = self.experiment.training
-        force = data.counted(data.force)
+        force = data.whiten(data.force)
 
         def squared_error(point: np.ndarray) -> float:
-            design = data.counted(structure.design(data.motion, point))
+            design = data.whiten(structure.design(data.motion, point))
             return float(np.sum((force - design @ solve_linear(design, force, structure.signs)) ** 2))
 
         best = nonlinear.copy()

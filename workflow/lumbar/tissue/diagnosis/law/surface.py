@@ -92,14 +92,14 @@ def surfaces(fit: Fit, experiment: Experiment) -> list[Surface]:
     fit : Fit
         Fitted model that something is missing from.
     """
-    records = [item.unwhitened() for item in (experiment.training, *experiment.tests)]
+    records = [item.without_whitening() for item in (experiment.training, *experiment.tests)]
     force = np.concatenate([-fit.errors(item) for item in records])
     tangent = np.concatenate([sensitivities(fit, item) for item in records])
     folds = np.concatenate([_folds(item, experiment) for item in records])
     branch_time = float(fit.nonlinear[0]) if fit.structure.base.state else _BRANCH_TIME
     each = [(item, coordinate_values(item.motion, branch_time)) for item in records]
     known = {
-        place.symbol: np.concatenate([item.settled(values[place.symbol]) for item, values in each])
+        place.symbol: np.concatenate([item.trim(values[place.symbol]) for item, values in each])
         for place in COORDINATES
     }
     noise = 0.0 if experiment.floor is None else experiment.floor.rms**2
@@ -116,7 +116,7 @@ def surfaces(fit: Fit, experiment: Experiment) -> list[Surface]:
 
 def _folds(data: FitData, experiment: Experiment) -> np.ndarray:
     """Number of the fold of every sample that counts: blocks of time, of the period where the record repeats."""
-    time = data.settled(data.motion.time)
+    time = data.trim(data.motion.time)
     if experiment.floor is not None and time[-1] > experiment.floor.period:
         time = time % experiment.floor.period
     return (time / _BLOCK).astype(int) % _FOLDS

@@ -33,7 +33,7 @@ class Chosen(FitData):
             whole.motion,
             whole.force,
             whole.whitening,
-            whole.counts_from,
+            whole.settling_time,
             begins=whole.begins,
             whole=whole,
             keep=keep,
@@ -44,13 +44,13 @@ class Chosen(FitData):
         """Number of samples that count."""
         return int(self.keep.sum())
 
-    def settled(self, signal: np.ndarray) -> np.ndarray:
+    def trim(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) where samples count."""
-        return self.whole.settled(signal)[self.keep]
+        return self.whole.trim(signal)[self.keep]
 
-    def counted(self, signal: np.ndarray) -> np.ndarray:
+    def whiten(self, signal: np.ndarray) -> np.ndarray:
         """Whitened signal (samples first) where samples count."""
-        return self.whole.counted(signal)[self.keep]
+        return self.whole.whiten(signal)[self.keep]
 
 
 def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
@@ -71,8 +71,8 @@ def within(data: FitData, fitted: FitData, share: float) -> np.ndarray:
     """Samples of a record with position and speed within a share of the ranges of another; shape (samples that count,)."""
     ranged, fastest = fitted.motion.position, np.abs(fitted.motion.velocity).max()
     middle, half = (ranged.max() + ranged.min()) / 2, np.ptp(ranged) / 2
-    near = np.abs(data.settled(data.motion.position) - middle) <= share * half
-    return near & (np.abs(data.settled(data.motion.velocity)) <= share * fastest)
+    near = np.abs(data.trim(data.motion.position) - middle) <= share * half
+    return near & (np.abs(data.trim(data.motion.velocity)) <= share * fastest)
 
 
 STRETCH = 1.5
@@ -216,7 +216,7 @@ def _thinned(data: FitData, factor: int) -> FitData:
         data.name,
         lower,
         data.force[kept],
-        counts_from=data.counts_from,
+        settling_time=data.settling_time,
         own_zero=data.own_zero,
         begins=data.begins // factor,
     )

@@ -15,7 +15,6 @@ import numpy as np
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.signals.spectrum import spectral_edge
 
@@ -81,7 +80,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
     """
     pairs = [
         _compared(record.own(record.motion.position), record.own(record.force))
-        for record in _records(experiment)
+        for record in (*experiment.training.records, *experiment.tests)
     ]
     layout = layout or TissueSettings().layout
     if all(pair.held and pair.jump > _BIG_JUMP and pair.follows < _FOLLOWS for pair in pairs):
@@ -119,11 +118,6 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
         )
         return _sign(experiment, layout, reason, correlation)
     return None
-
-
-def _records(experiment: Experiment) -> list[FitData]:
-    training = experiment.training
-    return [*(training.parts if isinstance(training, JointData) else (training,)), *experiment.tests]
 
 
 def _compared(position: np.ndarray, force: np.ndarray) -> _Pair:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.records.record import Channel, Record
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.higher_order import LinearDynamics
@@ -84,9 +84,7 @@ def distortion_power(inputs: np.ndarray, outputs: np.ndarray, excited: np.ndarra
 
 def _record(experiment: Experiment) -> FitData:
     """Training record that the noise floor was taken from."""
-    training = experiment.training
-    parts = training.parts if isinstance(training, JointData) else (training,)
-    return next(part for part in parts if part.name == experiment.floor_from)
+    return next(item for item in experiment.training.records if item.name == experiment.floor_from)
 
 
 def _folding(data: FitData, floor: NoiseFloor) -> Folding:

@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.decimation import decimate
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
 from lumbar.tissue.diagnosis.fitting.joint_fit import solve_linear
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
@@ -51,8 +51,8 @@ _SMALLEST = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class LinearDynamics:
-    """A fitted linear model; simulates and errs like `lumbar.tissue.diagnosis.fitting.joint_fit.Fit`."""
+class LinearDynamics(FreeRun):
+    """A fitted linear model."""
 
     kind: str
     """``prony``, ``rational`` or ``delayed``."""
@@ -82,18 +82,6 @@ class LinearDynamics:
     def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
         """Free-run simulation from rest at the first position, shape (samples,)."""
         return forces(motion, self.poles, self.held) @ self.linear
-
-    def rms(self, *records: FitData) -> float:
-        """Root mean square of the simulation error over all samples that count of these records together."""
-        return float(np.sqrt(np.mean(np.concatenate([self.errors(item) for item in records]) ** 2)))
-
-    def errors(self, record: FitData) -> np.ndarray:
-        """Free-run simulation error of the samples that count."""
-        return record.error(self.simulate(record.motion))
-
-    def whitened_errors(self, record: FitData) -> np.ndarray:
-        """Free-run simulation error of the samples that count, through the record's whitening filter."""
-        return record.whitened_error(self.simulate(record.motion))
 
 
 def linear_dynamics(experiment: Experiment) -> LinearDynamics:
@@ -202,9 +190,7 @@ def _prony(data: FitData, held: bool) -> LinearDynamics:
     every = Poles(rates, np.zeros((0, 2)))
     columns = forces(data.motion, every, held)
     direct = columns.shape[1] - len(rates)
-    linear = solve_linear(
-        data.counted(columns), data.counted(data.force), (0,) + (1,) * (columns.shape[1] - 1)
-    )
+    linear = solve_linear(data.whiten(columns), data.whiten(data.force), (0,) + (1,) * (columns.shape[1] - 1))
     kept = linear[direct:] > 0
     poles = replace(every, rates=rates[kept])
     return _model("prony", data, poles, held, np.concatenate([linear[:direct], linear[direct:][kept]]))
@@ -237,15 +223,15 @@ def _refined(data: FitData, start: LinearDynamics) -> LinearDynamics:
     """Search poles and delay, linear parameters solved for at each."""
     from scipy.optimize import least_squares
 
-    force, vector = data.counted(data.force), start.poles.to_vector()
+    force, vector = data.whiten(data.force), start.poles.to_vector()
     low, high = _rates_seen(data)
     bounds = _bounds(start.poles, low, 10 * high)
 
     @lru_cache(maxsize=1)
     def solution(numbers):
         values = np.frombuffer(numbers)
-        poles = start.poles.replaced(values)
-        design = data.counted(forces(data.motion, poles, start.held))
+        poles = start.poles.with_vector(values)
+        design = data.whiten(forces(data.motion, poles, start.held))
         return poles, design, *_solution(design, force)
 
     def error(values):
@@ -254,14 +240,14 @@ def _refined(data: FitData, start: LinearDynamics) -> LinearDynamics:
 
     def jacobian(values):
         poles, design, linear, basis = solution(values.tobytes())
-        slopes = data.counted(slope_forces(data.motion, poles, linear, start.held))
+        slopes = data.whiten(slope_forces(data.motion, poles, linear, start.held))
         directions = design @ basis
         return slopes - directions @ (directions.T @ slopes)
 
     found = least_squares(
         error, np.clip(vector, *bounds), jacobian, bounds=bounds, xtol=1e-5, ftol=1e-5, max_nfev=_EVALUATIONS
     )
-    refined = _solved(start.kind, data, start.poles.replaced(found.x), start.held)
+    refined = _solved(start.kind, data, start.poles.with_vector(found.x), start.held)
     return min(refined, start, key=lambda item: item.squared_error)
 
 
@@ -285,10 +271,10 @@ def _solution(design: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def _solved(kind: str, data: FitData, poles: Poles, held: bool) -> LinearDynamics:
     columns = forces(data.motion, poles, held)
-    return _model(kind, data, poles, held, _solution(data.counted(columns), data.counted(data.force))[0])
+    return _model(kind, data, poles, held, _solution(data.whiten(columns), data.whiten(data.force))[0])
 
 
 def _model(kind: str, data: FitData, poles: Poles, held: bool, linear: np.ndarray) -> LinearDynamics:
     found = LinearDynamics(kind, poles, held, linear, np.exp(poles.to_vector()), np.inf)
-    error, force = found.whitened_errors(data), data.counted(data.force)
+    error, force = found.whitened_errors(data), data.whiten(data.force)
     return replace(found, squared_error=max(float(error @ error), _SMALLEST * float(force @ force)))

@@ -209,10 +209,10 @@ def _relocated(data: FitData, poles: Poles, held: bool) -> np.ndarray:
     state, inputs = _real_form(poles)
     filtered = _filtered_forces(data, poles)
     columns = np.column_stack([forces(data.motion, poles, held), filtered])
-    columns = data.counted(columns)
+    columns = data.whiten(columns)
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0] = 1.0
-    solution = np.linalg.lstsq(columns / size, data.counted(data.force), rcond=1e-9)[0] / size
+    solution = np.linalg.lstsq(columns / size, data.whiten(data.force), rcond=1e-9)[0] / size
     gains = -solution[-poles.order :]
     return np.linalg.eigvals(state - np.outer(inputs, gains))
 

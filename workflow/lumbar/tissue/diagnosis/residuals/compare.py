@@ -141,7 +141,7 @@ def compare_record(
     NumericalError
         If the output does not move.
     """
-    first = counted_from(record, simulated, start)
+    first = settling_samples(record, simulated, start)
     measured, modelled = record["output"][first:], np.asarray(simulated, dtype=float)[first:]
     repeats = floor is not None and floor_from in ("", record.name)
     period = round(floor.period / record.sampling_time) if repeats else None
@@ -161,8 +161,8 @@ def compare_record(
     )
 
 
-def counted_from(record: Record, simulated: np.ndarray, start: float) -> int:
-    """Index of the first sample that counts; raise where simulation and record do not go together."""
+def settling_samples(record: Record, simulated: np.ndarray, start: float) -> int:
+    """Samples that are left out at the start; raise where simulation and record do not go together."""
     name = record.source or record.name
     if np.shape(simulated) != record.time.shape:
         raise InputError(f"{name}: simulation of shape {np.shape(simulated)} for {len(record)} samples")

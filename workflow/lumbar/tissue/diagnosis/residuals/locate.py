@@ -15,7 +15,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.session import in_session
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import Folding, fold_periods
-from lumbar.tissue.diagnosis.residuals.compare import Comparison, compare_record, counted_from
+from lumbar.tissue.diagnosis.residuals.compare import Comparison, compare_record, settling_samples
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
     cycle_view,
     depth_view,
@@ -211,7 +211,7 @@ def residual_of(
     record: Record, simulated: np.ndarray, floor: NoiseFloor | None = None, floor_from: str = ""
 ) -> Residual:
     """What a simulation leaves of a record, from the settling time on; arguments and errors as of `locate`."""
-    first = counted_from(record, simulated, SETTLING)
+    first = settling_samples(record, simulated, SETTLING)
     own_floor = floor is not None and floor_from in ("", record.name)
     folding = _counted_folding(fold_periods(record, floor.period), first) if own_floor else None
     return Residual(

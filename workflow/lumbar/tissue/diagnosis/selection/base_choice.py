@@ -57,7 +57,7 @@ def choose_base(
     Candidate
     """
     # Surfaces are positions as recorded, also where a base is chosen again.
-    experiment = experiment.counted_from(0.0)
+    experiment = experiment.with_origin(0.0)
     if name != CHOSEN_BY_DATA:
         if BASES[name].contact:
             return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)
@@ -80,7 +80,7 @@ def _springs_show_contact(experiment: Experiment) -> bool:
     surface = first_surface(experiment)
     if surface is None:
         return False
-    fastened, touched = _fitted(experiment, "LE"), _fitted(experiment.counted_from(surface), "LE-contact")
+    fastened, touched = _fitted(experiment, "LE"), _fitted(experiment.with_origin(surface), "LE-contact")
     return touched.fit.squared_error < _SPRINGS * fastened.fit.squared_error
 
 
@@ -124,7 +124,7 @@ def _fitted(experiment: Experiment, name: str) -> Candidate:
 def first_surface(experiment: Experiment) -> float | None:
     """Position from which on a spring explains the training record best, or None where nothing is flat above it."""
     training = experiment.training
-    position, force = (training.settled(item) for item in (training.motion.position, training.force))
+    position, force = (training.trim(item) for item in (training.motion.position, training.force))
     reach = np.ptp(position)
     if reach == 0:
         return None
@@ -151,7 +151,7 @@ def at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experime
     start = first_surface(experiment)
     if start is None:
         start = float(experiment.training.motion.position.min())
-    first = experiment.counted_from(start)
+    first = experiment.with_origin(start)
     best = min((_fitted(first, name) for name in names), key=lambda item: item.fit.squared_error)
     experiment, best = with_surface(experiment, best, start)
     found = [_fitted(experiment, name) for name in names if name != best.fit.structure.base.name]
@@ -182,12 +182,12 @@ def with_surface(experiment: Experiment, model: Candidate, start: float) -> tupl
 
     def refitted(surface: float):
         return fit(
-            model.fit.structure, experiment.counted_from(surface).training, model.fit.nonlinear
+            model.fit.structure, experiment.with_origin(surface).training, model.fit.nonlinear
         ).squared_error
 
     found = minimize_scalar(
         refitted, bounds=(start - reach, start + reach), method="bounded", options={"xatol": 1e-3 * reach}
     )
-    moved = experiment.counted_from(float(found.x))
+    moved = experiment.with_origin(float(found.x))
     refit = fit(model.fit.structure, moved.training, model.fit.nonlinear)
     return moved, evaluate(refit, moved)

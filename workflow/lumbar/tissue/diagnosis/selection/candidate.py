@@ -64,7 +64,7 @@ def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
     unseen = np.concatenate([item.whitened_error(values) for item, values in simulated])
     score = training.size * np.log(fit.squared_error / training.size) + _unlikelihood(unseen)
     score += (len(fit.linear) + len(fit.nonlinear)) * np.log(training.size + len(unseen))
-    train_rms = training.kept(("rms", fit), lambda: fit.rms(training))
+    train_rms = training.compute_once(("rms", fit), lambda: fit.rms(training))
     return Candidate(fit, train_rms, float(np.sqrt(np.mean(errors**2))), float(score))
 
 
@@ -112,7 +112,7 @@ def later_improvement(before: Candidate, after: Candidate, experiment: Experimen
     For effects that accumulate: short records, in which they begin anew, hardly show them.
     """
     training = experiment.training
-    early, later = training.kept("early and later", lambda: training.split(_EARLY))
+    early, later = training.compute_once("early and later", lambda: training.split(_EARLY))
     fits = [refit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
     return _improvement(*fits, [later])
 
@@ -180,7 +180,7 @@ def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:
     """
     for record in (experiment.training, *experiment.tests):
         errors = fit.errors(record)
-        if np.mean(errors**2) > _MOST_LEFT * np.var(record.settled(record.force)):
+        if np.mean(errors**2) > _MOST_LEFT * np.var(record.trim(record.force)):
             return False
         if predictability(errors) > factor:
             return False

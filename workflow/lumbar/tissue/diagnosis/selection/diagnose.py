@@ -49,13 +49,13 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     settings = replace(settings, catalogue=usable)
     if settings.system == "tissue":
         # As recorded: a command that jumps between levels would be taken for a coarse sensor, and smoothed.
-        as_recorded = settings.prepared(records) if experiment.faults else experiment
+        as_recorded = settings.prepare(records) if experiment.faults else experiment
         turned = direction_or_sign(as_recorded)
         if turned is not None:
             return replace(_turned(as_recorded, settings, turned), not_tried=not_tried)
     found = _searched(experiment, settings)
     if experiment.error_dwarfs_noise(found.model.train_rms):
-        found = _searched(experiment.unwhitened(), settings)
+        found = _searched(experiment.without_whitening(), settings)
     found = _with_own_zeros(found, settings)
     found, linear = _beside_linear(found, settings)
     return replace(found, not_tried=not_tried, findings=(*experiment.faults, *offsets(found), *linear))

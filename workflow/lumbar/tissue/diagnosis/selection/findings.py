@@ -55,7 +55,7 @@ def _own_zeros(fit: Fit, experiment: Experiment) -> list[Finding]:
     unit, quantity = experiment.output_unit, experiment.output_quantity
     found = []
     for item in experiment.tests:
-        zero = fit.zero - float(np.mean(item.settled(fit.simulate(item.motion) - item.force)))
+        zero = fit.zero - float(np.mean(item.trim(fit.simulate(item.motion) - item.force)))
         found.append(
             Finding(
                 "force_offset",

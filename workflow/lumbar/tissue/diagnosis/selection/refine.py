@@ -81,7 +81,7 @@ def refined_document(path: list[Candidate], experiment: Experiment, data: str) -
 
 def _free_run(fit: Fit, data: FitData) -> tuple[float, float, float]:
     """VAF, FIT and mean residual of the free run, both signals about their means as for the identified models."""
-    measured, simulated = data.settled(data.force), data.settled(fit.simulate(data.motion))
+    measured, simulated = data.trim(data.force), data.trim(fit.simulate(data.motion))
     measured, simulated = measured - np.mean(measured), simulated - np.mean(simulated)
     return tuple(metric(measured, simulated) for metric in (variance_accounted_for, fit_ratio, mean_residual))
 
@@ -131,7 +131,7 @@ def refine(
     chosen = _with_channels(chosen, experiment)
     surfaced, path = _added_in_turn(experiment, chosen, settings.base)
     if experiment.error_dwarfs_noise(path[-1].train_rms):
-        surfaced, path = _added_in_turn(experiment.unwhitened(), chosen, settings.base)
+        surfaced, path = _added_in_turn(experiment.without_whitening(), chosen, settings.base)
     return surfaced, path
 
 
