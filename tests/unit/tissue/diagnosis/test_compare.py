@@ -35,7 +35,7 @@ def test_values_follow_their_definitions():
     assert found.mean_residual.value == pytest.approx(np.mean(np.abs(residual)))
     for estimate in (found.rms, found.vaf, found.fit, found.mean_residual):
         assert estimate.low < estimate.value < estimate.high
-    assert found.explainable_rms is None and found.is_noise is None and found.nmse_one_step is None
+    assert found.explainable_rms is None and found.is_noise is None
     assert "how much of it is noise is unknown" in found.sentence
 
 
@@ -140,7 +140,7 @@ def test_the_table_holds_what_was_found(tmp_path):
     test = noisy_record(10, 0.3, 1)
     floor, other = noise_floor(test), aperiodic(1000, 0.3, 5)
     found = [
-        compare_record(test, relaxing_force(test["input"]), floor, one_step=test["output"]),
+        compare_record(test, relaxing_force(test["input"]), floor),
         compare_record(other[0], other[1], floor, "multisine"),
     ]
     comparison_table(found, "synthetic twin").write(tmp_path / "compare")
@@ -149,9 +149,7 @@ def test_the_table_holds_what_was_found(tmp_path):
     assert list(table["noise_floor_from"]) == ["multisine", "multisine"]
     assert table["rms"].tolist() == pytest.approx([item.rms.value for item in found])
     assert table["vaf_percent"].tolist() == pytest.approx([item.vaf.value for item in found])
-    assert table["nmse_one_step"][0] == 0.0 and np.isnan(table["nmse_one_step"][1])
     alone = comparison_table([compare_record(other[0], other[1])], "synthetic twin")
-    assert "nmse_one_step" not in alone.frame
     assert alone.frame["noise_floor_rms"].isna().all()
 
 

@@ -14,7 +14,6 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import (
     estimates,
     scaled_covariance,
     score_covariance,
-    sensitivities,
 )
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
@@ -94,7 +93,7 @@ def test_white_residuals_keep_the_curvature():
     force = TISSUE.simulate(motion, np.array([STIFFNESS, VISCOSITY]), np.zeros(0))
     data = FitData("white", motion, force + 0.1 * random.standard_normal(SAMPLES))
     found = fit(TISSUE, data, np.zeros(0))
-    jacobian = sensitivities(found, data)
+    jacobian = found.sensitivities(data)
     expected = found.squared_error / (data.size - 3) * np.linalg.inv(jacobian.T @ jacobian)
     scaled, size = scaled_covariance(found, data)
     np.testing.assert_allclose(scaled / np.outer(size, size), expected, rtol=1e-6)
@@ -146,9 +145,9 @@ def test_records_fitted_together_are_independent():
         parts.append(FitData(name, motion, force + 0.3 * autoregressive(random, SAMPLES, 0.95)[:, 0]))
     both = JointData.of(parts)
     found = fit(TISSUE, both, np.zeros(0))
-    jacobian, errors = sensitivities(found, both), found.whitened_errors(both)
+    jacobian, errors = found.sensitivities(both), found.whitened_errors(both)
     scores = [
-        sensitivities(found, part) * (part.trim(found.simulate(part.motion) - part.force))[:, None]
+        found.sensitivities(part) * (part.trim(found.simulate(part.motion) - part.force))[:, None]
         for part in parts
     ]
     inverse = np.linalg.inv(jacobian.T @ jacobian)

@@ -47,6 +47,32 @@ class Fit(FreeRun):
             return simulated + np.repeat(self.zeros, [len(part) for part in motion.parts])
         return simulated + self.zero
 
+    def sensitivities(self, data: FitData) -> np.ndarray:
+        """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the sensor's zeros.
+
+        By central differences; the zeros, where there are any, come last.
+
+        Returns
+        -------
+        numpy.ndarray, shape (samples that count, parameters)
+        """
+
+        def simulated(linear, logarithms):
+            return data.whiten(self.structure.simulate(data.motion, linear, np.exp(logarithms)))
+
+        columns, linear, logarithms = [], self.linear, np.log(self.nonlinear)
+        scale = np.abs(linear)
+        steps = 1e-4 * np.where(scale > 0, scale, max(scale.max(), 1e-6))
+        for step, change in zip(steps, np.diag(steps), strict=True):
+            difference = simulated(linear + change, logarithms) - simulated(linear - change, logarithms)
+            columns.append(difference / (2 * step))
+        for change in 1e-4 * np.eye(len(logarithms)):
+            difference = simulated(linear, logarithms + change) - simulated(linear, logarithms - change)
+            columns.append(difference / 2e-4)
+        if self.structure.base.sensor_zero:
+            columns += list(data.whiten(data.zeros).T)
+        return np.stack(columns, axis=1)
+
 
 def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
     """Least squares with sign constraints.

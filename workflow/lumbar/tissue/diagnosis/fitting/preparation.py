@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record, same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING, FitData, JointData
-from lumbar.tissue.diagnosis.fitting.session import with_past
+from lumbar.tissue.diagnosis.fitting.session import check_sampled_alike, with_past
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
 from lumbar.tissue.models.motion import Motion
 
@@ -59,12 +59,7 @@ class Experiment:
         shift = surface - self.surface
         if not shift:
             return self
-        return replace(
-            self,
-            training=self.training.with_origin(shift),
-            tests=[item.with_origin(shift) for item in self.tests],
-            surface=surface,
-        )
+        return replace(self._each(lambda item: item.with_origin(shift)), surface=surface)
 
     @property
     def own_zeros(self) -> bool:
@@ -73,21 +68,16 @@ class Experiment:
 
     def with_own_zeros(self) -> Experiment:
         """The same records, each with a zero of its own."""
-        training = self.training
-        return replace(
-            self,
-            # A single record that is fitted has one zero anyway: what was fitted to it stays.
-            training=replace(training, own_zero=True) if isinstance(training, JointData) else training,
-            tests=[replace(item, own_zero=True) for item in self.tests],
-        )
+        own = self._each(lambda item: replace(item, own_zero=True))
+        # A single record that is fitted has one zero anyway: what was fitted to it stays.
+        return own if isinstance(self.training, JointData) else replace(own, training=self.training)
 
     def without_whitening(self) -> Experiment:
         """The same records, their errors taken as they are."""
-        return replace(
-            self,
-            training=self.training.without_whitening(),
-            tests=[item.without_whitening() for item in self.tests],
-        )
+        return self._each(lambda item: item.without_whitening())
+
+    def _each(self, change: Callable[[FitData], FitData]) -> Experiment:
+        return replace(self, training=change(self.training), tests=[change(item) for item in self.tests])
 
     def error_dwarfs_noise(self, train_rms: float) -> bool:
         """Whether a model's error on the training record is so large that whitening by the noise's colour is out of place.
@@ -132,7 +122,7 @@ def prepare(
     _check_durations(records)
     chosen = [item for item in records if item.name in wanted] or [max(records, key=len)]
     others = [item for item in records if all(item is not one for one in chosen)]
-    _check_sampled_alike(chosen)
+    check_sampled_alike(chosen, "records that are fitted together")
     check_excitation(max(chosen, key=lambda item: float(np.ptp(item["input"]))), others)
     first, floor = _noise_floor_of(chosen)
     check_response(first, floor)
@@ -162,16 +152,6 @@ def _check_durations(records: list[Record]) -> None:
             raise InputError(
                 f"{record.source or record.name}: {record.duration:g} s is too short: the first {SETTLING} s settle, "
                 "and at least as much and 50 samples must follow"
-            )
-
-
-def _check_sampled_alike(chosen: list[Record]) -> None:
-    for record in chosen[1:]:
-        if not np.isclose(record.sampling_time, chosen[0].sampling_time, rtol=1e-6):
-            raise InputError(
-                f"{record.source or record.name}: sampled every {record.sampling_time:g} s, {chosen[0].name} every "
-                f"{chosen[0].sampling_time:g} s; records that are fitted together must be sampled alike: give a rate "
-                "(tissue.rate_Hz)"
             )
 
 

@@ -70,14 +70,21 @@ def in_session(
     return simulated
 
 
-def _check_alike(records: Sequence[Record]) -> None:
+def check_sampled_alike(records: Sequence[Record], together: str) -> None:
+    """Refuse records with different sampling times; `together` says what they are."""
     first = records[0]
     for record in records[1:]:
         if not np.isclose(record.sampling_time, first.sampling_time, rtol=1e-6):
             raise InputError(
                 f"{record.source or record.name}: sampled every {record.sampling_time:g} s, {first.name} every "
-                f"{first.sampling_time:g} s; records of one session must be sampled alike: give a rate (tissue.rate_Hz)"
+                f"{first.sampling_time:g} s; {together} must be sampled alike: give a rate (tissue.rate_Hz)"
             )
+
+
+def _check_alike(records: Sequence[Record]) -> None:
+    check_sampled_alike(records, "records of one session")
+    first = records[0]
+    for record in records[1:]:
         if set(record.channels) != set(first.channels):
             raise InputError(
                 f"{record.source or record.name}: has the channels {', '.join(record.channels)}, {first.name} "

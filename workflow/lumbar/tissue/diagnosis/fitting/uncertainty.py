@@ -10,7 +10,6 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, linear_with_new
-from lumbar.tissue.diagnosis.forward.forward_fit import ForwardFit
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.model_data import FittedParameter, unit_of
 from lumbar.tissue.models.structure import forces_of
@@ -33,41 +32,6 @@ _SMALLEST = 1e-9
 """Directions whose singular value is below this share of the largest are rounding."""
 
 
-def sensitivities(fit: Fit, data: FitData) -> np.ndarray:
-    """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the sensor's zeros.
-
-    By central differences, of a model that a force drives from its equations; the zeros, where there are any, come last.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples that count, parameters)
-    """
-    if isinstance(fit, ForwardFit):
-        return fit.sensitivities(data)
-    structure, motion = fit.structure, data.motion
-
-    def simulated(linear, logarithms):
-        return data.whiten(structure.simulate(motion, linear, np.exp(logarithms)))
-
-    logarithms = np.log(fit.nonlinear)
-    columns = []
-    scale = np.abs(fit.linear)
-    steps = 1e-4 * np.where(scale > 0, scale, max(scale.max(), 1e-6))
-    for index, step in enumerate(steps):
-        change = np.zeros(len(fit.linear))
-        change[index] = step
-        difference = simulated(fit.linear + change, logarithms) - simulated(fit.linear - change, logarithms)
-        columns.append(difference / (2 * step))
-    for index in range(len(logarithms)):
-        change = np.zeros(len(logarithms))
-        change[index] = 1e-4
-        difference = simulated(fit.linear, logarithms + change) - simulated(fit.linear, logarithms - change)
-        columns.append(difference / 2e-4)
-    if structure.base.sensor_zero:
-        columns += list(data.whiten(data.zeros).T)
-    return np.stack(columns, axis=1)
-
-
 def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
     """Covariance of linear parameters and logarithms of nonlinear ones, each times its sensitivity's size.
 
@@ -84,7 +48,7 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
-    jacobian = sensitivities(fit, data)
+    jacobian = fit.sensitivities(data)
     size = np.maximum(np.sqrt(np.sum(jacobian**2, axis=0)), 1e-300)
     scaled = jacobian / size
     inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)
@@ -197,7 +161,7 @@ def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> floa
     covariance, size = scaled_covariance(fit, data)
     total, count = 0.0, 0
     for record in records:
-        jacobian = sensitivities(fit, record.without_whitening())
+        jacobian = fit.sensitivities(record.without_whitening())
         # Zeros that every training record has of its own say nothing of this one.
         known = min(jacobian.shape[1], len(size)) if len(fit.zeros) <= 1 else len(size) - len(fit.zeros)
         scaled = jacobian[:, :known] / size[:known]
@@ -216,7 +180,7 @@ def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
     -------
     numpy.ndarray, shape (samples, directions)
     """
-    columns = np.concatenate([sensitivities(fit, record) for record in records])
+    columns = np.concatenate([fit.sensitivities(record) for record in records])
     size = np.sqrt(np.sum(columns**2, axis=0))
     left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
     return left[:, values > _SMALLEST * values[0]]

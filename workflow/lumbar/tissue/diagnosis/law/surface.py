@@ -16,7 +16,6 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.uncertainty import sensitivities
 from lumbar.tissue.models.joined_motions import JoinedMotions
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.operators import relaxation
@@ -94,7 +93,7 @@ def surfaces(fit: Fit, experiment: Experiment) -> list[Surface]:
     """
     records = [item.without_whitening() for item in (experiment.training, *experiment.tests)]
     force = np.concatenate([-fit.errors(item) for item in records])
-    tangent = np.concatenate([sensitivities(fit, item) for item in records])
+    tangent = np.concatenate([fit.sensitivities(item) for item in records])
     folds = np.concatenate([_folds(item, experiment) for item in records])
     branch_time = float(fit.nonlinear[0]) if fit.structure.base.state else _BRANCH_TIME
     each = [(item, coordinate_values(item.motion, branch_time)) for item in records]

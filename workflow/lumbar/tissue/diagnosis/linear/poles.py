@@ -61,7 +61,7 @@ class Poles:
         delay = [self.delay] if self.delay else []
         return np.log([*delay, *self.sections.ravel(), *self.rates])
 
-    def replaced(self, vector: np.ndarray) -> Poles:
+    def with_vector(self, vector: np.ndarray) -> Poles:
         """Poles of the same kind with other values, as `to_vector` gives them."""
         values, late = np.exp(vector), int(self.delay > 0)
         paired = late + self.sections.size

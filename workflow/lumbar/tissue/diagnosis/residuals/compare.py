@@ -14,7 +14,6 @@ from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.identification.metrics import (
     fit_ratio,
     mean_residual,
-    normalized_mean_squared_error,
     variance_accounted_for,
 )
 
@@ -58,8 +57,6 @@ class Comparison:
     """Noise of this record or, where it does not repeat, of one recorded with the same set-up."""
     floor_from: str
     """Name of the record that the floor comes from; empty without one."""
-    nmse_one_step: float | None = None
-    """Of a one-step-ahead prediction, where one was given. It says little about a model."""
 
     @property
     def explainable_rms(self) -> float | None:
@@ -108,7 +105,6 @@ def compare_record(
     simulated: np.ndarray,
     floor: NoiseFloor | None = None,
     floor_from: str = "",
-    one_step: np.ndarray | None = None,
     start: float = SETTLING,
     seed: int = 0,
 ) -> Comparison:
@@ -127,8 +123,6 @@ def compare_record(
         See `lumbar.tissue.diagnosis.noise.noise_floor.noise_floor`.
     floor_from : str
         Name of the record that `floor` comes from; default this one.
-    one_step : numpy.ndarray, optional
-        One-step-ahead prediction over the whole record.
     start : float
         Seconds left out at the beginning, where the initial state is not known.
     seed : int
@@ -155,9 +149,6 @@ def compare_record(
         output_variance=float(np.var(measured)),
         floor=floor,
         floor_from=(floor_from or record.name) if floor is not None else "",
-        nmse_one_step=None
-        if one_step is None
-        else normalized_mean_squared_error(measured, np.asarray(one_step, dtype=float)[first:]),
     )
 
 
@@ -255,12 +246,9 @@ def comparison_table(comparisons: list[Comparison], data: str) -> Table:
     """Table of all records, as ``compare.csv`` publishes it."""
     import pandas as pd
 
-    frame = pd.DataFrame([_row(item) for item in comparisons])
-    if all(item.nmse_one_step is None for item in comparisons):
-        frame = frame.drop(columns="nmse_one_step")
     return Table(
         title="Free-run simulation against every record.",
-        frame=frame,
+        frame=pd.DataFrame([_row(item) for item in comparisons]),
         definitions=_DEFINITIONS,
         data=data,
         notes=(
@@ -268,7 +256,9 @@ def comparison_table(comparisons: list[Comparison], data: str) -> Table:
             f"_low, _high: {100 * CONFIDENCE:g} % interval from {RESAMPLES} resamples of blocks of time, of a repeating "
             "record blocks of its period: what another excitation of the same kind would give.",
         ),
-        may_be_empty=_EMPTY,
+        may_be_empty=frozenset(
+            name for name in _DEFINITIONS if name.startswith(("noise_floor", "explainable"))
+        ),
         headers={
             "rms": "RMS error",
             "noise_floor_rms": "RMS of the noise",
@@ -293,22 +283,9 @@ def _row(item: Comparison) -> dict:
         "explainable_rms": item.explainable_rms,
         "explainable_percent": item.explainable_percent,
         "explainable_vaf_percent": item.explainable_vaf,
-        "nmse_one_step": item.nmse_one_step,
     }
 
 
-_EMPTY = frozenset(
-    {
-        "noise_floor_rms",
-        "noise_floor_low",
-        "noise_floor_high",
-        "noise_floor_from",
-        "explainable_rms",
-        "explainable_percent",
-        "explainable_vaf_percent",
-        "nmse_one_step",
-    }
-)
 _DEFINITIONS = {
     "record": "record of the set",
     "samples": "samples that count",
@@ -332,5 +309,4 @@ _DEFINITIONS = {
     "explainable_rms": "√(rms² − noise floor²), 0 where the error is below the floor",
     "explainable_percent": "100 explainable_rms²/var(output)",
     "explainable_vaf_percent": "100 (1 − explainable_rms²/(var(output) − noise floor²))",
-    "nmse_one_step": "Eq. 3.13 of the one-step-ahead prediction: beside the free run only, it says little about a model",
 }
