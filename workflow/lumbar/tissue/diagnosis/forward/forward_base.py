@@ -192,7 +192,7 @@ def measured_response(data: FitData) -> Response:
 def fitted_base(experiment: Experiment, base: Base) -> tuple[Experiment, np.ndarray, np.ndarray]:
     """A base fitted to a forward experiment turned round: the experiment, carried through it, and its parameters."""
     training = experiment.training
-    first = training.parts[0] if isinstance(training, JointData) else training
+    first = training.records[0]
     seen = carried(experiment, measured_response(first))
     for _ in range(_TURNS):
         found = fit_base(Structure(base), seen.training)

@@ -94,7 +94,7 @@ _FEWEST = 50
 
 def motions(data: FitData) -> list[Motion]:
     """Motions of a record, or of several that are fitted together."""
-    return [part.motion for part in data.parts] if isinstance(data, JointData) else [data.motion]
+    return [part.motion for part in data.records]
 
 
 def stays_bounded(fit: Fit, experiment: Experiment) -> bool:
@@ -193,7 +193,7 @@ def thinned(experiment: Experiment) -> Experiment:
     noise is that of another rate. The same experiment where there is nothing to spare.
     """
     records = [experiment.training, *experiment.tests]
-    parts = [part for item in records for part in (item.parts if isinstance(item, JointData) else (item,))]
+    parts = [part for item in records for part in item.records]
     edges = [band_edge(part.own(part.motion.position)) for part in parts]
     room = min(int(1 / (PER_CYCLE * edge)) for edge in edges)
     factor = min(room, experiment.training.size // _ENOUGH)
