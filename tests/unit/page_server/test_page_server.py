@@ -1,4 +1,4 @@
-"""The served page: what it answers, and to whom."""
+"""The served page and served lifts: what is answered, and to whom."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import pytest
-from asking import ask, ended
+from asking import ask, ended, serving
 
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.cli.command import INTERRUPTED
 from lumbar.page_server.requests import TabRequests
+from lumbar.page_server.served_lifts import ServedLift, add_lifts
 from lumbar.page_server.server import new_server
 from lumbar.page_server.waiting import HEIGHT, Sketch
+from lumbar.settings.stability import StabilitySettings
 from lumbar.twin.examples import example_records
 
 
@@ -228,3 +231,26 @@ def test_the_server_ends_while_it_computes(tmp_path):
         _, said = server.communicate()
     assert (server.returncode, "Traceback" in said) == (INTERRUPTED, False)
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.fixture
+def get(saved_lift, tmp_path):
+    (tmp_path / "a lift").symlink_to(saved_lift[0])
+    (tmp_path / "broken").mkdir()
+
+    def make():
+        server = new_server([], 0)
+        add_lifts(server, [ServedLift(tmp_path / name, StabilitySettings()) for name in ("a lift", "broken")])
+        return server
+
+    with serving(make) as port:
+        yield partial(ask, port, "GET")
+
+
+def test_every_lift_has_its_address(get, saved_lift):
+    status, _, page = get("/lifts/a%20lift")
+    assert (status, page) == (200, saved_lift[1])
+    status, _, words = get("/lifts/broken")
+    assert status == 500 and "no body.csv" in words
+    assert get("/lifts/another")[0] == 404
+    assert get("/lifts/a%20lift", Host="somewhere.example")[0] == 404

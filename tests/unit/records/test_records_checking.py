@@ -1,15 +1,25 @@
-"""The input check reads every recording and tells all problems of all files."""
+"""Recordings that are short, slow, clipped or awkward: checked, all problems of all files told, limits named."""
 
 from __future__ import annotations
 
+import gzip
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from periodic_records import multisine, noise, record, relaxing_force
+from scipy.io import savemat
 
+import lumbar
 from lumbar.base.errors import InputError
 from lumbar.records.checking import check_recordings
+from lumbar.records.numbers import number
+from lumbar.records.unpacking import LARGEST_RATIO, SMALLEST_LIMIT, unpack
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.layout import ColumnLayout, columns
 from lumbar.settings.plain import plain
+from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.survey import SurveySettings
 
 LAYOUT = {
@@ -96,3 +106,155 @@ def test_answers_and_markers_have_readers_of_their_own(tmp_path, project):
     }
     with pytest.raises(InputError, match=r"broken\.c3d"):
         check_recordings([markers])
+
+
+ONE_EFFECT = StudySettings(improvement=ImprovementSettings(most_effects=1))
+
+
+def diagnosed(position, force):
+    found = lumbar.diagnose([record(position, force)], settings=ONE_EFFECT)
+    assert str(found.add().locate()) and str(found.add().compare())
+    return found
+
+
+@pytest.mark.parametrize("lines", [np.arange(1, 26), np.arange(1, 250)], ids=["low band", "up to Nyquist"])
+def test_a_force_that_repeats_exactly_is_diagnosed(lines):
+    position = multisine(5, lines=lines)
+    found = diagnosed(position, np.tile(relaxing_force(position)[-500:], 5))
+    assert "alike to the last digit" in str(found)
+
+
+def test_an_input_whose_band_reaches_up_to_nyquist_is_diagnosed():
+    position = noise(2000, 3)
+    assert diagnosed(position, relaxing_force(position) + 0.05 * noise(2000, 4))
+
+
+def test_sixty_samples_at_ten_hertz_are_located():
+    position = np.cumsum(noise(60, 5))
+    test = record(position, relaxing_force(position) + 0.01 * noise(60, 6))
+    slow = lumbar.diagnose([_at(test, 0.1)], settings=ONE_EFFECT)
+    assert str(slow.add().locate())
+
+
+def test_sixty_samples_at_a_hundred_hertz_are_too_few():
+    position = np.cumsum(noise(60, 5))
+    with pytest.raises(InputError, match="too short"):
+        lumbar.diagnose([record(position, relaxing_force(position))])
+
+
+def test_values_that_are_all_equal_are_refused(tmp_path):
+    time = np.arange(300) * 0.01
+    for name, cells in (("position", (0 * time, time)), ("force", (np.sin(time), 0 * time))):
+        path = tmp_path / f"{name}.csv"
+        table = np.column_stack([time, *cells])
+        np.savetxt(path, table, delimiter=",", header="time_s,position_mm,force_N", comments="")
+        with pytest.raises(InputError, match="constant"):
+            lumbar.read(path)
+
+
+def _at(test, step):
+    return replace(test, time=np.arange(len(test)) * step)
+
+
+ROWS = [f"{n / 100:.2f},{n % 7},{n % 5}" for n in range(200)]
+
+
+def write(tmp_path, cell=None, name="record.csv"):
+    rows = list(ROWS)
+    if cell is not None:
+        rows[50] = f"0.50,1,{cell}"
+    path = tmp_path / name
+    content = ("time_s,position_mm,force_N\n" + "\n".join(rows) + "\n").encode()
+    path.write_bytes(gzip.compress(content) if name.endswith(".gz") else content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("cell", "said"),
+    [
+        ("1_000", "line 52: output is '1_000'; a number is needed"),
+        ("\u0661\u0662", "line 52: output is"),  # Arabic digits, which Python's float reads
+        (
+            "1e11",
+            "line 52: output is 100000000000.0; every value must be a finite number, of at most 1e+06 N in size",
+        ),
+        ("-2e6", "of at most 1e+06 N in size"),
+        ("9" * 400, "line 52: output is inf"),
+        ("\0", "line 52: output is '\\x00'"),
+        ('"' + "x" * 200_000, "line 52: "),
+        ("x" * 2_000_000, "line 52 has more than 1000000 characters"),
+    ],
+)
+@pytest.mark.parametrize("name", ["record.csv", "record.csv.gz"])
+def test_cells_that_no_recording_holds(tmp_path, cell, said, name):
+    path = write(tmp_path, cell, name)
+    with pytest.raises(InputError) as caught:
+        lumbar.read(path)
+    assert said in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert len(str(caught.value)) < 1000
+
+
+def test_packed_files_read_as_before(tmp_path):
+    plain, packed = lumbar.read(write(tmp_path)), lumbar.read(write(tmp_path, name="record.csv.gz"))
+    np.testing.assert_array_equal(plain["record"]["output"], packed["record"]["output"])
+
+
+def test_large_packed_file_is_read_as_a_plain_table(tmp_path):
+    rows = "".join(f"{n / 1000:.3f},{n % 7},{n % 5}\n" for n in range(500_000))
+    path = tmp_path / "long.csv.gz"
+    path.write_bytes(gzip.compress(("time_s,position_mm,force_N\n" + rows).encode(), 1))
+    record = lumbar.read(path)["long"]
+    assert len(record) == 500_000
+    assert record["output"][-1] == 499_999 % 5
+
+
+@pytest.mark.parametrize("reader", [lumbar.read, lambda path: lumbar.import_recordings([path])])
+def test_a_small_file_that_unpacks_to_much_is_refused(tmp_path, reader):
+    path = tmp_path / "bomb.csv.gz"
+    line = b"0.000,1.000,1.000\n" * 50_000
+    with gzip.open(path, "wb") as stream:
+        for _ in range(100):
+            stream.write(line)
+    assert LARGEST_RATIO * path.stat().st_size < SMALLEST_LIMIT < 100 * len(line)
+    with pytest.raises(InputError, match=r"bomb\.csv\.gz: unpacks to more than 50 MB"):
+        reader(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda packed: packed[:-20], "cut short|broken"),
+        (lambda packed: packed[:30] + b"\xff" * 20 + packed[50:], "broken"),
+        (lambda packed: b"\x1f\x8b" + b"\0" * 30, "broken"),
+    ],
+)
+def test_broken_packed_files(tmp_path, change, said):
+    path = write(tmp_path, name="record.csv.gz")
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(InputError, match=said):
+        lumbar.read(path)
+
+
+def test_packed_in_two_parts(tmp_path):
+    path = tmp_path / "two.gz"
+    path.write_bytes(gzip.compress(b"a" * 3_000_000) + gzip.compress(b"b") + b"\0" * 10)
+    assert unpack(path.read_bytes(), path) == b"a" * 3_000_000 + b"b"
+
+
+@pytest.mark.parametrize("text", ["1", "-1.5e3", " 2 ", "nan", ".5", "1e400"])
+def test_numbers(text):
+    np.testing.assert_equal(number(text), float(text))
+
+
+@pytest.mark.parametrize("reader", [lumbar.import_recordings, None])
+def test_matlab_file_that_stands_for_much(tmp_path, reader):
+    """Zeros pack into a thousandth of what they take."""
+    path = tmp_path / "zeros.mat"
+    savemat(path, {"t": np.zeros(51_000_000, np.int8), "z": [1.0, 2], "f": [3.0, 4]}, do_compression=True)
+    assert path.stat().st_size < 100_000
+    layout = ColumnLayout(format="mat", columns=columns(time=("t", "s", "time"), output=("f", "N", "force")))
+    with pytest.raises(
+        InputError, match=r"zeros\.mat: its variable 't' holds 51000000 numbers; at most 50000000"
+    ):
+        reader([path]) if reader else lumbar.read(path, layout=layout)

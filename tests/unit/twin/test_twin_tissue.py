@@ -1,14 +1,23 @@
-"""The synthetic tissue against the matrix exponential of its equation of motion, and its recordings."""
+"""The synthetic tissue against the matrix exponential of its equation of motion, its recordings and its hidden effects."""
+
+from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from hidden_effects.experiment import Plan, make_experiment
+from hidden_effects.settings import HiddenEffectsSettings
 from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
 from lumbar.settings.tissue import TissueSettings
-from lumbar.settings.twin import SyntheticTissueSettings
+from lumbar.settings.twin import SyntheticTissueSettings, TwinSettings
+from lumbar.twin.kelvin_boltzmann import Tissue, kelvin_boltzmann_residual, maxwell_force
 from lumbar.twin.tissue_recordings import play, tissue_force
+from lumbar.twin.tool_motion import chirp_motion, draw_motions, line_spectrum_motion
+from lumbar.twin.two_hidden_effects import two_hidden_effects, write_records
 
 TISSUE = SyntheticTissueSettings(
     k1_N_per_mm=0.4,
@@ -75,3 +84,109 @@ def test_a_file_that_is_no_signal_is_refused(tmp_path):
     (tmp_path / "signal.csv").write_text("t,x\n0,1\n")
     with pytest.raises(InputError, match="header t,x; a signal has time_s,position_mm"):
         play(tmp_path / "signal.csv", tmp_path / "out.csv", TISSUE, seed=45, number=0)
+
+
+BARE = Tissue(0.5, 1.0, 0.15)
+TWIN = TwinSettings()
+RECORDED_RMS_N = {"multisine": 1.9992664, "chirp": 3.5947412, "noise": 1.4911021}
+
+
+def test_the_records_are_those_of_a_pair_of_the_benchmark():
+    ours = two_hidden_effects(TWIN.two_hidden_effects, TWIN.seed)
+    wanted = HiddenEffectsSettings(
+        seed=TWIN.seed,
+        noise_share=(0.01, 0.01),
+        noise_colours={"white": 1.0, "autoregressive": 0.0, "flicker": 0.0},
+        residual_over_noise=(16.0, 16.0),
+    )
+    plan = Plan("pair_0001", "pair", 1, ("coulomb_friction", "hardening_stiffness"), level=0.0)
+    theirs = make_experiment(plan, wanted)
+    assert theirs.label["form"] == ["coulomb_friction:arctan", "hardening_stiffness:cubic"]
+    assert ours.keys() == theirs.records.keys()
+    for name, record in ours.items():
+        assert np.array_equal(record, theirs.records[name])
+
+
+def test_the_records_of_the_default_study_stay_what_they_are(tmp_path):
+    write_records(tmp_path, two_hidden_effects(TWIN.two_hidden_effects, TWIN.seed))
+    lines = (tmp_path / "multisine.csv").read_text().splitlines()
+    assert lines[0] == "time_s,position_mm,force_N"
+    assert len(lines) == 10001
+    made = {file.stem: np.loadtxt(file, delimiter=",", skiprows=1)[:, 2].std() for file in tmp_path.iterdir()}
+    assert made == pytest.approx(RECORDED_RMS_N, rel=1e-6)
+
+
+def test_another_number_is_another_draw():
+    other = two_hidden_effects(replace(TWIN.two_hidden_effects, number=2), TWIN.seed)
+    ours = two_hidden_effects(TWIN.two_hidden_effects, TWIN.seed)
+    assert not np.allclose(other["chirp"][:, 1], ours["chirp"][:, 1])
+
+
+@pytest.mark.parametrize("kind", ["multisine", "chirp", "noise"])
+def test_velocity_and_acceleration_are_the_derivatives_of_position(kind):
+    motion = draw_motions(np.random.default_rng(1), 5.0, -0.5, schroeder=False, periods=2)[kind]
+    for values, derivative in (
+        (motion.position, motion.velocity),
+        (motion.velocity, motion.acceleration),
+    ):
+        central = (values[2:] - values[:-2]) / (2 * motion.step)
+        assert np.allclose(central, derivative[1:-1], atol=1e-3 * np.abs(derivative).max())
+    assert np.abs(motion.sampled(motion.position)).max() == pytest.approx(5.0, rel=2e-3)
+
+
+def test_multisine_has_its_fifty_lines_repeats_and_schroeder_keeps_the_crest_low():
+    motions = draw_motions(np.random.default_rng(1), 5.0, 0.0, schroeder=True, periods=3)
+    position = motions["multisine"].sampled(motions["multisine"].position)
+    assert len(position) == 3000
+    assert np.allclose(position[:1000], position[1000:2000])
+    spectrum = np.abs(np.fft.rfft(position[:1000]))
+    assert np.allclose(spectrum[1:51], spectrum[1])
+    assert spectrum[51:].max() < 1e-9 * spectrum[1]
+    # 1.72 for 50 flat lines is the published crest factor of Schroeder's phases.
+    assert np.abs(position).max() / position.std() == pytest.approx(1.72, abs=0.02)
+    noise = motions["noise"].sampled(motions["noise"].position)
+    assert not np.isclose(noise[0], noise[-1], atol=1e-3)
+
+
+def test_chirp_sweeps_from_0_1_to_5_hz():
+    motion = chirp_motion("chirp", 10.0, 1.0)
+    # ∫f dt = 10 (0.1 + 5)/2 = 25.5 turns, so 51 half turns less the one at the very end.
+    assert np.count_nonzero(np.diff(np.sign(motion.position[1:]))) == 50
+
+
+def test_line_spectrum_is_a_sum_of_cosines():
+    amplitudes, phases = np.array([1.0, 0.5, 0.0, 0.2]), np.array([0.3, -1.0, 0.0, 2.0])
+    motion = line_spectrum_motion("noise", amplitudes, phases, 0.5, 3.0, 2.0)
+    frequencies = 2 * np.pi * 0.5 * np.arange(1, 5)
+    expected = np.cos(np.outer(motion.time, frequencies) + phases) @ amplitudes
+    expected *= 2.0 / np.abs(expected[:: motion.stride]).max()
+    assert np.allclose(motion.position, expected)
+
+
+def test_maxwell_branch_answers_a_ramp_as_the_textbook_says():
+    step, stiffness, relaxation, speed = 0.0005, 1.3, 0.12, 7.0
+    time = step * np.arange(2001)
+    force = maxwell_force(speed * time, step, stiffness, relaxation)
+    assert np.allclose(
+        force, stiffness * speed * relaxation * -np.expm1(-time / relaxation), rtol=3e-3, atol=1e-3
+    )
+
+
+def test_maxwell_branch_has_the_complex_stiffness_of_spring_and_dashpot():
+    step, frequency = 0.0005, 5.0
+    time = step * np.arange(40000)
+    force = maxwell_force(np.sin(2 * np.pi * frequency * time), step, 2.0, 0.05)[20000:]
+    found = 2 * np.mean(force * np.exp(-2j * np.pi * frequency * time[20000:])) * 1j
+    s = 2j * np.pi * frequency * 0.05
+    assert found == pytest.approx(2.0 * s / (1 + s), rel=1e-3)
+
+
+def test_kelvin_boltzmann_residual_vanishes_for_such_a_tissue_and_is_orthogonal_otherwise():
+    motion = draw_motions(np.random.default_rng(3), 5.0, 0.0, schroeder=True, periods=2)["multisine"]
+    force = motion.sampled(BARE.force(motion))
+    clean = kelvin_boltzmann_residual(motion, force)
+    assert np.sqrt(np.mean(clean**2)) < 3e-4 * force.std()
+    extra = np.sin(7.31 * motion.sampled(motion.time))
+    left = kelvin_boltzmann_residual(motion, force + extra)
+    assert left @ motion.sampled(motion.position)[50:] == pytest.approx(0.0, abs=1e-6)
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(np.sqrt(0.5), rel=0.02)

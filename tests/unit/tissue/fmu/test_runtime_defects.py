@@ -133,6 +133,20 @@ ONLY = {
     ),
     ("listed source that is not there", 2): edited('<File name="fmi3.c"', '<File name="fmi4.c"'),
 }
+SAID = {
+    "another model's name": "not named after",
+    "identifier that C does not allow": "no C identifier",
+    "missing binary": "no binary",
+    "missing source file": "fmi2.c is missing",
+    "no documentation": "no documentation",
+    "no description": "no modelDescription",
+    "start above max": "start 16 outside",
+    "nominal of zero": "nominal 0",
+    "bounds the wrong way round": "above max",
+    "negative step": "not above 0",
+    "wrong token": "built from something else",
+}
+"""Words of the sentence that tells a defect."""
 CASES = [*((name, version, change) for name, change in BOTH.items() for version in (2, 3))] + [
     (name, version, change) for (name, version), change in ONLY.items()
 ]
@@ -168,7 +182,7 @@ def test_defect_is_caught(name, version, change, fmu_folder, zig_cache, tmp_path
     broken = tmp_path / f"KB_fmi{version}.fmu"
     write_fmu(broken, files)
     check = check_file(broken, zig_cache)
-    assert check.problems
+    assert any(SAID.get(name, "") in problem for problem in check.problems), check.problems
     assert not check.played
 
 

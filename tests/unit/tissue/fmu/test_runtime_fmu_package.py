@@ -8,11 +8,11 @@ import subprocess
 import sys
 import zipfile
 from contextlib import nullcontext
-from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
+from c_programs import write_sources, zig_cc
 from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import SETTINGS, TARGET, entry, models_json, selected
 
@@ -20,9 +20,7 @@ from lumbar.base.errors import InputError
 from lumbar.tissue.fmu.build import compiler, package
 from lumbar.tissue.fmu.build.compiler import TARGETS, compile_library
 from lumbar.tissue.fmu.build.package import compile_model, export_fmus, write_fmu
-from lumbar.tissue.fmu.build.sources import c_files, source_files
 from lumbar.tissue.fmu.check.fmu_check import simulate_fmu
-from lumbar.tissue.fmu.check.lint import lint_fmu
 from study_settings import changed
 
 pytestmark = pytest.mark.skipif(
@@ -76,54 +74,6 @@ def test_libraries_need_an_old_c_library_only(fmu_folder):
     versions = {part.split(b"\0")[0] for part in library.split(b"GLIBC_")[1:]}
     assert versions
     assert max(tuple(map(int, version.split(b"."))) for version in versions) <= (2, 17)
-
-
-DEFECTS = {
-    "start outside": (b'start="15.0"', b'start="16.0"', "start 16 outside"),
-    "nominal": (b'nominal="1.0"', b'nominal="0.0"', "nominal 0"),
-    "step": (b'stepSize="0.01"', b'stepSize="-0.01"', "not above 0"),
-    "identifier": (b'modelIdentifier="KB"', b'modelIdentifier="KC"', "not named after"),
-    "no identifier": (b'modelIdentifier="KB"', b'modelIdentifier="K-B"', "no C identifier"),
-    "bounds": (b'min="0.0" max="10.0"', b'min="20.0" max="10.0"', "above max"),
-}
-
-
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("defect", DEFECTS)
-def test_lint_finds_defects_of_the_description(version, defect, fmu_folder, tmp_path):
-    before, after, words = DEFECTS[defect]
-    broken = altered(fmu_folder / f"KB_fmi{version}.fmu", tmp_path, lambda text: text.replace(before, after))
-    assert any(words in problem for problem in lint_fmu(broken)), lint_fmu(broken)
-
-
-def altered(path: Path, fmu_folder: Path, change, leave_out: str = "") -> Path:
-    with zipfile.ZipFile(path) as archive:
-        files = {name: archive.read(name) for name in archive.namelist() if name != leave_out}
-    original = files.get("modelDescription.xml", b"")
-    if original:
-        files["modelDescription.xml"] = change(original)
-    if not leave_out:
-        assert files["modelDescription.xml"] != original
-    write_fmu(fmu_folder / path.name, files)
-    return fmu_folder / path.name
-
-
-@pytest.mark.parametrize("version", [2, 3])
-def test_lint_finds_a_foreign_token_and_missing_files(version, fmu_folder, tmp_path):
-    path = fmu_folder / f"KB_fmi{version}.fmu"
-    token = fmpy.read_model_description(str(path)).guid.encode()
-    foreign = altered(path, tmp_path, lambda text: text.replace(token, b"0" * 36))
-    assert any("built from something else" in problem for problem in lint_fmu(foreign))
-    binary = "binaries/linux64/KB.so" if version == 2 else "binaries/x86_64-linux/KB.so"
-    for left_out, words in (
-        ("sources/fmi2.c", "fmi2.c is missing"),
-        ("documentation/index.html", "no documentation"),
-        ("modelDescription.xml", "no modelDescription"),
-        (binary, "no binary"),
-    ):
-        problems = lint_fmu(altered(path, tmp_path, lambda text: text, leave_out=left_out))
-        assert any(words in problem for problem in problems), problems
-    assert lint_fmu(path) == []
 
 
 def test_a_refused_compilation_says_what_the_compiler_said(fmu_models, zig_cache, tmp_path):
@@ -217,26 +167,11 @@ def test_accumulated_steps_are_never_mistimed(start, zig_cache, tmp_path):
     """A client in C, built with traps for undefined behaviour, takes three million steps."""
     settings = changed(SETTINGS, models=["gain"], moving_average_ms=0, output_limit=1e9)
     model = selected(models_json(entry("gain", [1.0], [1.0])), settings)[0]
-    for name, text in source_files(model).items():
-        (tmp_path / name).write_text(text)
+    files = write_sources(model, tmp_path)
     (tmp_path / "client.c").write_text(CLIENT)
     flags = ["-std=c99", "-O2", "-fsanitize=undefined", "-fsanitize-trap=undefined", f"-DSTART={start}"]
-    environment = {"ZIG_GLOBAL_CACHE_DIR": str(zig_cache), "ZIG_LOCAL_CACHE_DIR": str(zig_cache), "PATH": ""}
-    command = [
-        sys.executable,
-        "-m",
-        "ziglang",
-        "cc",
-        "-target",
-        TARGETS[TARGET[0]].triple,
-        *flags,
-        "client.c",
-        *c_files(model),
-        "-lm",
-        "-o",
-        "client",
-    ]
-    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    target = ["-target", TARGETS[TARGET[0]].triple]
+    zig_cc([*target, *flags, "client.c", *files, "-lm", "-o", "client"], tmp_path, zig_cache)
     done = subprocess.run([tmp_path / "client"], capture_output=True, text=True, check=True)
     assert done.stdout == "0\n"
 

@@ -1,11 +1,29 @@
-"""Bandwidth rules against spectra whose bandwidth is known in closed form."""
+"""Bandwidth: rules and intervals against spectra whose bandwidth is known in closed form, edges, and Welch's estimate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.settings.signals import WelchSettings
-from lumbar.tissue.signals.spectrum import level_frequency, position_psd, power_share_frequency
+from lumbar.records.record import Channel, Record
+from lumbar.settings.signals import BandwidthSettings, WelchSettings
+from lumbar.tissue.signals.spectrum import (
+    level_frequency,
+    occupied_band,
+    position_psd,
+    power_share_frequency,
+    spectral_edge,
+    velocity_psd,
+)
+from lumbar.tissue.signals.surgeon_motion import (
+    MotionSpectra,
+    motion_bandwidths,
+    motion_spectra,
+    spectra_table,
+)
 
 FREQUENCY = np.arange(0, 50.0001, 0.01)
 
@@ -94,3 +112,261 @@ def test_spectra_that_are_none_are_refused(bad):
         level_frequency(FREQUENCY, psd, -20, 6)
     with pytest.raises(InputError, match="no power"):
         power_share_frequency(FREQUENCY, np.zeros_like(FREQUENCY), 0.95, 6)
+
+
+TO_20_HZ = np.arange(0, 20.01, 0.1)
+INTERVAL = BandwidthSettings(power_share=0.95, level_dB=-20, maximum_Hz=8, confidence=0.95, resamples=400)
+
+
+def flat_spectra(widths, surgeons, power=None):
+    """Trials whose density is flat up to each width (hertz), of power 1 each where no other is given."""
+    densities = np.divide([1.0] * len(widths) if power is None else power, widths)
+    rows = densities[:, None] * np.less_equal.outer(TO_20_HZ, widths).T
+    names = tuple(f"trial_{index}" for index in range(len(widths)))
+    return MotionSpectra(names, tuple(surgeons), TO_20_HZ, {"position": rows, "velocity": rows})
+
+
+def level_spectra(levels, surgeons):
+    """Trials of Gaussian density that is 20 dB under its peak at each level (hertz)."""
+    widths = np.array(levels)[:, None] / np.sqrt(2 * np.log(100))
+    rows = np.exp(-0.5 * (TO_20_HZ / widths) ** 2)
+    names = tuple(f"trial_{index}" for index in range(len(levels)))
+    return MotionSpectra(names, tuple(surgeons), TO_20_HZ, {"position": rows, "velocity": rows})
+
+
+def share(result):
+    return result["velocity"]["power_share"]
+
+
+def test_surgeons_count_alike_however_many_trials_each_has():
+    spectra = flat_spectra([2, 2, 2, 4], ["a", "a", "a", "b"])
+    # Densities 1/2 up to 2 Hz and 1/4 up to 4 Hz, mean of both: 0.95 = 3/4 + (f - 2)/8.
+    assert share(motion_bandwidths(spectra, INTERVAL, 1))["value_Hz"] == pytest.approx(3.6, abs=0.06)
+
+
+def test_every_trial_has_its_own_bandwidth():
+    result = motion_bandwidths(flat_spectra([2, 3], ["a", "b"]), INTERVAL, 1)
+    values = [trial["velocity"]["power_share"] for trial in result["trials"]]
+    assert values == pytest.approx([1.9, 2.85], abs=0.06)
+
+
+def test_interval_holds_the_value_and_grows_with_confidence():
+    spectra = flat_spectra([2.0, 2.2, 2.4, 2.6, 3.0, 3.2], "aabbcc")
+    entry = share(motion_bandwidths(spectra, INTERVAL, 1))
+    narrow = share(motion_bandwidths(spectra, replace(INTERVAL, confidence=0.6), 1))
+    assert entry["low_Hz"] < narrow["low_Hz"] < entry["value_Hz"] < narrow["high_Hz"] < entry["high_Hz"]
+
+
+def test_like_surgeons_have_a_narrow_interval_of_the_right_width():
+    """Logarithms of the bandwidth with a spread of 3 % over 16 surgeons: mean ± t·s/√n."""
+    from scipy.stats import t
+
+    logs = np.log(4) + 0.03 * np.random.default_rng(4).standard_normal(16)
+    names = [f"s{index}" for index in range(16)]
+    spectra = level_spectra(np.exp(logs), names)
+    entry = motion_bandwidths(spectra, replace(INTERVAL, resamples=2000), 1)["velocity"]["level"]
+    expected = t.ppf(0.975, 15) * logs.std() / 4
+    assert np.log(entry["high_Hz"] / entry["low_Hz"]) / 2 == pytest.approx(expected, rel=0.25)
+
+
+def test_trials_of_one_surgeon_are_no_independent_evidence():
+    """Four surgeons of three like trials: the interval must be as wide as if each had one trial."""
+    one = share(motion_bandwidths(flat_spectra([2, 2.5, 3, 3.5], "abcd"), INTERVAL, 1))
+    widths = [2] * 3 + [2.5] * 3 + [3] * 3 + [3.5] * 3
+    three = share(motion_bandwidths(flat_spectra(widths, "aaabbbcccddd"), INTERVAL, 1))
+    apart = share(motion_bandwidths(flat_spectra(widths, "abcdefghijkl"), INTERVAL, 1))
+
+    def width(entry):
+        return entry["high_Hz"] - entry["low_Hz"]
+
+    assert width(three) == pytest.approx(width(one), rel=0.2)
+    assert width(apart) < 0.75 * width(three)
+
+
+@pytest.mark.statistical
+def test_coverage_of_the_interval_over_many_surgeons():
+    """Spectra of 12 surgeons from a population: the interval holds its value in about 95 % of cases."""
+    rng = np.random.default_rng(8)
+
+    def draw(count):
+        centre = np.exp(np.log(2.5) + 0.25 * rng.standard_normal(count))
+        return np.repeat(centre, 2) * np.exp(0.1 * rng.standard_normal(2 * count))
+
+    population = flat_spectra(draw(4000), np.repeat(np.arange(4000).astype(str), 2).tolist())
+    settings = BandwidthSettings(0.95, -20, 19, 0.95, 100)
+    pooled = population.psd["velocity"].mean(axis=0)
+    power = np.cumsum(pooled[1:])
+    truth = TO_20_HZ[1:][np.searchsorted(power, 0.95 * power[-1])]
+    inside = 0
+    for index in range(40):
+        spectra = flat_spectra(draw(12), np.repeat(np.arange(12).astype(str), 2).tolist())
+        entry = share(motion_bandwidths(spectra, settings, index))
+        inside += entry["low_Hz"] <= truth <= entry["high_Hz"]
+    assert inside >= 33  # 38 expected
+
+
+def test_same_seed_same_interval_and_other_seed_nearly():
+    spectra = flat_spectra([2, 2.2, 2.4, 2.6, 3, 3.2], "aabbcc")
+    first, again, other = (motion_bandwidths(spectra, INTERVAL, seed) for seed in (1, 1, 2))
+    assert first == again
+    assert share(first)["low_Hz"] == pytest.approx(share(other)["low_Hz"], abs=0.15)
+
+
+def test_one_surgeon_resamples_trials_and_one_trial_has_no_interval():
+    alone = motion_bandwidths(flat_spectra([2, 3], "aa"), INTERVAL, 1)
+    assert alone["interval"]["resampled"] == "trials"
+    assert share(alone)["low_Hz"] < share(alone)["high_Hz"]
+    single = motion_bandwidths(flat_spectra([2], "a"), INTERVAL, 1)
+    assert single["interval"]["resampled"] is None
+    assert share(single)["low_Hz"] is None
+    assert share(single)["value_Hz"] == pytest.approx(1.9, abs=0.06)
+
+
+def test_a_level_that_is_not_reached_has_neither_value_nor_interval():
+    spectra = flat_spectra([2, 2, 9], "abc")  # the third does not fall within the band of 8 Hz
+    entry = motion_bandwidths(spectra, INTERVAL, 1)["velocity"]["level"]
+    assert entry == {"value_Hz": None, "low_Hz": None, "high_Hz": None}
+
+
+def test_a_level_that_some_resamples_do_not_reach_has_an_open_end():
+    # The mean falls 20 dB before 8 Hz, a mean of the last surgeon alone or in the majority does not.
+    spectra = flat_spectra([2, 2, 2, 2, 2, 9], "abcdef", power=[1, 1, 1, 1, 1, 0.22])
+    entry = motion_bandwidths(spectra, INTERVAL, 1)["velocity"]["level"]
+    assert entry["value_Hz"] == pytest.approx(2, abs=0.1)
+    assert entry["low_Hz"] <= entry["value_Hz"]
+    assert entry["high_Hz"] is None
+
+
+def trial(name, rate=100.0, seconds=30, unit="mm"):
+    values = np.random.default_rng(len(name)).standard_normal(round(rate * seconds)).cumsum()
+    return Record(
+        name, np.arange(len(values)) / rate, {"position": Channel(values, "position", unit)}, f"{name}.csv"
+    )
+
+
+def test_table_of_spectra_is_tidy_and_holds_the_mean():
+    spectra = motion_spectra([trial("one"), trial("other")], ["a", "b"], WelchSettings(10.24))
+    table = spectra_table(spectra)
+    assert len(table) == 2 * 3 * len(spectra.frequency)
+    wide = table[table.quantity == "velocity"].pivot(index="frequency_Hz", columns="record", values="psd")
+    np.testing.assert_allclose(wide["pooled"], (wide["one"] + wide["other"]) / 2)
+
+
+@pytest.mark.parametrize(
+    ("records", "words"),
+    [
+        ([trial("one"), trial("one")], "stands twice"),
+        ([trial("one"), trial("short", seconds=5)], r"short\.csv: .*500 samples \(5 s\)"),
+        ([trial("one"), trial("slow", rate=30.0)], r"slow\.csv: sampled at 30 Hz.*rate_Hz"),
+        ([trial("metres", unit="m")], r"metres\.csv: position is in 'm'"),
+    ],
+)
+def test_trials_that_cannot_be_pooled_are_named(records, words):
+    with pytest.raises(InputError, match=words):
+        motion_spectra(records, ["a"] * len(records), WelchSettings(10.24))
+
+
+SAMPLES = 4000
+LOW, HIGH = (np.sin(2 * np.pi * line * np.arange(SAMPLES) / SAMPLES) for line in (40, 200))
+
+
+@pytest.mark.parametrize(
+    ("share", "line"), [(0.1, 39), (0.5, 40), (0.75, 41), (0.82, 199), (0.9, 200), (0.99, 201)]
+)
+def test_a_hann_window_spreads_a_line_over_three(share, line):
+    """By 1/6, 2/3, 1/6; of the signal's power 0.8 is in the lower line and 0.2 in the higher one."""
+    assert spectral_edge(2 * LOW + HIGH, share) == line / SAMPLES
+
+
+def test_a_drift_is_no_fast_motion_and_the_edge_is_at_least_one_cycle():
+    drift = np.linspace(-1.0, 1.0, SAMPLES)
+    assert spectral_edge(drift, 0.9999) <= 6 / SAMPLES
+    assert spectral_edge(np.ones(SAMPLES), 0.5) == 1 / SAMPLES
+
+
+def test_the_band_of_a_motion():
+    time = np.arange(SAMPLES) / 100
+    position = 3.0 + np.cos(2 * np.pi * 0.5 * time) + 0.2 * np.cos(2 * np.pi * 4.0 * time)
+    assert occupied_band(position, 0.01) == pytest.approx((0.5, 4.0))
+    assert occupied_band(position - 0.15 * np.cos(2 * np.pi * 4.0 * time), 0.01) == pytest.approx((0.5, 0.5))
+
+
+WELCH = WelchSettings()
+
+
+def power(frequency, psd):
+    return psd.sum() * frequency[1]
+
+
+@pytest.mark.parametrize("rate", [30.0, 100.0, 1000.0])
+@pytest.mark.parametrize("frequency", [0.8, 2.5, 9.7])
+def test_power_of_a_sinusoid_in_position_and_velocity(rate, frequency):
+    amplitude = 3.0
+    time = np.arange(round(80 * rate)) / rate
+    sine = amplitude * np.sin(2 * np.pi * frequency * time + 0.3)
+    assert power(*position_psd(sine, rate, WELCH)) == pytest.approx(amplitude**2 / 2, rel=0.01)
+    expected = (2 * np.pi * frequency * amplitude) ** 2 / 2
+    assert power(*velocity_psd(sine, rate, WELCH)) == pytest.approx(expected, rel=0.02)
+
+
+def test_density_of_white_noise_is_twice_the_variance_over_the_rate():
+    rate, deviation = 100.0, 0.7
+    noise = deviation * np.random.default_rng(1).standard_normal(400_000)
+    frequency, psd = position_psd(noise, rate, WELCH)
+    inside = psd[(frequency > 0.5) & (frequency < 49)]
+    assert inside.mean() == pytest.approx(2 * deviation**2 / rate, rel=0.01)
+    assert inside.std() / inside.mean() < 0.08  # some 760 overlapping segments
+
+
+def test_autoregressive_process_has_its_textbook_spectrum_in_position_and_velocity():
+    from scipy.signal import lfilter
+
+    rate, pole = 100.0, 0.9
+    noise = lfilter([1], [1, -pole], np.random.default_rng(2).standard_normal(600_000))
+    frequency, psd = position_psd(noise, rate, WELCH)
+    band = (frequency > 0.3) & (frequency < 20)
+    z = np.exp(2j * np.pi * frequency / rate)
+    expected = 2 / rate / np.abs(1 - pole / z) ** 2
+    assert np.mean(psd[band] / expected[band]) == pytest.approx(1, abs=0.01)
+    assert np.std(psd[band] / expected[band]) < 0.08
+    frequency, psd = velocity_psd(noise, rate, WELCH)
+    ratio = psd[band] / ((2 * np.pi * frequency[band]) ** 2 * expected[band])
+    assert np.mean(ratio) == pytest.approx(1, abs=0.01)
+    assert np.std(ratio) < 0.08
+
+
+def test_steady_advance_does_not_leak_into_the_velocity_spectrum():
+    """Why the recording is differenced first: (2πf)² times the position's density would be far off."""
+    rate = 100.0
+    time = np.arange(6000) / rate
+    slow = np.random.default_rng(3).standard_normal(6000) * 0.001 + 50 * time
+    frequency, psd = velocity_psd(slow, rate, WELCH)
+    band = (frequency > 1) & (frequency < 6)
+    white = 2 * 0.001**2 / rate * (2 * np.pi * frequency[band]) ** 2
+    assert np.mean(psd[band] / white) == pytest.approx(1, abs=0.2)
+    _, position = position_psd(slow, rate, WELCH)
+    assert np.mean((2 * np.pi * frequency[band]) ** 2 * position[band] / white) > 10
+
+
+def test_linear_detrending_takes_a_ramp_off_the_position():
+    rate = 100.0
+    ramp = 5.0 * np.arange(6000) / rate
+    linear = power(*position_psd(ramp, rate, WelchSettings(10.24, detrend="linear")))
+    assert linear < 1e-12 < power(*position_psd(ramp, rate, WELCH))
+
+
+def test_a_trial_shorter_than_a_segment_is_named_with_both_lengths():
+    with pytest.raises(InputError, match=r"500 samples \(5 s\).*10\.24 s needs 1024"):
+        position_psd(np.arange(500.0), 100.0, WELCH)
+
+
+def test_velocity_needs_one_sample_more_than_a_segment():
+    exact = np.sin(np.arange(1024) / 7)
+    position_psd(exact, 100.0, WELCH)
+    with pytest.raises(InputError, match=r"1024 samples .* needs 1025"):
+        velocity_psd(exact, 100.0, WELCH)
+
+
+def test_a_segment_of_a_few_samples_is_refused():
+    with pytest.raises(InputError, match="5 samples"):
+        position_psd(np.arange(500.0), 100.0, WelchSettings(0.05))

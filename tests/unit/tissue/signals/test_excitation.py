@@ -1,6 +1,9 @@
-"""The designed set of signals: band, scaling, ramps, limits, files and properties."""
+"""Excitations: the designed set, chirp, multisine and noise; band, limits of the machine, files and properties."""
+
+from __future__ import annotations
 
 import io
+import re
 
 import numpy as np
 import pandas as pd
@@ -15,7 +18,15 @@ from lumbar.tissue.signals.excitation import (
     multisine_description,
     signal_properties,
 )
-from lumbar.tissue.signals.motion_range import peak_kinematics
+from lumbar.tissue.signals.motion_range import Kinematics, check_machine_limits, peak_kinematics
+from lumbar.tissue.signals.multisine import (
+    clipped_phases,
+    crest_factor,
+    design_multisine,
+    excited_lines,
+    schroeder_phases,
+)
+from lumbar.tissue.signals.waveforms import band_limited_noise, linear_chirp
 from study_settings import changed
 
 
@@ -168,3 +179,263 @@ def test_properties_of_the_default_signals(settings):
     )
     assert frame.loc["multisine", "start_jump_mm"] == frame.loc["chirp", "start_jump_mm"] == 0
     assert (frame.rms_mm - 2).abs().max() < 1e-12
+
+
+@pytest.mark.parametrize(("duration", "lowest", "highest"), [(10, 0.0, 5.0), (10, 0.5, 5.0), (60, 0.1, 20.0)])
+def test_chirp_is_scipys_linear_chirp(duration, lowest, highest):
+    from scipy.signal import chirp
+
+    time = np.arange(duration * 100) / 100
+    expected = chirp(time, f0=lowest, t1=duration, f1=highest, method="linear", phi=-90)
+    np.testing.assert_allclose(linear_chirp(duration, lowest, highest, 100.0), expected, atol=1e-9)
+
+
+def test_sweep_ends_at_the_band_and_not_at_twice_the_band():
+    from scipy.signal import hilbert
+
+    rate = 1000.0
+    analytic = hilbert(linear_chirp(20, 1.0, 5.0, rate))
+    frequency = np.diff(np.unwrap(np.angle(analytic))) * rate / (2 * np.pi)
+    time = (np.arange(len(frequency)) + 0.5) / rate
+    inside = (time > 2) & (time < 18)
+    np.testing.assert_allclose(frequency[inside], 1 + 4 * time[inside] / 20, atol=0.1)
+
+
+def test_chirp_starts_at_zero():
+    assert linear_chirp(10, 0.0, 5.0, 100.0)[0] == 0
+
+
+@pytest.mark.parametrize(("lowest", "highest"), [(5.0, 5.0), (6.0, 5.0), (-1.0, 5.0), (0.0, 50.0)])
+def test_frequencies_out_of_order_are_refused(lowest, highest):
+    with pytest.raises(InputError, match="needed: "):
+        linear_chirp(10, lowest, highest, 100.0)
+
+
+def test_noise_is_gaussian_with_mean_zero_and_unit_rms():
+    noise = band_limited_noise(4000.0, 5.0, 100.0, 8, 1)
+    assert len(noise) == 400_000
+    assert abs(noise.mean()) < 1e-12
+    assert np.mean(noise**2) == pytest.approx(1)
+    # Skewness and excess kurtosis of some 40,000 independent values.
+    assert abs(np.mean(noise**3)) < 0.06
+    assert abs(np.mean(noise**4) - 3) < 0.12
+
+
+@pytest.mark.parametrize("order", [2, 4, 8])
+def test_density_is_halved_at_the_end_of_the_band(order):
+    from scipy.signal import csd
+
+    noise = band_limited_noise(8000.0, 5.0, 100.0, order, 2)
+    frequency, density = csd(noise, noise, 100.0, nperseg=2000)
+    passed = density[(frequency > 0.2) & (frequency < 1.5)].real.mean()
+    edge = density[np.abs(frequency - 5) < 0.03].real.mean()
+    assert edge / passed == pytest.approx(0.5, abs=0.06)
+    # Far above the corner two passes of this order fall by (corner/f)^(4·order).
+    corner = 5.0 / (np.sqrt(2) - 1) ** (1 / (2 * order))
+    warped = np.tan(np.pi * 10 / 100) / np.tan(np.pi * corner / 100)
+    at_ten = density[np.abs(frequency - 10) < 0.03].real.mean()
+    assert at_ten / passed == pytest.approx((1 / (1 + warped ** (2 * order))) ** 2, rel=0.3)
+
+
+@pytest.mark.statistical
+def test_ends_are_like_the_middle():
+    rows = np.array([band_limited_noise(10.0, 5.0, 100.0, 8, seed) for seed in range(150)])
+    power = np.mean(rows**2, axis=0)
+    assert np.mean(power[:20]) == pytest.approx(1, abs=0.2)
+    assert np.mean(power[-20:]) == pytest.approx(1, abs=0.2)
+
+
+def test_same_seed_same_noise():
+    first, again, other = (band_limited_noise(10.0, 5.0, 100.0, 8, seed) for seed in (4, 4, 5))
+    np.testing.assert_array_equal(first, again)
+    assert abs(np.corrcoef(first, other)[0, 1]) < 0.5
+
+
+def test_noise_too_wide_for_the_rate_is_refused():
+    with pytest.raises(InputError, match=r"raise signals\.rate_Hz"):
+        band_limited_noise(10.0, 49.0, 100.0, 2, 1)
+
+
+FIFTY = {"period": 10.0, "band": 5.0}
+
+
+def test_sampled_multisine_is_the_sum_of_cosines():
+    multisine = design_multisine(10.0, 5.0, amplitude_exponent=-0.5)
+    time = np.arange(3000) / 100
+    direct = sum(
+        amplitude * np.cos(2 * np.pi * frequency * time + phase)
+        for amplitude, frequency, phase in zip(
+            multisine.amplitudes, multisine.frequencies, multisine.phases, strict=True
+        )
+    )
+    np.testing.assert_allclose(multisine.sampled(100.0, 3), direct, atol=1e-10)
+    assert multisine.rms == pytest.approx(1)
+    assert np.sqrt(np.mean(direct**2)) == pytest.approx(1)
+    assert multisine.amplitudes[9] / multisine.amplitudes[0] == pytest.approx(10**-0.5)
+
+
+def test_default_grid_holds_every_line_up_to_the_band():
+    multisine = design_multisine(**FIFTY)
+    np.testing.assert_allclose(multisine.frequencies, 0.1 * np.arange(1, 51))
+    assert np.ptp(multisine.amplitudes) == 0
+    assert len(multisine.detection_even) == len(multisine.detection_odd) == 0
+
+
+def test_schroeder_phases_of_a_flat_spectrum():
+    k = np.arange(1, 51)
+    np.testing.assert_allclose(schroeder_phases(np.full(50, 0.3)), -np.pi * k * (k - 1) / 50, atol=1e-12)
+
+
+def test_schroeder_phases_of_any_spectrum_are_the_double_sum():
+    amplitudes = np.arange(1, 13) ** -0.5
+    share = amplitudes**2 / np.sum(amplitudes**2)
+    double_sum = [-2 * np.pi * sum((k - n) * share[n] for n in range(k)) for k in range(12)]
+    np.testing.assert_allclose(schroeder_phases(amplitudes), double_sum, atol=1e-12)
+
+
+def test_crest_factors_of_fifty_flat_lines():
+    """Zero phases: peak 50 A over RMS 5 A. Schroeder's 1.72 and the clipped 1.40 are measured elsewhere."""
+    crest = {
+        rule: design_multisine(**FIFTY, phases=rule).crest_factor for rule in ("zero", "schroeder", "clipped")
+    }
+    assert crest["zero"] == pytest.approx(10)
+    assert crest["schroeder"] == pytest.approx(1.72, abs=0.005)
+    assert 1.37 < crest["clipped"] <= 1.45  # the best known is 1.37
+
+
+def test_schroeder_multisine_of_fifty_lines_starts_at_zero():
+    assert abs(design_multisine(**FIFTY).sampled(100.0, 1)[0]) < 1e-12
+
+
+@pytest.mark.parametrize(
+    "options", [{"grid": "odd"}, {"amplitude_exponent": -0.5}, {"amplitude_exponent": 1.0, "grid": "odd"}]
+)
+def test_clipping_keeps_amplitudes_and_lowers_the_crest_factor(options):
+    schroeder = design_multisine(**FIFTY, **options, seed=3)
+    clipped = design_multisine(**FIFTY, **options, seed=3, phases="clipped")
+    np.testing.assert_array_equal(clipped.amplitudes, schroeder.amplitudes)
+    assert clipped.crest_factor < schroeder.crest_factor
+    assert clipped.crest_factor < 1.65
+    spectrum = 2 / 1000 * np.abs(np.fft.rfft(clipped.sampled(100.0, 1)))
+    np.testing.assert_allclose(spectrum[clipped.lines], clipped.amplitudes, rtol=1e-9)
+    assert np.delete(spectrum, clipped.lines).max() < 1e-12
+
+
+def test_clipping_never_returns_worse_phases_than_it_was_given():
+    lines, flat = np.arange(1, 51), np.ones(50)
+    phases = clipped_phases(lines, flat, schroeder_phases(flat))
+    again = clipped_phases(lines, flat, phases)
+    time = np.linspace(0, 2 * np.pi, 8000, endpoint=False)
+    crests = [crest_factor(np.cos(np.outer(time, lines) + angles).sum(axis=1)) for angles in (phases, again)]
+    assert crests[1] <= crests[0] * 1.005  # both are sought on a coarser grid than this one
+
+
+def test_crest_factor_of_a_sine_and_of_a_square_wave():
+    time = np.linspace(0, 1, 1000, endpoint=False)
+    assert crest_factor(np.sin(2 * np.pi * time)) == pytest.approx(np.sqrt(2))
+    assert crest_factor(np.sign(time - 0.5) + (time == 0.5)) == pytest.approx(1)
+
+
+def test_odd_grid_leaves_one_line_out_of_every_group():
+    excited, even, left_out = excited_lines(10.0, 5.0, "odd", 4, 7)
+    np.testing.assert_array_equal(even, np.arange(2, 51, 2))
+    np.testing.assert_array_equal(np.union1d(excited, left_out), np.arange(1, 51, 2))
+    assert len(np.intersect1d(excited, left_out)) == 0
+    groups = np.arange(1, 49, 2).reshape(6, 4)
+    assert [np.isin(group, left_out).sum() for group in groups] == [1] * 6
+    again = excited_lines(10.0, 5.0, "odd", 4, 7)[2]
+    np.testing.assert_array_equal(left_out, again)
+    others = {tuple(excited_lines(10.0, 5.0, "odd", 4, seed)[2]) for seed in range(20)}
+    assert len(others) > 15
+
+
+def test_detection_lines_tell_even_from_odd_nonlinearity():
+    multisine = design_multisine(**FIFTY, grid="odd", phases="clipped", seed=1)
+    u = multisine.sampled(100.0, 1)
+    np.testing.assert_allclose(u[500:], -u[:500], atol=1e-12)  # odd lines: the second half mirrors the first
+
+    def power(values, lines):
+        return np.sum(np.abs(np.fft.rfft(values)[lines]) ** 2)
+
+    even, odd = multisine.detection_even, multisine.detection_odd
+    linear, square, cube = u, u + 0.1 * u**2, u + 0.1 * u**3
+    assert max(power(linear, even), power(linear, odd)) < 1e-20
+    assert power(square, even) > 1 > 1e-20 > power(square, odd)
+    assert power(cube, odd) > 1 > 1e-20 > power(cube, even)
+
+
+@pytest.mark.parametrize("lines", [1, 2, 5000])
+@pytest.mark.parametrize("phases", ["schroeder", "clipped"])
+def test_tiny_and_large_multisines(lines, phases):
+    if lines == 5000 and phases == "clipped":
+        lines = 200
+    multisine = design_multisine(100.0, lines / 100, phases=phases)
+    assert len(multisine.lines) == lines
+    assert 1.3 < multisine.crest_factor < 2.1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"period": 10.0, "band": 0.05}, "no line up to 0.05 Hz"),
+        ({"period": 1.0, "band": 5.0, "grid": "odd"}, r"3 odd line\(s\)"),
+        ({**FIFTY, "grid": "even"}, "grids: full, odd"),
+        ({**FIFTY, "phases": "random"}, "phases: schroeder"),
+    ],
+)
+def test_multisines_that_cannot_be_designed_are_refused(options, words):
+    with pytest.raises(InputError, match=words):
+        design_multisine(**options)
+
+
+def test_a_period_must_be_whole_samples():
+    with pytest.raises(InputError, match=r"1000\.5 samples"):
+        design_multisine(10.005, 5.0).sampled(100.0, 2)
+
+
+def test_band_edge_that_floats_just_below_a_line_still_counts_it():
+    assert len(design_multisine(10.0, 0.1 * 3).lines) == 3
+    assert len(design_multisine(10.0, 0.7 - 1e-12).lines) == 7
+
+
+LIMITS = Kinematics(30, 1000, 20000)
+
+
+@pytest.mark.parametrize("frequency", [0.3, 2.5, 5.0])
+@pytest.mark.parametrize("phase", [0.0, 0.2, 1.1])
+def test_peaks_of_a_sine_between_its_samples(frequency, phase):
+    omega = 2 * np.pi * frequency
+    motion = peak_kinematics(3 * np.cos(omega * np.arange(2000) / 100 + phase), 100.0)
+    assert motion.displacement == pytest.approx(3, rel=1e-3)
+    assert motion.velocity == pytest.approx(3 * omega, rel=1e-3)
+    assert motion.acceleration == pytest.approx(3 * omega**2, rel=3e-3)
+
+
+def test_peaks_of_a_constant_acceleration():
+    time = np.arange(101) / 100
+    motion = peak_kinematics(5 * time**2, 100.0)
+    assert (motion.displacement, motion.velocity, motion.acceleration) == pytest.approx((5, 10, 10), rel=1e-6)
+
+
+def test_a_signal_within_all_limits_passes():
+    check_machine_limits({"chirp": Kinematics(30, 1000, 20000)}, LIMITS)
+
+
+def test_every_violation_is_named_with_value_limit_and_factor():
+    motions = {"chirp": Kinematics(40, 10, 10), "noise": Kinematics(1, 1500, 30000)}
+    with pytest.raises(InputError) as error:
+        check_machine_limits(motions, LIMITS)
+    text = str(error.value)
+    assert "3 problems" in text
+    assert "chirp: peak displacement is 40 mm, the machine's limit is 30 mm" in text
+    assert "noise: peak velocity is 1500 mm/s, the machine's limit is 1000 mm/s" in text
+    assert "at most 0.750" in text and "at most 0.666" in text
+
+
+@pytest.mark.parametrize("excess", [1.0001, 1.37, 7.3, 12345.6])
+def test_following_the_advice_is_enough(excess):
+    with pytest.raises(InputError) as error:
+        check_machine_limits({"noise": Kinematics(30 * excess, 0, 0)}, LIMITS)
+    factor = float(re.search(r"at most ([0-9.]+)", str(error.value))[1])
+    assert 0.99 / excess <= factor <= 1 / excess
+    check_machine_limits({"noise": Kinematics(30 * excess * factor, 0, 0)}, LIMITS)

@@ -1,7 +1,8 @@
-"""Models discretised anew: the same forces at common instants, against scipy's first-order hold, and refusals."""
+"""The dynamics of an FMU: state space against scipy's filters, discretised anew against its first-order hold, and refusals."""
 
 from __future__ import annotations
 
+import control
 import numpy as np
 import pytest
 from runtime_models import SETTINGS, entry, models_json, selected
@@ -9,6 +10,8 @@ from scipy.signal import cont2discrete, dlsim, lfilter, ss2tf
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
+from lumbar.tissue.models.state_space import observer_form
+from lumbar.tissue.models.transfer_function import TransferFunction
 from study_settings import changed
 
 pytestmark = pytest.mark.filterwarnings("ignore::scipy.signal.BadCoefficients")  # numerators begin with zeros
@@ -126,3 +129,48 @@ def test_rate_of_the_configuration_is_that_of_the_fmu():
     assert kb.dynamics.largest_pole == pytest.approx(0.45**0.1)
     assert gain.dynamics.numerator == (-0.125,)
     assert sum(kb.dynamics.numerator) / sum(kb.dynamics.denominator) == pytest.approx(0.7 / 0.55)
+
+
+def simulate(system, inputs):
+    return control.forced_response(system, inputs=inputs).outputs
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "states"),
+    [
+        ([2.5], [1.0], 0),
+        ([1.9, -1.2], [1.0, -0.45], 1),
+        ([0.0, 0.3], [1.0, -0.35], 1),
+        ([1.9, -2.9, 1.1], [1.0, -1.5, 0.57], 2),
+        ([0.1, 0.2, 0.3, 0.4, 0.5], [1.0, -0.5], 4),
+        ([1.0], [1.0, -0.5, 0.2, -0.1], 3),
+        ([1.0, 0.0, 0.0], [1.0, -0.5, 0.0], 1),
+        ([0.0], [1.0], 0),
+    ],
+)
+def test_output_is_that_of_the_transfer_function(numerator, denominator, states):
+    inputs = np.random.default_rng(1).standard_normal(300)
+    system = observer_form(TransferFunction(tuple(numerator), tuple(denominator)))
+    assert system.nstates == states
+    np.testing.assert_allclose(simulate(system, inputs), lfilter(numerator, denominator, inputs), atol=1e-12)
+
+
+def test_random_systems_of_high_order():
+    generator = np.random.default_rng(2)
+    for order in range(1, 13):
+        poles = 0.9 * generator.uniform(-1, 1, order)
+        denominator, numerator = np.poly(poles), generator.standard_normal(order + 1)
+        system = observer_form(TransferFunction(tuple(numerator), tuple(denominator)))
+        inputs = generator.standard_normal(200)
+        expected = lfilter(numerator, denominator, inputs)
+        np.testing.assert_allclose(simulate(system, inputs), expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_transfer_function_is_that_of_python_control():
+    """Observer form and `control.tf`, which know nothing of each other, respond alike at every frequency."""
+    numerator, denominator = (1.9, -2.9, 1.1), (1.0, -1.5, 0.57)
+    z = np.exp(1j * np.linspace(0.01, np.pi, 50))
+    system = observer_form(TransferFunction(numerator, denominator), 0.01)
+    assert system.dt == 0.01
+    np.testing.assert_allclose(system(z), control.tf(numerator, denominator, 0.01)(z), rtol=1e-10)
+    np.testing.assert_allclose(np.sort(system.poles()), np.sort(np.roots(denominator)), rtol=1e-12)

@@ -1,0 +1,487 @@
+"""Figures: the same bytes at every run, in the house's style, and each shows the numbers that it is given."""
+
+from __future__ import annotations
+
+import ast
+import io
+import itertools
+import re
+import zlib
+from itertools import pairwise
+from pathlib import Path
+
+import matplotlib
+import matplotlib.colors as colours
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from fontTools.ttLib import TTFont
+from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
+
+from lumbar.lifting.movement import lift as lifting
+from lumbar.publishing.figures import style
+from lumbar.publishing.figures.comparison_figures import comparison_figure, default_segment
+from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
+from lumbar.publishing.figures.location_figure import location_figure
+from lumbar.publishing.figures.signal_figures import excitation_figure, psd_figure
+from lumbar.publishing.figures.style import MODELS, house_style, new_figure, save
+from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
+from lumbar.publishing.figures.workflow_figure import box, depths, draw_workflow, routes
+from lumbar.records.markers import read_markers
+from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
+from lumbar.tissue.diagnosis.residuals.compare import compare_record
+from lumbar.tissue.diagnosis.residuals.locate import locate
+from lumbar.tissue.signals.excitation import Signal
+from study_settings import study_settings, subject_settings
+
+
+@house_style
+def draw():
+    figure, axes = new_figure(height=2.0)
+    axes.plot(np.linspace(0, 1, 20), np.random.default_rng(0).normal(size=20), label="x")
+    axes.set_xlabel("Time (s)")
+    axes.legend()
+    return figure
+
+
+def test_figures_are_byte_for_byte_the_same(tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
+    for name in ("one", "two"):
+        save(draw(), tmp_path / name, "synthetic twin")
+    for ending in ("svg", "pdf"):
+        assert (tmp_path / f"one.{ending}").read_bytes() == (tmp_path / f"two.{ending}").read_bytes()
+
+
+def test_the_label_of_the_data_stands_on_the_figure(tmp_path):
+    figure = draw()
+    save(figure, tmp_path / "figure", "synthetic twin")
+    assert any("synthetic twin" in text.get_text() for text in [*figure.texts, figure._supxlabel])
+    assert (tmp_path / "figure.svg").stat().st_size > 1000
+    other = draw()
+    save(other, tmp_path / "other", "laboratory X")
+    assert (tmp_path / "figure.svg").read_bytes() != (tmp_path / "other.svg").read_bytes()
+
+
+def test_a_notebook_keeps_its_own_style_and_windows(tmp_path):
+    import matplotlib.pyplot as plt
+
+    with plt.rc_context({"font.size": 17, "axes.grid": False, "svg.hashsalt": "own"}):
+        before, backend, windows = dict(plt.rcParams), plt.get_backend(), plt.get_fignums()
+        save(draw(), tmp_path / "figure", "synthetic twin")
+        assert (dict(plt.rcParams), plt.get_backend(), plt.get_fignums()) == (before, backend, windows)
+    save(draw(), tmp_path / "other", "synthetic twin")
+    assert (tmp_path / "figure.svg").read_bytes() == (tmp_path / "other.svg").read_bytes()
+
+
+def test_every_figure_is_drawn_in_the_house_s_style():
+    """A function that makes a figure outside of the style would draw with whatever the user has set."""
+    for path in Path(style.__file__).parent.glob("*.py"):
+        for function in (
+            item for item in ast.parse(path.read_text()).body if isinstance(item, ast.FunctionDef)
+        ):
+            if "new_figure(" in ast.unparse(function.body):
+                assert [ast.unparse(item) for item in function.decorator_list] == ["house_style"], (
+                    function.name
+                )
+
+
+@pytest.mark.parametrize("kind", ["linestyle", "marker", "hatch"])
+def test_models_are_told_apart_without_colour(kind):
+    assert len({str(style[kind]) for style in MODELS.values()}) == len(MODELS)
+
+
+def test_model_colours_differ():
+    assert len({colours.to_hex(style["color"]) for style in MODELS.values()}) == len(MODELS)
+
+
+def fonts(content: bytes) -> list[TTFont]:
+    """Return the TrueType fonts embedded in a PDF file."""
+    streams = re.findall(rb"/FlateDecode.*?stream\r?\n(.*?)\r?\nendstream", content, flags=re.S)
+    unpacked = (zlib.decompressobj().decompress(stream) for stream in streams)
+    return [TTFont(io.BytesIO(stream)) for stream in unpacked if stream.startswith(b"\0\1\0\0")]
+
+
+def operators(content: bytes) -> list[bytes]:
+    """Operators of a PDF file's page, without the numbers before them."""
+    page = re.search(rb"/FlateDecode.*?stream\r?\n(.*?)\r?\nendstream", content, flags=re.S)[1]
+    return re.findall(rb"[A-Za-z*]+$", zlib.decompress(page), flags=re.M)
+
+
+@pytest.fixture
+def figure():
+    drawn, axes = new_figure()
+    axes.plot([0, 1])
+    axes.set_title("office, (a)", fontweight="bold")
+    axes.set_xlabel(r"Stiffness $k_\mathrm{e}$ in N·mm$^{-1}$")
+    yield drawn
+    plt.close(drawn)
+
+
+@house_style
+def test_one_drawing_for_both_formats_is_what_matplotlib_draws_for_each(figure, tmp_path):
+    axes = figure.axes[0]
+    axes.pcolormesh([1, 10, 100], [0, 0.5, 1], [[1, 2], [3, 4]], rasterized=True)
+    axes.set_xscale("log")
+    save(figure, tmp_path / "saved", "")
+    figure.savefig(tmp_path / "alone.svg", metadata={"Date": None, "Description": "Drawing without data"})
+    figure.savefig(tmp_path / "alone.pdf")
+    assert (tmp_path / "saved.svg").read_bytes() == (tmp_path / "alone.svg").read_bytes()
+    page, alone = (operators((tmp_path / f"{name}.pdf").read_bytes()) for name in ("saved", "alone"))
+    assert page == alone
+
+
+def test_pdf_fonts_are_the_outlines_that_matplotlib_embeds(figure, tmp_path):
+    with matplotlib.rc_context({"pdf.fonttype": 42}):
+        figure.savefig(tmp_path / "whole.pdf")
+    save(figure, tmp_path / "saved", "")
+    content = (tmp_path / "saved.pdf").read_bytes()
+    assert b"/Type3" not in content
+    ours, whole = fonts(content), fonts((tmp_path / "whole.pdf").read_bytes())
+    assert len(ours) == len(whole) >= 3  # upright, bold, oblique
+    for font, reference in zip(ours, whole, strict=True):
+        assert not {"GDEF", "GPOS", "GSUB"} & set(font.keys())
+        for glyph in font.getGlyphOrder():
+            assert font["glyf"][glyph] == reference["glyf"][glyph]
+            assert font["hmtx"][glyph] == reference["hmtx"][glyph]
+
+
+EDGES = [("fit", "all"), ("measure", "all"), ("measure", "fit")]
+
+
+def test_depth_is_the_longest_path():
+    assert depths(EDGES) == {"measure": 0, "fit": 1, "all": 2}
+
+
+def test_only_rules_of_chapters_are_drawn():
+    figure = draw_workflow(
+        EDGES,
+        {"fit": "second", "measure": "first"},
+        {"first": "1 First", "second": "2 Second"},
+    )
+    words = {text.get_text() for text in figure.axes[0].texts}
+    assert words == {"fit", "measure", "1 First", "2 Second"}
+    assert sum(type(patch).__name__ == "FancyArrowPatch" for patch in figure.axes[0].patches) == 1
+
+
+def test_no_arrow_runs_behind_a_box():
+    rules = {f"{chapter}_{number}": chapter for chapter in "abc" for number in range(6)}
+    names = list(rules)
+    edges = [(first, second) for number, first in enumerate(names) for second in names[number + 1 :: 3]]
+    edges.append((names[-1], names[0]))  # upwards, as no rule graph has it: the drawing must not care
+    places = {name: (number % 4, number // 4) for number, name in enumerate(names)}
+    ends = []
+    for source, paths in routes(edges, places).items():
+        for path in paths:
+            ends.append((source, path[-1]))
+            assert all(a[0] == b[0] or a[1] == b[1] for a, b in itertools.pairwise(path))
+            for (x0, y0), (x1, y1) in itertools.pairwise(path):
+                for column, line in places.values():
+                    (left, right), (low, high) = box(column, line)
+                    apart = (
+                        max(x0, x1) <= left
+                        or min(x0, x1) >= right
+                        or max(y0, y1) <= low
+                        or min(y0, y1) >= high
+                    )
+                    assert apart, (source, column, line)
+    assert len({end for _, end in ends}) == len(ends) == len(edges)
+
+
+@pytest.fixture
+def bandwidths():
+    entry = {
+        "power_share": {"value_Hz": 2.5, "low_Hz": 2.2, "high_Hz": 2.8},
+        "level": {"value_Hz": None, "low_Hz": None, "high_Hz": None},
+    }
+    return {
+        "analysis_band_Hz": [0.1, 6],
+        "rules": {"power_share": 0.95, "level_dB": -20},
+        "position": entry,
+        "velocity": entry,
+    }
+
+
+def texts(axis):
+    return [text.get_text() for text in axis.texts]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "shown"), [(2.2, 2.8, "(2.20–2.80)"), (2.2, None, "(2.20–…)"), (None, None, "")]
+)
+def test_spectra_show_each_bandwidth_with_its_interval(bandwidths, low, high, shown):
+    frequency = np.linspace(0, 50, 501)
+    psd = 1 / (1 + frequency**2) * np.ones((9, 1))
+    bandwidths["velocity"]["power_share"].update(low_Hz=low, high_Hz=high)
+    spectra = {"position": psd, "velocity": psd}
+    pooled = {name: rows[0] for name, rows in spectra.items()}
+    figure = psd_figure(frequency, spectra, pooled, list("abcdefghi"), bandwidths, None)
+    figure.canvas.draw()
+    assert [axis.get_ylabel() for axis in figure.axes] == [
+        "Position PSD (mm²/Hz)",
+        "Velocity PSD ((mm/s)²/Hz)",
+    ]
+    assert texts(figure.axes[1]) == [f"2.50 Hz {shown}".strip()]
+
+
+def test_signals_show_the_share_of_the_power_in_the_band():
+    time = np.arange(1000) / 100
+    sine = Signal("chirp", np.sin(2 * np.pi * 2 * time) + np.sin(2 * np.pi * 8 * time), 100.0, (0.0, 10.0))
+    figure = excitation_figure([sine], 5.0)
+    figure.canvas.draw()
+    left, right = figure.axes
+    assert (left.get_ylabel(), left.get_xlabel()) == ("Position (mm)", "Time (s)")
+    assert (right.get_ylabel(), right.get_xlabel()) == ("Amplitude (mm)", "Frequency (Hz)")
+    assert right.get_title() == "50.0 % of the power up to 5 Hz"
+
+
+@pytest.mark.parametrize("points", [2, 4, 5, 7])
+def test_bars_of_a_model_add_up_and_diverge_at_the_middle(points):
+    counts = np.random.default_rng(points).integers(1, 20, (3, points))
+    labels = [f"point {point}" for point in range(points)]
+    axes = likert_figure(["A", "B", "C"], counts, labels, "A statement").axes[0]
+    assert len(axes.containers) == points
+    for row, model in enumerate(counts):
+        bars = [container[row] for container in axes.containers]
+        widths = [bar.get_width() for bar in bars]
+        assert widths == pytest.approx(100 * model / model.sum())
+        ends = [bar.get_x() + bar.get_width() for bar in bars]
+        assert [bar.get_x() for bar in bars[1:]] == pytest.approx(ends[:-1])
+        middle = bars[points // 2]
+        centre = middle.get_x() + (middle.get_width() / 2 if points % 2 else 0)
+        assert centre == pytest.approx(0, abs=1e-9)
+        assert ends[-1] <= axes.get_xlim()[1] + 1e-9
+
+
+def test_neighbouring_points_are_told_apart_in_grey():
+    axes = likert_figure(["A"], np.full((1, 5), 9), list("abcde"), "A statement").axes[0]
+    looks = []
+    for container in axes.containers:
+        red, green, blue, _ = container[0].get_facecolor()
+        looks.append((0.299 * red + 0.587 * green + 0.114 * blue, container[0].get_hatch()))
+    for (grey, hatch), (other_grey, other_hatch) in pairwise(looks):
+        assert abs(grey - other_grey) > 0.1 or hatch != other_hatch
+    # The two ends of the scale must not look alike either.
+    assert looks[0][1] != looks[-1][1]
+
+
+def test_intervals_stand_where_they_should():
+    picks = {
+        "KB": {"percent": 40.0, "wilson_percent": [30.0, 51.0], "goodman_percent": [25.0, 57.0]},
+        "HO": {"percent": 60.0, "wilson_percent": [49.0, 70.0], "goodman_percent": [43.0, 75.0]},
+    }
+    axes = best_picks_figure(picks, 0.95).axes[0]
+    assert [bar.get_height() for bar in axes.patches] == [40.0, 60.0]
+    segments = [lines.get_segments() for container in axes.containers for lines in _stems(container)]
+    ends = [[tuple(segment[:, 1]) for segment in kind] for kind in segments]
+    assert ends == [[(30.0, 51.0), (49.0, 70.0)], [(25.0, 57.0), (43.0, 75.0)]]
+    assert axes.get_ylim()[1] >= 75
+
+
+def _stems(container):
+    return container[2] if hasattr(container, "has_yerr") else ()
+
+
+@pytest.fixture(scope="module")
+def drawn(project, tmp_path_factory):
+    from lumbar.twin.lifting_recordings import write_lift
+
+    settings, twin = study_settings().lifting, study_settings().twin.lifting
+    subject = subject_settings("novice")
+    path = tmp_path_factory.mktemp("twin") / "novice_23kg.c3d"
+    write_lift(twin, "novice_23kg", [1], path, None)
+    trial = subject.trials[0]
+    lift = lifting.analyse_lift(read_markers(path, settings.markers), "novice_23kg", subject, trial, settings)
+    return {
+        "motion": lifting.motion_frame(lift),
+        "centres": lifting.centres_frame(lift),
+        "states": lifting.states_frame(lift),
+        "landmarks": lifting.landmarks_frame(lift),
+        "events": {name: event.as_dict() for name, event in lift.events.items()},
+        "summary": lifting.summary(lift, subject, trial, settings),
+    }
+
+
+def words_in(figure):
+    return " ".join(text.get_text() for axis in figure.axes for text in axis.texts)
+
+
+def vertical_lines(axis):
+    return sorted(float(line.get_xdata()[0]) for line in axis.lines if len(set(line.get_xdata())) == 1)
+
+
+def test_every_event_stands_in_every_panel(drawn):
+    figure = events_figure(drawn)
+    events = drawn["events"]
+    times = sorted([*(event["time_s"] for event in events.values()), events["deposit_start"]["thesis_s"]])
+    for axis in figure.axes:
+        assert vertical_lines(axis) == pytest.approx(times)
+    assert "thesis's rule" in words_in(figure)
+    for label in ("lift-off", "first toe-off", "start of deposit", "release"):
+        assert label in words_in(figure)
+
+
+def test_missing_feet_and_events_set_by_hand_are_said(drawn):
+    motion = drawn["motion"].drop(columns=["l_toe_speed_m_s", "r_toe_speed_m_s"])
+    events = {**drawn["events"], "toe_off": {"time_s": None, "method": "absent"}}
+    events["release"] = {**events["release"], "method": "declared"}
+    figure = events_figure({**drawn, "motion": motion, "events": events})
+    assert "no markers on the feet" in words_in(figure)
+    assert "release (set by hand)" in words_in(figure)
+    assert len(vertical_lines(figure.axes[0])) == 4
+
+
+def test_figure_4_1_draws_the_pendulums_from_pivot_to_centre(drawn):
+    figure = pendulum_figure(drawn)
+    at_release = drawn["landmarks"].query("event == 'release'").set_index("point")
+    pivot = at_release.loc["PIVOT", ["y_m", "z_m"]].to_numpy(float)
+    for com in ("thorax", "abdomen", "pelvis"):
+        centre = at_release.loc[f"COM_{com}", ["y_m", "z_m"]].to_numpy(float)
+        rods = [line.get_xydata() for line in figure.axes[0].lines if len(line.get_xdata()) == 2]
+        assert any(np.allclose(rod, [pivot, centre]) for rod in rods)
+        # Angle and length of the rod as drawn are those of the table's last row.
+        last = drawn["states"].query("com == @com and plane == 'flexion_extension'").iloc[-1]
+        rod = centre - pivot
+        assert np.arctan2(rod[0], rod[1]) == pytest.approx(last["angle_rad"], abs=5e-3)
+        assert np.hypot(*rod) == pytest.approx(last["length_m"], abs=5e-3)
+
+
+def test_figure_4_2_draws_the_segments_between_their_landmarks(drawn):
+    figure = segments_figure(drawn)
+    at_start = drawn["landmarks"].query("event == 'deposit_start'").set_index("point")
+    for axis, horizontal in zip(figure.axes, ("x_m", "y_m"), strict=True):
+        bands = [line.get_xydata() for line in axis.lines if line.get_linewidth() == 7]
+        ends = [("C7T1", "T12L1"), ("T12L1", "L4L5"), ("L4L5", "MID_HIP")]
+        for band, pair in zip(bands, ends, strict=True):
+            assert np.allclose(band, at_start.loc[list(pair), [horizontal, "z_m"]].to_numpy(float))
+    assert figure.axes[0].xaxis_inverted()
+
+
+def test_one_marked_wrist_is_called_by_its_side(drawn):
+    def names(motion):
+        legend = events_figure({**drawn, "motion": motion}).axes[0].get_legend()
+        return [text.get_text() for text in legend.get_texts()]
+
+    one = {f"wrists_{quantity}": f"r_wrist_{quantity}" for quantity in ("height_m", "speed_m_s")}
+    assert names(drawn["motion"]) == ["box", "wrists"]
+    assert names(drawn["motion"].rename(columns=one)) == ["box", "right wrist"]
+
+
+@pytest.fixture
+def tests():
+    """A repeating record and another one, and simulations that lack a cubic spring."""
+    periodic = noisy_record(6, 0.3, 1, extra=lambda t, f: 0.002 * f**3)
+    position = noise(1200, 3, 0.97)
+    other = record(position, relaxing_force(position) + 0.3 * noise(1200, 5), "a_record_of_noise")
+    return [(item, relaxing_force(item["input"])) for item in (periodic, other)]
+
+
+def test_comparison_shows_segment_residual_floor_and_shares(tests):
+    (periodic, simulated), (other, response) = tests
+    floor = noise_floor(periodic)
+    found = [compare_record(periodic, simulated, floor), compare_record(other, response, floor, "multisine")]
+    figure = comparison_figure(periodic, simulated, found, segment=(6.0, 9.0))
+    response_axis, residual_axis, shares = figure.axes
+    measured, model = (line.get_ydata() for line in response_axis.lines)
+    inside = (periodic.time >= 6.0 - 1e-9) & (periodic.time <= 9.0 + 1e-9)
+    assert measured == pytest.approx(periodic["output"][inside])
+    assert model == pytest.approx(simulated[inside])
+    assert residual_axis.lines[0].get_ydata() == pytest.approx(measured - model)
+    assert residual_axis.patches[0].get_height() == pytest.approx(4 * floor.rms)
+    heights = [[bar.get_height() for bar in container] for container in shares.containers[:2]]
+    left = [100 * item.rms.value**2 / item.output_variance for item in found]
+    assert np.sum(heights, axis=0) == pytest.approx(left)
+    assert heights[1] == pytest.approx([item.explainable_percent for item in found])
+    assert [tick.get_text() for tick in shares.get_xticklabels()] == ["multisine", "a record of noise"]
+    texts = " ".join(text.get_text() for text in shares.texts)
+    assert f"{found[0].vaf.value:.4g} %" in texts
+    assert len({line.get_linestyle() for line in response_axis.lines}) == 2
+
+
+def test_comparison_without_a_floor(tests):
+    other, response = tests[1]
+    figure = comparison_figure(other, response, [compare_record(other, response)], "HO")
+    assert not figure.axes[1].patches
+    assert [text.get_text() for text in figure.axes[2].get_legend().get_texts()] == [
+        "noise and error of the model"
+    ]
+
+
+def test_the_default_segment_is_typical():
+    error = np.concatenate([np.full(2000, 5.0), np.full(6000, 1.0), np.full(1000, 9.0)])
+    test = record(np.arange(9000.0), error)
+    low, high = default_segment(test, np.zeros(9000), 0.5)
+    assert 2000 * STEP <= low < high <= 8000 * STEP + STEP
+
+
+def test_location_has_nine_panels_with_what_was_found(tests):
+    periodic, simulated = tests[0]
+    location = locate(periodic, simulated, noise_floor(periodic))
+    figure = location_figure(location)
+    time, cycles, frequency, depth, turning, plane, whiteness, odd, even, *_ = figure.axes
+    for axis in figure.axes[:9]:
+        assert axis.get_xlabel() and axis.get_ylabel()
+    assert time.patches[0].get_data().values == pytest.approx(location.views["time"].table["rms"])
+    shown = np.concatenate([line.get_ydata() for line in frequency.lines[:-1]])
+    assert len(shown) == len(location.views["frequency"].table["rms"]) - 1  # without the constant
+    colours = plane.collections[0].get_array().ravel()
+    assert np.allclose(
+        np.ma.filled(colours, np.nan), location.views["position and velocity"].table["mean"], equal_nan=True
+    )
+    assert depth.lines[0].get_ydata() == pytest.approx(location.views["depth"].table["mean"], nan_ok=True)
+    assert turning.lines[0].get_ydata() == pytest.approx(location.views["reversals"].table["mean"])
+    assert cycles.lines[0].get_ydata() == pytest.approx(location.views["cycles"].table["rms"])
+    assert whiteness.lines[0].get_ydata() == pytest.approx(location.views["whiteness"].table["correlation"])
+    for axis, names in ((odd, {"with z", "with v"}), (even, {"with z²", "with |v|"})):
+        curves = [line for line in axis.lines if not line.get_label().startswith("_")]
+        assert names <= {line.get_label() for line in curves}
+        assert len({str(line._dash_pattern) for line in curves}) == len(curves)
+    assert len({str(line._dash_pattern) for line in depth.lines[:3]}) == 3
+    assert f"map: {100 * location.views['position and velocity'].share:.0f} %" in plane.get_title(loc="right")
+    assert f"noise {location.residual.floor.rms:.3g} N" in figure.get_suptitle()
+
+
+def test_location_of_noise_says_so(tests):
+    other, response = tests[1]
+    figure = location_figure(locate(other, response, noise_floor(tests[0][0]), "multisine"))
+    assert figure.axes[0].get_title(loc="right") == "time: no relation"
+
+
+def test_location_without_reversals_or_floor():
+    position = np.linspace(0.0, 10.0, 600)
+    test = record(position, 0.5 * position + 0.1 * noise(600, 1), "ramp")
+    figure = location_figure(locate(test, 0.4 * position))
+    assert "too few reversals" in [text.get_text() for text in figure.axes[4].texts]
+    assert "too few cycles" in [text.get_text() for text in figure.axes[1].texts]
+    assert "noise unknown" in figure.get_suptitle()
+
+
+def test_figures_are_saved(tests, tmp_path):
+    periodic, simulated = tests[0]
+    floor = noise_floor(periodic)
+    save(location_figure(locate(periodic, simulated, floor)), tmp_path / "location", "synthetic twin")
+    found = [compare_record(periodic, simulated, floor)]
+    save(comparison_figure(periodic, simulated, found), tmp_path / "comparison", "synthetic twin")
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{name}.{ending}" for name in ("location", "comparison") for ending in ("svg", "pdf")
+    }
+
+
+def test_a_panel_that_sees_no_relation_says_nothing_of_the_errors_size():
+    position = multisine(10)
+    test = record(position, relaxing_force(position) + 0.05 * noise(len(position), 1))
+    location = locate(test, 0.9 * relaxing_force(position), noise_floor(test))
+    assert location.residual.variance > (10 * location.residual.floor.rms) ** 2
+    titles = [axis.get_title(loc="right") for axis in location_figure(location).axes]
+    assert "time: all repeats" in titles and not any("only noise" in title for title in titles)
+
+
+def test_a_map_whose_pattern_counts_marks_no_cell_as_chance():
+    position = multisine(10)
+    test = record(position, relaxing_force(position) + 0.05 * noise(len(position), 1))
+    location = locate(test, 0.9 * relaxing_force(position), noise_floor(test))
+    view = location.views["position and velocity"]
+    view.table["z_score"][:] = 1.0
+    figure = location_figure(location)
+    axis = next(axis for axis in figure.axes if axis.get_title(loc="right").startswith("map"))
+    assert axis.get_title(loc="right").endswith("as a whole")
+    assert not [line for line in axis.lines if line.get_marker() == "x"]

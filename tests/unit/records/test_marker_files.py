@@ -1,0 +1,377 @@
+"""Markers in CSV, MATLAB and BVH files."""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from lumbar.base.errors import InputError
+from lumbar.records.force_plates import read_force_plates
+from lumbar.records.markers import read_markers
+from lumbar.settings.layout import MarkerLayout
+
+MILLIMETRES = MarkerLayout(unit="mm")
+POINTS = np.random.default_rng(2).normal(0, 400, (30, 2, 3)).round(3)
+TIME = 2 + np.arange(30) / 60
+ONE = "time_s,C7_x,C7_y,C7_z,L ASI_x,L ASI_y,L ASI_z"
+TWO = ",C7,,,L ASI,,\ntime_s,X,Y,Z,X,Y,Z"
+
+
+def table(header=ONE, separator=",", time=TIME, digits=4, decimal=".", extra=""):
+    def text(value, places):
+        return f"{value:.{places}f}".replace(".", decimal)
+
+    lines = header.replace(",", separator).split("\n")
+    for frame, row in enumerate(POINTS.reshape(30, -1)):
+        cells = [] if time is None else [text(time[frame], digits)]
+        lines.append(separator.join([*cells, *(text(value, 3) for value in row)]) + extra)
+    return "\n".join(lines) + "\n"
+
+
+def write(tmp_path, text, name="lift.csv"):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        table(),
+        table(TWO),
+        table(TWO.replace(",,,", ",C7,C7,").replace(",,", ",L ASI,L ASI")),
+        table(separator=";", decimal=","),
+        table(separator="\t"),
+        table(digits=2),
+        table(ONE.replace("time_s", "Time (ms)"), time=1e3 * TIME),
+        table("time_s," + ONE.removeprefix("time_s,").replace("_", ".")),
+        table(ONE + ",sync", extra=",1"),
+        "\ufeff" + table().replace("\n", "\r\n") + "\r\n",
+    ],
+)
+def test_layouts_read_alike(tmp_path, text):
+    recording = read_markers(write(tmp_path, text), MILLIMETRES)
+    assert list(recording.positions) == ["C7", "L ASI"]
+    assert recording.rate == 60
+    np.testing.assert_allclose(recording.time, TIME, atol=0.005)
+    for number, marker in enumerate(recording.positions):
+        np.testing.assert_allclose(recording[marker], POINTS[:, number] / 1e3, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["C7_x_mm", "C7 X [mm]", "C7.x (mm)"])
+def test_unit_behind_the_axis(tmp_path, name):
+    header = "time_s," + ",".join(
+        name.replace("C7", marker).replace(" X", f" {axis.upper()}").replace("x", axis)
+        for marker in ("C7", "THIGH")
+        for axis in "xyz"
+    )
+    recording = read_markers(write(tmp_path, table(header)))
+    np.testing.assert_allclose(recording["THIGH"], POINTS[:, 1] / 1e3, atol=1e-9)
+    with pytest.raises(InputError, match=r"states 'mm' but markers\.unit is 'm'"):
+        read_markers(write(tmp_path, table(header)), MarkerLayout(unit="m"))
+
+
+def test_rate_of_a_file_without_times(tmp_path):
+    path = write(tmp_path, table(ONE.removeprefix("time_s,"), time=None))
+    with pytest.raises(InputError, match="no column of times"):
+        read_markers(path, MILLIMETRES)
+    recording = read_markers(path, MarkerLayout(unit="mm", rate_Hz=50))
+    np.testing.assert_allclose(recording.time, np.arange(30) / 50)
+
+
+def test_missing_samples_and_other_columns(tmp_path):
+    lines = table(ONE + ",sync", extra=",1").splitlines()
+    cells = lines[5].split(",")
+    lines[5] = ",".join([cells[0], "", "", "", *cells[4:]])
+    lines[6] = ",".join([lines[6].split(",")[0], "0", "0", "0", *lines[6].split(",")[4:]])
+    recording = read_markers(write(tmp_path, "\n".join(lines)), MILLIMETRES)
+    assert np.flatnonzero(np.isnan(recording["C7"]).all(axis=1)).tolist() == [4, 5]
+    assert recording.notes == ("columns that are no coordinates were left out: sync",)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (table(ONE.replace("C7_z", "C7_y")), "C7_y: stands twice"),
+        (table(ONE.replace("C7_z", "height")), "C7: has the columns x, y; x, y and z are needed"),
+        ("time_s,angle_rad\n0,1\n1,2\n", "no column of a marker among time_s, angle_rad"),
+        ("time_s,C7_x,C7_y,C7_z\n0,1,2,3\n", "2 lines; a line of names and two frames are needed"),
+        ("", "neither tab, semicolon nor comma"),
+        (table().replace(f"{TIME[4]:.4f},", ""), "line 6: 6 cells; 7 are needed"),
+        (table().replace(f"{TIME[4]:.4f},", "1_000,"), "line 6: could not convert string to float: '1_000'"),
+        (table().replace(f"{TIME[4]:.4f},", "1e200,"), "line 6: a number too large"),
+        (table().replace(f"{TIME[4]:.4f},", ","), "frame 5 has no time"),
+        (table(time=np.delete(2 + np.arange(31) / 60, 14)), "the clock is not even, or frames are missing"),
+        (table(time=0 * TIME), "it must increase"),
+        (table(ONE.replace("C7_x", "C7_x_mm")), "units , mm in the header"),
+        (table().replace("C7_x", '"' + "C" * 200_000 + '_x"'), "not a table"),
+        (table(), "the file states no unit; set markers.unit"),
+    ],
+)
+def test_tables_that_are_refused(tmp_path, text, said):
+    path = write(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        read_markers(path, MarkerLayout() if "no unit" in said else MILLIMETRES)
+    assert said in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_declared_rate_that_the_times_contradict(tmp_path):
+    with pytest.raises(InputError, match=r"its times run at 60 Hz, but markers\.rate_Hz is 100"):
+        read_markers(write(tmp_path, table()), MarkerLayout(unit="mm", rate_Hz=100))
+
+
+LAYOUT = MarkerLayout(check_axes=False)
+NAMES = ["CV7", "SJN", "L_IAS", "R_IAS"]
+
+
+@pytest.fixture(scope="module")
+def gait(shared):
+    return shared / "real" / "lifting" / "qualisys_ior_gait" / "Qualisys.c3d"
+
+
+@pytest.fixture(scope="module")
+def markers(gait):
+    """Four markers of a real gait in millimetres, one of them hidden for five frames."""
+    points = {name: 1000 * read_markers(gait, LAYOUT)[name] for name in ("CV7", "SXS", "L_IAS", "R_IAS")}
+    points = dict(zip(NAMES, points.values(), strict=True))
+    points["SJN"][50:55] = np.nan
+    return points
+
+
+def qualisys(markers, **changed):
+    """What QTM exports: markers × (x, y, z, residual) × frames."""
+    data = np.stack([np.column_stack([points, np.ones(len(points))]).T for points in markers.values()])
+    labelled = {"Count": len(markers), "Labels": np.array(list(markers), dtype=object), "Data": data}
+    events = [
+        {"Label": "Box release", "Frame": 301, "Time": np.uint8(2)},
+        {"Label": "pick up", "Frame": 101, "Time": 1.0},
+    ]
+    recording = {
+        "FrameRate": np.uint8(200),  # MATLAB stores small whole numbers as bytes
+        "StartFrame": np.uint8(101),
+        "Frames": data.shape[2],
+        "Trajectories": {"Labeled": labelled},
+    }
+    return {"lift_03": recording | {"Events": events} | changed}
+
+
+def test_what_qtm_exports(tmp_path, markers):
+    savemat(tmp_path / "a.mat", qualisys(markers), do_compression=True)
+    found = read_markers(tmp_path / "a.mat", LAYOUT)
+    for name, points in markers.items():
+        np.testing.assert_allclose(found[name], points / 1000, rtol=1e-12)
+    assert (found.rate, found.time[0], len(found)) == (200.0, 0.5, len(points))
+    assert [(event.label, event.time) for event in found.events] == [("pick up", 1.0), ("Box release", 2.0)]
+
+
+@pytest.mark.parametrize("form", ["labels", "struct", "one by one", "homogeneous"])
+def test_arrays_with_a_clock(tmp_path, markers, form):
+    n_frames = len(markers["CV7"])
+    time, unit = np.arange(n_frames) / 200, "mm"
+    if form in ("labels", "struct"):
+        points = np.stack(list(markers.values()), axis=1)
+        content = {"labels": np.array(NAMES, dtype=object), "points": points, "time": time, "unit": unit}
+        content = {"trial": content} if form == "struct" else content
+    else:
+        ones = np.ones((n_frames, 1 if form == "homogeneous" else 0))
+        content = {name: np.hstack([points, ones]) for name, points in markers.items()}
+        content |= {"rate": 200.0, "unit": unit, "EMG": np.zeros((9, 2)), "note": "first try"}
+    savemat(tmp_path / "a.mat", content)
+    found = read_markers(tmp_path / "a.mat", LAYOUT)
+    assert found.rate == 200.0
+    for name, points in markers.items():
+        np.testing.assert_allclose(found[name], points / 1000, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda points: {"rate": 200.0, **points}, "states no unit; set markers.unit"),
+        (lambda points: {"unit": "mm", **points}, "neither time nor rate; set markers.rate_Hz"),
+        (
+            lambda points: {"unit": "mm", "rate": 200.0, "CV7": points["CV7"], "SJN": points["SJN"][:9]},
+            "arrays of 9 and 340",
+        ),
+        (
+            lambda points: {"force": np.zeros((50, 6))},
+            "no markers (force); QTM's export (Trajectories.Labeled), labels with",
+        ),
+        (
+            lambda points: {"labels": NAMES, "points": np.zeros((4, 3, 50)), "rate": 100.0, "unit": "mm"},
+            "points has the shape 4 × 3 × 50 for 4 labels; frames × markers × 3",
+        ),
+        (
+            lambda points: {**qualisys(points), "again": qualisys(points)["lift_03"]},
+            "lift_03, again are several recordings",
+        ),
+        (lambda points: qualisys(points, FrameRate="EXT"), "FrameRate is 'EXT'"),
+        (lambda points: qualisys(points, Trajectories={"Unidentified": 1}), "label the trajectories in QTM"),
+        (lambda points: {"unit": "mm", "time": np.zeros(340), **points}, "time runs from 0 to 0 s"),
+    ],
+)
+def test_what_leaves_a_doubt_is_refused(tmp_path, markers, spoil, said):
+    savemat(tmp_path / "a.mat", spoil(markers))
+    with pytest.raises(InputError) as error:
+        read_markers(tmp_path / "a.mat", LAYOUT)
+    assert said in str(error.value)
+
+
+def packed(source, target):
+    target.write_bytes(gzip.compress(source.read_bytes()))
+    return target
+
+
+def test_packed_c3d_and_trc_are_what_they_were(tmp_path, shared, gait):
+    stands_up = shared / "real" / "lifting" / "sts_trunk_flexion_trc" / "sts_unperturbed_1.trc"
+    for source in (gait, stands_up):
+        plain = read_markers(source, LAYOUT)
+        found = read_markers(packed(source, tmp_path / f"{source.name}.GZ"), LAYOUT)
+        assert found.name == source.stem and found.source.endswith(".GZ")
+        for name, points in plain.positions.items():
+            np.testing.assert_array_equal(found[name], points)
+    [one, two] = read_force_plates(tmp_path / f"{gait.name}.GZ", LAYOUT)
+    np.testing.assert_array_equal(one.force, read_force_plates(gait, LAYOUT)[0].force)
+    assert len(two) == 3400
+
+
+def test_packed_files_that_are_broken_or_stand_for_more_are_named(tmp_path, gait, markers):
+    shutil.copy(gait, tmp_path / "cut.c3d")
+    (tmp_path / "cut.c3d").write_bytes(gait.read_bytes()[:-5000])
+    with pytest.raises(InputError, match=r"^\S+cut\.c3d\.gz: .*it is cut short"):
+        read_markers(packed(tmp_path / "cut.c3d", tmp_path / "cut.c3d.gz"), LAYOUT)
+    (tmp_path / "short.trc.gz").write_bytes(gzip.compress(b"PathFileType" * 999)[:-30])
+    with pytest.raises(InputError, match=r"short\.trc\.gz: the packed file is cut short"):
+        read_markers(tmp_path / "short.trc.gz", LAYOUT)
+    hidden = qualisys(markers, Analog=np.zeros(8_000_000))
+    savemat(tmp_path / "bomb.mat", hidden, do_compression=True)
+    with pytest.raises(InputError, match=r"bomb\.mat: unpacks to more than 50 MB"):
+        read_markers(tmp_path / "bomb.mat", LAYOUT)
+
+
+def test_a_rate_in_the_layout_stands_where_the_file_has_none(tmp_path, markers):
+    savemat(tmp_path / "a.mat", {"unit": "mm", **markers})
+    assert read_markers(tmp_path / "a.mat", replace(LAYOUT, rate_Hz=200.0)).rate == 200.0
+
+
+CENTIMETRES = MarkerLayout(unit="cm", up="+y", forward="+z")
+BVH = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Chest
+  {
+    OFFSET 0 40 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    JOINT Arm
+    {
+      OFFSET 20 0 0
+      CHANNELS 3 Xrotation Yrotation Zrotation
+      End Site
+      {
+        OFFSET 30 0 0
+      }
+    }
+  }
+}
+MOTION
+Frames: 20
+Frame Time: 0.01
+"""
+ANGLES = np.random.default_rng(6).uniform(-180, 180, (20, 9))
+ROOT = np.random.default_rng(7).uniform(-100, 100, (20, 3))
+
+
+def rows(values):
+    return "".join(" ".join(f"{value:.6f}" for value in row) + "\n" for row in values)
+
+
+def write_bvh(tmp_path, text):
+    path = tmp_path / "walk.bvh"
+    path.write_text(text)
+    return path
+
+
+def turn(axis, degrees):
+    """Rotation matrix about one axis, written out."""
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    first, second = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}[axis]
+    matrix = np.eye(3)
+    matrix[first, first] = matrix[second, second] = cos
+    matrix[second, first], matrix[first, second] = sin, -sin
+    return matrix
+
+
+def expected():
+    """Positions in centimetres by the definition: offsets in the parent's axes, rotations in the order of the channels."""
+    found = []
+    for root, angles in zip(ROOT, ANGLES, strict=True):
+        hips = turn("Z", angles[0]) @ turn("X", angles[1]) @ turn("Y", angles[2])
+        chest = hips @ turn("Z", angles[3]) @ turn("X", angles[4]) @ turn("Y", angles[5])
+        arm = chest @ turn("X", angles[6]) @ turn("Y", angles[7]) @ turn("Z", angles[8])
+        at_chest = root + hips @ [0, 40, 0]
+        at_arm = at_chest + chest @ [20, 0, 0]
+        found.append([root, at_chest, at_arm, at_arm + arm @ [30, 0, 0]])
+    return np.array(found)
+
+
+def test_joints_of_a_chain(tmp_path):
+    recording = read_markers(write_bvh(tmp_path, BVH + rows(np.hstack([ROOT, ANGLES]))), CENTIMETRES)
+    assert list(recording.positions) == ["Hips", "Chest", "Arm", "Arm_end"]
+    assert recording.rate == pytest.approx(100)
+    # x lateral (right) is -x of a person who faces z with y up.
+    standard = expected()[..., [0, 2, 1]] * [-1, 1, 1] / 100
+    for number, name in enumerate(recording.positions):
+        np.testing.assert_allclose(recording[name], standard[:, number], atol=1e-7)
+
+
+@pytest.mark.parametrize("around", [0.0, 1.0])
+def test_joints_with_positions_of_their_own(tmp_path, around):
+    """Some suits give every joint six channels, whose positions are zero or the offset once more."""
+    text = BVH.replace("CHANNELS 3 Zrotation", "CHANNELS 6 Xposition Yposition Zposition Zrotation")
+    offset = np.tile([0, 40 * around, 0], (20, 1))
+    values = np.hstack([ROOT, ANGLES[:, :3], offset, ANGLES[:, 3:]])
+    recording = read_markers(write_bvh(tmp_path, text + rows(values)), CENTIMETRES)
+    standard = expected()[..., [0, 2, 1]] * [-1, 1, 1] / 100
+    np.testing.assert_allclose(recording["Arm_end"], standard[:, 3], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: text.replace("MOTION", "MOTIONS"), "not a BVH file"),
+        (lambda text: text.replace("Frames: 20", "Frames: 21"), "Frames: 21; the file holds 20"),
+        (lambda text: text.replace("Frame Time: 0.01", "Frame Time: 0"), "Frame Time is 0 s"),
+        (lambda text: text.replace("Frame Time:", "Time:"), "line 23: 'Time: 0.01'; 'Frame Time:'"),
+        (lambda text: text.replace("}\n}\nMOTION", "}\nMOTION"), "1 joints are not closed"),
+        (
+            lambda text: text.replace("JOINT Chest", "ROOT Chest"),
+            "line 6: 'ROOT Chest'; one ROOT with JOINTs",
+        ),
+        (lambda text: text.replace("OFFSET 0 40 0", "OFFSET 0 40"), "line 8: 2 numbers; 3 are needed"),
+        (lambda text: text.replace("CHANNELS 3 X", "CHANNELS 4 X"), "line 13: 'CHANNELS 4 Xrotation"),
+        (lambda text: text.replace("CHANNELS 3 X", "CHANNELS 3 W"), "line 13: 'CHANNELS 3 Wrotation"),
+        (lambda text: text.replace("OFFSET 30", "LENGTH 30"), "line 16: 'LENGTH 30 0 0'; ROOT, JOINT"),
+        (lambda text: text[: text.rindex(" ")] + "\n", "line 43: 11 numbers; 12 are needed"),
+        (lambda text: text[: text.rindex(" ")] + " 1_0\n", "line 43: could not convert"),
+        (lambda text: text[: text.rindex(" ")] + " inf\n", "line 43: a number that is not finite"),
+    ],
+)
+def test_files_that_are_refused(tmp_path, change, said):
+    path = write_bvh(tmp_path, change(BVH + rows(np.hstack([ROOT, ANGLES]))))
+    with pytest.raises(InputError) as caught:
+        read_markers(path, CENTIMETRES)
+    assert said in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_the_unit_has_to_be_declared(tmp_path):
+    path = write_bvh(tmp_path, BVH + rows(np.hstack([ROOT, ANGLES])))
+    with pytest.raises(InputError, match="states no unit"):
+        read_markers(path, MarkerLayout(up="+y", forward="+z"))
