@@ -9,7 +9,7 @@ import sympy
 from sympy.core.function import AppliedUndef
 from sympy.parsing.latex import parse_latex_lark
 
-from lumbar.tissue.models.motion_signals import SIGNALS
+from lumbar.tissue.models.motion import SIGNALS
 from lumbar.tissue.models.printing import symbol_latex
 
 _FUNCTIONS = {

@@ -9,8 +9,8 @@ import numpy as np
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.export_model import ExportModel, select_models
+from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.models_file import read_models
 from study_settings import changed
 
 TARGET = ["x86_64-linux"]

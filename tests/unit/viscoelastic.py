@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import cont2discrete
 
-from lumbar.tissue.models.first_order import FirstOrder
-from lumbar.tissue.models.network import Dashpot, Network, Parallel, Spring
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.tissue_models import Dashpot, Network, Parallel, Spring
+from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
 
 
 def maxwell(k: float, b: float) -> FirstOrder:

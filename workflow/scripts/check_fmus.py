@@ -17,7 +17,7 @@ def main(input, output, settings: RuntimeSettings, seed: int, data: str):
     from lumbar.tissue.fmu.check.check_table import check_table
     from lumbar.tissue.fmu.check.fmu_check import check_fmus
     from lumbar.tissue.fmu.check.reference_stimulus import push
-    from lumbar.tissue.models.models_file import read_models
+    from lumbar.tissue.models.fitted_model import read_models
 
     fitted = read_models(read_json(input.models), catalogues_with(input.effects))
     models = select_models(fitted, settings)

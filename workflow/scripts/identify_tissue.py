@@ -10,7 +10,7 @@ def main(input, output, training: str, settings: StudySettings, data: str):
     from lumbar.base.files import write_csv, write_json
     from lumbar.interface.identification import identify
     from lumbar.interface.reading import read_listed
-    from lumbar.tissue.models.models_file import models_document
+    from lumbar.tissue.models.fitted_model import models_document
 
     tissue = settings.tissue
     found = identify(

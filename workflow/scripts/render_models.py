@@ -16,7 +16,7 @@ def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, data:
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.fmu.build.export_model import find_models
     from lumbar.tissue.haptics.passive_models import fit_passive_models
-    from lumbar.tissue.models.models_file import models_document
+    from lumbar.tissue.models.fitted_model import models_document
 
     models = load_models(input.models, input.effects)
     found = rendering_of(find_models(models, settings), settings, data)

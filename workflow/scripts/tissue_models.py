@@ -16,7 +16,7 @@ def main(input, output, tissue: TissueSettings, data: str):
     from lumbar.publishing.figures.style import save
     from lumbar.publishing.figures.tissue_figures import excitation_figure
     from lumbar.tissue.identification.identify_tissue import distinct
-    from lumbar.tissue.models.models_file import models_document
+    from lumbar.tissue.models.fitted_model import models_document
 
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
     models = [model for path in input.fits for model in load_models(path, input.effects)]

@@ -176,7 +176,7 @@ def test_an_equation_that_cannot_be_read_is_refused():
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.key)
 def test_signatures_are_visible_and_as_large_as_said(form):
     slow, fast = signatures(TISSUE[form.effect], form)
-    share = np.sqrt(np.mean(slow.added**2) / np.mean(slow.base**2))
+    share = np.sqrt(np.mean(slow.added_force**2) / np.mean(slow.base**2))
     assert np.all(np.isfinite(fast.force))
     if form.place is Place.PARALLEL:
         assert share == pytest.approx(SHARE)
@@ -186,12 +186,12 @@ def test_signatures_are_visible_and_as_large_as_said(form):
 
 def test_signatures_follow_closed_forms():
     position = standard_motion(RATES[0]).position
-    cubic = signatures(TISSUE["hardening_stiffness"])[0].added
+    cubic = signatures(TISSUE["hardening_stiffness"])[0].added_force
     assert cubic == pytest.approx(cubic.max() * position**3, abs=1e-9 + 1e-4 * cubic.max())
     clipped = signatures(TISSUE["saturation"])[0].force
     assert np.ptp(clipped[np.abs(clipped) > 0.999 * clipped.max()].__abs__()) < 1e-3 * clipped.max()
     slow, fast = signatures(TISSUE["inertia"])
-    ratio = np.abs(fast.added[600:-10]).max() / np.abs(slow.added[600:-10]).max()
+    ratio = np.abs(fast.added_force[600:-10]).max() / np.abs(slow.added_force[600:-10]).max()
     assert ratio == pytest.approx((RATES[1] / RATES[0]) ** 2, rel=0.02)
 
 

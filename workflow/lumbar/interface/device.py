@@ -40,7 +40,7 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
 def _read(path: Path, effect_files) -> tuple[list[FittedModel], str]:
     from lumbar.base.files import read_json
     from lumbar.tissue.effects.catalogue import catalogues_with
-    from lumbar.tissue.models.models_file import read_models
+    from lumbar.tissue.models.fitted_model import read_models
 
     content = read_json(path)
     models = read_models(content, catalogues_with(list(effect_files)))

@@ -202,7 +202,7 @@ class Identification:
         """Write ``models.json``, ``search.csv`` and the tables ``table_3_1`` and ``physical_parameters``."""
         from lumbar.base.files import write_csv, write_json
         from lumbar.tissue.identification.identify_tissue import distinct
-        from lumbar.tissue.models.models_file import models_document
+        from lumbar.tissue.models.fitted_model import models_document
 
         folder = Path(folder)
         write_json(folder / "models.json", models_document(distinct(self.models), self.data))

@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import refined_fit
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.models.bases import BASES
-from lumbar.tissue.models.models_file import models_document, read_models
+from lumbar.tissue.models.fitted_model import models_document, read_models
 from lumbar.tissue.models.motion import Motion
 
 RIVALS = {

@@ -14,8 +14,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
-from lumbar.tissue.models.joined_motions import JoinedMotions
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.structure import Structure, forces_of
 
 WORN = next(form for form in TISSUE["softening"].forms if form.name == "path")

@@ -17,8 +17,8 @@ from lumbar.tissue.diagnosis.law.law_form import (
 )
 from lumbar.tissue.diagnosis.law.terms import library
 from lumbar.tissue.effects.signature import standard_motion
+from lumbar.tissue.models.expression import parse
 from lumbar.tissue.models.form import Place
-from lumbar.tissue.models.parsing import parse
 
 
 def term(name: str):

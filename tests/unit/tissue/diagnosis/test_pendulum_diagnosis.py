@@ -18,7 +18,7 @@ from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine, refined_document
 from lumbar.tissue.diagnosis.selection.verdict import details, headline
 from lumbar.tissue.effects.catalogue import CATALOGUES, PENDULUM
-from lumbar.tissue.models.models_file import read_models
+from lumbar.tissue.models.fitted_model import read_models
 
 PENDULUM_BASE = DiagnosisSettings(base="pendulum")
 STRENGTHS = (4.0, 8.0, 16.0)

@@ -18,8 +18,7 @@ from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.evaluation import Evaluator
 from lumbar.tissue.models.expression import symbols
 from lumbar.tissue.models.form import Place
-from lumbar.tissue.models.motion_signals import FORCE, SIGNALS
-from lumbar.tissue.models.sampled_motion import SampledMotion
+from lumbar.tissue.models.motion import FORCE, SIGNALS, SampledMotion
 from lumbar.tissue.models.state_equation import STEP_SYMBOL
 
 on_x86_64_linux = pytest.mark.skipif(

@@ -239,7 +239,7 @@ def test_the_same_name_twice_is_refused(tmp_path):
 def test_the_page_names_all_signals_functions_and_keys(project):
     from lumbar.tissue.effects import notation
     from lumbar.tissue.models.expression import OPERANDS
-    from lumbar.tissue.models.motion_signals import SIGNALS
+    from lumbar.tissue.models.motion import SIGNALS
     from lumbar.tissue.models.parameter import SCALES
 
     page = (project / "docs" / "own_effect.md").read_text(encoding="utf-8")

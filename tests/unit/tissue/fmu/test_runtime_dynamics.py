@@ -10,8 +10,7 @@ from scipy.signal import cont2discrete, dlsim, lfilter, ss2tf
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
-from lumbar.tissue.models.state_space import observer_form
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import TransferFunction, observer_form
 from study_settings import changed
 
 pytestmark = pytest.mark.filterwarnings("ignore::scipy.signal.BadCoefficients")  # numerators begin with zeros

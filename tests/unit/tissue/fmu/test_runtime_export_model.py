@@ -18,9 +18,8 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.meaning import range_text, sign_text
 from lumbar.tissue.fmu.conventions import told_meaning
-from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
 from lumbar.tissue.models.model_data import MotionRange, identifier
-from lumbar.tissue.models.models_file import models_document, read_models
 from lumbar.tissue.signals.motion_range import motion_range
 from lumbar.twin.examples import example_records
 from study_settings import changed

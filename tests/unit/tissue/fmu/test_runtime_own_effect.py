@@ -23,14 +23,14 @@ on_x86_64_linux = pytest.mark.skipif(
 WRITTEN = """
 import numpy as np
 from scipy.signal import lfilter
-from lumbar.tissue.models.c_step import CStep
+from lumbar.tissue.models.equation import CStep
 from lumbar.tissue.models.form import LinearParameter, Effect, Form, HandWritten, Place, NonlinearParameter
 
 
 def smoothed(motion, nonlinear):
     pole = np.exp(-motion.sampling_time / nonlinear[0])
     start = [pole * motion.position[0]]
-    return motion.replaced(lfilter([1 - pole], [1, -pole], motion.position, zi=start)[0])
+    return motion.with_position(lfilter([1 - pole], [1, -pole], motion.position, zi=start)[0])
 
 
 LAG = Effect("lag", "The mount is soft.", (Form("first_order", r"T \\dot z + z", Place.INPUT,

@@ -21,8 +21,7 @@ from lumbar.tissue.haptics.passive_fit import (
 from lumbar.tissue.haptics.passive_models import takes_energy
 from lumbar.tissue.haptics.passivity import damping_at, required_damping
 from lumbar.tissue.identification.arx_search import IdentificationData
-from lumbar.tissue.models.first_order import FirstOrder, undiscretise
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction, undiscretise
 
 PERIOD = 0.01
 ONE = np.ones(1)

@@ -125,7 +125,7 @@ def test_an_fmu_of_the_older_standard_is_refused(run, fmu_folder):
 def test_a_model_with_effects_is_linearised_and_its_fmu_simulated(zig_cache):
     """Without effects the linearisation is the transfer function; a hardening spring is stiffer at depth."""
     from lumbar.tissue.effects.catalogue import CATALOGUES
-    from lumbar.tissue.models.models_file import read_models
+    from lumbar.tissue.models.fitted_model import read_models
 
     settings = changed(SETTINGS, models=["KB+hardening_stiffness"], compiler_cache=str(zig_cache))
     document = models_json(effect_entry("KB", "hardening_stiffness/cubic"))
@@ -178,7 +178,7 @@ def test_export_refuses_what_is_unstable_where_the_study_says_so(capsys):
 def test_export_of_a_file_of_passive_models(run, tmp_path, zig_cache):
     """From records to an FMU that is passive on the device: what `identify --passive` writes, `export` takes."""
     from lumbar.base.files import write_json
-    from lumbar.tissue.models.models_file import models_document
+    from lumbar.tissue.models.fitted_model import models_document
     from lumbar.twin.examples import example_records
 
     records = example_records()
@@ -268,7 +268,7 @@ def replace_loop(model, seconds: float):
 def test_units_change_nothing(unit):
     factor = {"m": 1e3, "cm": 10.0}[unit]
     model = fitted("KB", unit)
-    structure = model.structure.scaled(factor)
+    structure = model.structure.times(factor)
     found = rendered(exported_at(replace(model, structure=structure), DEFAULTS, 100.0), STYLUS)
     expected = rendered(exported_at(fitted("KB"), DEFAULTS, 100.0), STYLUS)
     np.testing.assert_allclose(found.loops[0].numerator, expected.loops[0].numerator, rtol=1e-12)

@@ -24,9 +24,8 @@ from lumbar.tissue.identification.output_error import (
     stabilised,
 )
 from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath, ridge_grid
-from lumbar.tissue.models.arx_structure import ArxStructure
 from lumbar.tissue.models.tissue_models import KB, MAXWELL, MW, higher_order_structures
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
 
 STRUCTURES = [MW.structure, MAXWELL.structure, KB.structure, *higher_order_structures(4)]
 

@@ -21,10 +21,10 @@ from lumbar.tissue.identification.identify_tissue import distinct, given_model, 
 from lumbar.tissue.identification.ridge import ReducedRegression
 from lumbar.tissue.identification.table_2_1 import physical_parameters_table, table_2_1
 from lumbar.tissue.identification.table_3_1 import table_3_1, unit_slug
-from lumbar.tissue.models.arx_structure import ArxStructure
+from lumbar.tissue.models.fitted_model import models_document, read_models
 from lumbar.tissue.models.model_data import Port
-from lumbar.tissue.models.models_file import models_document, read_models
 from lumbar.tissue.models.tissue_models import HO, KB
+from lumbar.tissue.models.transfer_function import ArxStructure
 from study_settings import changed, study_settings
 
 SETTINGS = typed(

@@ -9,15 +9,13 @@ from scipy.signal import lsim
 
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
-from lumbar.tissue.models.driven_motion import POINTS, ForceDrive
+from lumbar.tissue.models.driven_motion import POINTS, ForceBalance, ForceDrive, can_be_simulated
 from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.models.force_balance import ForceBalance, can_be_simulated
 from lumbar.tissue.models.form import Place
-from lumbar.tissue.models.forward_structure import ForwardStructure
 from lumbar.tissue.models.measured_motion import MEASURED
 from lumbar.tissue.models.model_data import FittedParameter, Port
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.structure import ForwardStructure, Structure
 
 FORMS = {form.key: form for effect in TISSUE.values() for form in effect.forms if can_be_simulated(form)}
 STEP = 0.01

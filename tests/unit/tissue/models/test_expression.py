@@ -8,11 +8,9 @@ import sympy
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.effects.catalogue import CATALOGUES
-from lumbar.tissue.models.derivative import derivative
+from lumbar.tissue.models.algebra import check_powers, derivative, linear_parts
 from lumbar.tissue.models.evaluation import Evaluator
-from lumbar.tissue.models.expression import OPERANDS, expanded, symbols, written
-from lumbar.tissue.models.expression_checks import check_powers, linear_parts
-from lumbar.tissue.models.parsing import parse
+from lumbar.tissue.models.expression import OPERANDS, expand_sums, parse, symbols, to_text
 from lumbar.tissue.models.printing import c_text, latex, portable, symbol_latex
 
 FORMS = [form for catalogue in CATALOGUES.values() for effect in catalogue.values() for form in effect.forms]
@@ -45,7 +43,7 @@ def in_sympy(text: str) -> sympy.Expr:
 
 
 def at(expression, given=GIVEN) -> float:
-    return float(Evaluator([expanded(expression)])(given)[0])
+    return float(Evaluator([expand_sums(expression)])(given)[0])
 
 
 @pytest.mark.parametrize("text", SMOOTH)
@@ -85,7 +83,7 @@ def test_small_whole_powers_are_products():
 
 @pytest.mark.parametrize("text", [*SMOOTH, *EQUATIONS])
 def test_what_is_written_is_read_again(text):
-    assert parse(written(parse(text))) == parse(text)
+    assert parse(to_text(parse(text))) == parse(text)
 
 
 @pytest.mark.parametrize("text", EQUATIONS)
@@ -94,7 +92,7 @@ def test_splitting_loses_nothing(text):
     form = next(form for form in FORMS if form.equation == text)
     if not form.linear:
         return
-    tree = expanded(parse(text))
+    tree = expand_sums(parse(text))
     generator = np.random.default_rng(3)
     given = {name: generator.uniform(0.1, 2.0) for name in symbols(tree)}
     split = linear_parts(tree, [item.symbol for item in form.linear])

@@ -21,12 +21,10 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import derived_estimates, estim
 from lumbar.tissue.diagnosis.selection.refine import refine, refined_fit
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.effects.signature import standard_motion
-from lumbar.tissue.models.first_order import FirstOrder
-from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
 from lumbar.tissue.models.model_data import FittedParameter, Port, Scores
-from lumbar.tissue.models.models_file import models_document, read_models
 from lumbar.tissue.models.tissue_models import KB
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
 
 T = 0.01
 PORTS = Port("position", "mm", 3.0), Port("force", "N", -2.0)

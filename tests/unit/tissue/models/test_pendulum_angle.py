@@ -8,7 +8,7 @@ import pytest
 from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.models.bases import BASES
-from lumbar.tissue.models.measured_angle import for_base, smoothed
+from lumbar.tissue.models.measured_motion import for_base, with_smooth_angle
 from lumbar.tissue.models.motion import Motion
 
 STEP = 0.01
@@ -31,8 +31,8 @@ def acceleration_error(item):
 
 
 def test_an_exact_angle_is_left_as_it_is():
-    assert smoothed(record()) is not None
-    assert np.array_equal(smoothed(record())["input"], record()["input"])
+    assert with_smooth_angle(record()) is not None
+    assert np.array_equal(with_smooth_angle(record())["input"], record()["input"])
 
 
 @pytest.mark.parametrize(
@@ -48,13 +48,13 @@ def test_an_exact_angle_is_left_as_it_is():
 )
 def test_noise_and_rounding_do_not_reach_the_acceleration(made, allowed):
     measured = record(**made)
-    assert acceleration_error(smoothed(measured)) < allowed
-    assert acceleration_error(smoothed(measured)) < 0.2 * acceleration_error(measured)
+    assert acceleration_error(with_smooth_angle(measured)) < allowed
+    assert acceleration_error(with_smooth_angle(measured)) < 0.2 * acceleration_error(measured)
 
 
 def test_smoothing_twice_is_smoothing_once():
-    once = smoothed(record(noise=1e-3))
-    again = smoothed(once)
+    once = with_smooth_angle(record(noise=1e-3))
+    again = with_smooth_angle(once)
     assert acceleration_error(again) == pytest.approx(acceleration_error(once), rel=0.05)
 
 

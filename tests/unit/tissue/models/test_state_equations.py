@@ -13,12 +13,11 @@ from scipy.integrate import solve_ivp
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.fmu.build.export_model import export_models
 from lumbar.tissue.models.bases import BASES
-from lumbar.tissue.models.expression import expanded
+from lumbar.tissue.models.expression import expand_sums, parse
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
 from lumbar.tissue.models.model_data import FittedParameter, Port
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.models.parsing import parse
 from lumbar.tissue.models.state_equation import (
     STEP_FUNCTIONS,
     STEP_SYMBOL,
@@ -47,7 +46,7 @@ def straight(positions: np.ndarray, sampling_time: float = STEP) -> Motion:
 
 
 def equations(**slopes: str) -> StateEquation:
-    return StateEquation({name: expanded(parse(text)) for name, text in slopes.items()})
+    return StateEquation({name: expand_sums(parse(text)) for name, text in slopes.items()})
 
 
 def solved(state: StateEquation, motion: Motion, slope, values: dict) -> np.ndarray:

@@ -7,9 +7,8 @@ from viscoelastic import discretise, dynamic_stiffness, kelvin_boltzmann, maxwel
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.models import tissue_models as models
-from lumbar.tissue.models.first_order import FirstOrder
-from lumbar.tissue.models.network import in_words
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.tissue_models import in_words
+from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
 
 KB_ELEMENTS = {"k1": 0.4, "k2": 3.2, "b": 0.13}
 T = 0.01
@@ -34,7 +33,7 @@ def test_equation_of_table_2_1_follows_from_the_mechanical_analogue(model, syste
 def test_kelvin_voigt_is_improper_and_not_identified():
     s = np.array([1e6j])
     assert dynamic_stiffness(models.KV.network, {"k": 1.0, "b": 0.1}, s) == pytest.approx(1.0 + 0.1 * s)
-    assert models.KV.derived({"spring_stiffness": 1.0, "viscosity": 0.1}) == {"k": 1.0, "b": 0.1}
+    assert models.KV.element_values({"spring_stiffness": 1.0, "viscosity": 0.1}) == {"k": 1.0, "b": 0.1}
     with pytest.raises(NumericalError, match="improper"):
         models.KV.physical_parameters(TransferFunction((1.0,)), T)
 

@@ -23,7 +23,7 @@ from lumbar.tissue.diagnosis.selection.refine import model_name
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.identification.metrics import fit_ratio, variance_accounted_for
 from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.models.measured_angle import for_base
+from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR
 
 MOST_VALUES = 1_200_000

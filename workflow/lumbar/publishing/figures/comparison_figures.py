@@ -300,7 +300,7 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
         kept = _last_cycle(item, rate)
         added.plot(
             item.motion.position[kept],
-            item.added[kept],
+            item.added_force[kept],
             color=color,
             linestyle=line,
             linewidth=1.0,
@@ -326,10 +326,14 @@ def _last_cycle(item: Signature, rate: float) -> np.ndarray:
 
 def _draw_course(axis, item: Signature, moved: str, response: str) -> None:
     shown = item.motion.time <= _SHOWN_S
-    scale = np.abs(item.added[shown]).max() / np.abs(item.motion.position).max()
+    scale = np.abs(item.added_force[shown]).max() / np.abs(item.motion.position).max()
     axis.plot(item.motion.time[shown], scale * item.motion.position[shown], label=f"{moved}, scaled", **_BASE)
     axis.plot(
-        item.motion.time[shown], item.added[shown], color=SERIES[0], linewidth=1.0, label=f"added {response}"
+        item.motion.time[shown],
+        item.added_force[shown],
+        color=SERIES[0],
+        linewidth=1.0,
+        label=f"added {response}",
     )
     axis.set_xlabel("Time (s)")
 

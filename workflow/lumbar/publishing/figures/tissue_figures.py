@@ -15,8 +15,7 @@ from lumbar.publishing.figures.style import (
     new_figure,
 )
 from lumbar.records.record import Record
-from lumbar.tissue.models.network import Dashpot, Network, Parallel, Series, Spring
-from lumbar.tissue.models.tissue_models import IL, TissueModel
+from lumbar.tissue.models.tissue_models import IL, Dashpot, Network, Parallel, Series, Spring, TissueModel
 
 INK = "#000000"
 _LINE = 1.2

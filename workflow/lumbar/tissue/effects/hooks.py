@@ -15,7 +15,7 @@ import numpy as np
 
 from lumbar.tissue.effects.starts import interval_starts, modulation_starts, strongest_lines
 from lumbar.tissue.models.bases import elongation
-from lumbar.tissue.models.c_step import CStep
+from lumbar.tissue.models.equation import CStep
 from lumbar.tissue.models.form import HandWritten
 from lumbar.tissue.models.operators import bouc_wen, bouc_wen_general, elastoplastic, play, presliding
 

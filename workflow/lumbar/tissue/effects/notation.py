@@ -17,9 +17,9 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
+from lumbar.tissue.models.expression import parse
 from lumbar.tissue.models.form import Effect, Form, Place
 from lumbar.tissue.models.parameter import SCALES, Constant, LinearParameter, NonlinearParameter
-from lumbar.tissue.models.parsing import parse
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _NAME_RULE = "letters a to z, digits and _, a letter first"

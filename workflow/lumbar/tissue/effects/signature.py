@@ -47,7 +47,7 @@ class Signature:
     """Shape (samples,): with the effect."""
 
     @property
-    def added(self) -> np.ndarray:
+    def added_force(self) -> np.ndarray:
         """What the effect adds."""
         return self.force - self.base
 

@@ -50,7 +50,7 @@ class PassiveFits:
     def save(self, folder: Path, data: str) -> None:
         """Write ``passive_models.json`` and the table ``passive_fits``."""
         from lumbar.base.files import write_json
-        from lumbar.tissue.models.models_file import models_document
+        from lumbar.tissue.models.fitted_model import models_document
 
         write_json(folder / "passive_models.json", models_document(self.passive, data))
         self.table(data).write(folder / "passive_fits")

@@ -17,8 +17,7 @@ from lumbar.tissue.identification.metrics import (
     variance_accounted_for,
 )
 from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath
-from lumbar.tissue.models.arx_structure import ArxStructure
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
 
 INPUT, OUTPUT = "input", "output"
 

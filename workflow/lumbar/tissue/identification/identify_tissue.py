@@ -24,7 +24,6 @@ from lumbar.tissue.identification.bootstrap import block_bootstrap, central_spre
 from lumbar.tissue.identification.metrics import relative_uncertainties
 from lumbar.tissue.identification.output_error import fit_output_error, relaxation_starts
 from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath, ridge_grid
-from lumbar.tissue.models.arx_structure import ArxStructure, full_regressors
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR, FittedParameter, Port, Scores, unit_of
 from lumbar.tissue.models.tissue_models import (
@@ -37,7 +36,7 @@ from lumbar.tissue.models.tissue_models import (
     higher_order_structures,
     inverted_linear,
 )
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction, full_regressors
 from lumbar.tissue.signals.motion_range import motion_range
 
 if TYPE_CHECKING:
@@ -140,7 +139,7 @@ def given_model(
 
 def distinct(models: list[FittedModel]) -> list[FittedModel]:
     """Return the models of several identifications: what is not fitted stands at the end, once, without a record's scores."""
-    given = {model.name: model.unscored() for model in models if model.estimator == GIVEN}
+    given = {model.name: model.without_scores() for model in models if model.estimator == GIVEN}
     return [*(model for model in models if model.estimator != GIVEN), *given.values()]
 
 

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.tissue.models.arx_structure import ArxStructure
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
 
 _UNSTABLE_PENALTY = 1e3  # multiple of the output's rms: makes the optimiser take a shorter step
 _LARGEST_START_POLE = 0.995

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.tissue.identification.metrics import condition_number, numerical_rank
-from lumbar.tissue.models.arx_structure import ArxStructure, full_regressors
+from lumbar.tissue.models.transfer_function import ArxStructure, full_regressors
 
 
 class ReducedRegression:

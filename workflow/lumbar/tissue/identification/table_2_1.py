@@ -6,8 +6,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import OUTPUT_ERROR
-from lumbar.tissue.models.network import in_words
-from lumbar.tissue.models.tissue_models import KB, KV, LE, MAXWELL, MW, TABLE_2_1
+from lumbar.tissue.models.tissue_models import KB, KV, LE, MAXWELL, MW, TABLE_2_1, in_words
 
 
 def table_2_1(data: str) -> Table:

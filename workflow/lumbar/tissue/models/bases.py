@@ -9,12 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.models.c_step import CStep
-from lumbar.tissue.models.contact import surface_of_branch, surface_of_dashpot
-from lumbar.tissue.models.equation import Solution
+from lumbar.tissue.models.equation import CStep, Solution
 from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter, Place
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.models.operators import relaxation
+from lumbar.tissue.models.operators import relaxation, surface_of_branch, surface_of_dashpot
 
 _RESPONSES = {"tissue": "F", "pendulum": "M"}
 """Symbol of what a base of each system gives."""
@@ -123,7 +121,7 @@ _WITH_MASS = (
 
 def _branch_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ratio, time_constant = nonlinear
-    return motion.remembered(
+    return motion.remember(
         "branch_meets", nonlinear, lambda: surface_of_branch(motion, 1.0 / (1.0 + ratio), time_constant)
     )
 
@@ -135,7 +133,7 @@ def _branch_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray
 
 
 def _dashpot_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return motion.remembered("dashpot_meets", nonlinear, lambda: surface_of_dashpot(motion, nonlinear[0]))
+    return motion.remember("dashpot_meets", nonlinear, lambda: surface_of_dashpot(motion, nonlinear[0]))
 
 
 def _dashpot_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:

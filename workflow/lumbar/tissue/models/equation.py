@@ -1,4 +1,4 @@
-"""One equation of a form, from which its simulation, its LaTeX and its C code follow."""
+"""One equation of a form, from which its simulation, its LaTeX and its C code follow; and C code of a form as such."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.models.c_step import CStep
+from lumbar.tissue.models.algebra import check_powers, linear_parts
 from lumbar.tissue.models.evaluation import Evaluator
 from lumbar.tissue.models.expression import (
     OPERANDS,
@@ -20,18 +20,77 @@ from lumbar.tissue.models.expression import (
     Number,
     Operation,
     Symbol,
-    expanded,
-    substituted,
+    expand_sums,
+    parse,
+    substitute,
     symbols,
     whole_power,
 )
-from lumbar.tissue.models.expression_checks import check_powers, linear_parts
-from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.models.motion_signals import FORCE, NEVER_NEGATIVE, SIGNALS
+from lumbar.tissue.models.motion import FORCE, NEVER_NEGATIVE, SIGNALS, Motion
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter, Parameter
-from lumbar.tissue.models.parsing import parse
 from lumbar.tissue.models.printing import c_text, latex, portable, symbol_latex
 from lumbar.tissue.models.state_equation import MOST_STATES, STEP_SYMBOL, StateEquation
+
+Constants = Callable[[Mapping[str, float], float], dict[str, float]]
+Memory = Callable[[Mapping[str, float]], int]
+
+
+def _no_constants(parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
+    return {}
+
+
+@dataclass(frozen=True)
+class CStep:
+    """One sample of a form in C99.
+
+    The code becomes the body of a function. It knows by name
+
+    - the form's linear and nonlinear parameters and what `constants` adds to them;
+    - the motion that reaches the form: ``time``, ``position``, ``step`` (change of position since the sample before),
+      ``velocity``, ``acceleration``, ``path``, and ``first``, true at the first sample. Derivatives are backward
+      differences, for a running loop knows no later sample;
+    - in output forms ``force``, which is to be transformed;
+    - with `history`, ``earlier(now, ring, n)``, the position that reached the form n samples ago, 0 to `history`;
+    - with `memory`, ``memory[i]`` as the sample before left it, 0 at the start, and ``next[i]``, to be written;
+    - the functions of ``effect_forms.h`` and ``portable_math.h``: ``sign``, ``clipped``, ``behind_gap``,
+      ``portable_tanh`` … Those of the C library that are exact (``fabs``, ``sqrt``, ``floor`` …) may be used too; the
+      others are refused, because they differ between platforms in the last bit.
+    """
+
+    value: str
+    """Expression: the force that a parallel form adds, the position that an input form passes on, the force that an output
+    form makes of ``force``."""
+    statements: str = ""
+    """What comes before it."""
+    memory: int | Memory = 0
+    """How many numbers the form keeps from sample to sample; a callable gets all parameters by name."""
+    constants: Constants = _no_constants
+    """From parameters by name and the sampling time in seconds to further numbers by name, computed at export.
+    One named ``pole`` is a pole in discrete time and counts when stability is judged."""
+    history: int | Memory = 0
+    """How many earlier positions it asks for; a callable as of `memory`."""
+
+    def numbers(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
+        """All numbers that the code knows by name.
+
+        Raises
+        ------
+        ValueError
+            If a constant has the name of a parameter.
+        """
+        constants = self.constants(parameters, sampling_time)
+        if taken := sorted(constants.keys() & parameters.keys()):
+            raise ValueError(f"constants have names of parameters: {', '.join(taken)}")
+        return {**parameters, **constants}
+
+    def memory_size(self, numbers: Mapping[str, float]) -> int:
+        """How many numbers the form keeps, given those that its code knows."""
+        return self.memory(numbers) if callable(self.memory) else self.memory
+
+    def history_size(self, numbers: Mapping[str, float]) -> int:
+        """How many earlier positions it asks for, given the numbers that its code knows."""
+        return self.history(numbers) if callable(self.history) else self.history
+
 
 _SYMBOL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 Solution = Callable[[Motion, np.ndarray], tuple[np.ndarray, ...]]
@@ -53,19 +112,19 @@ class Equation:
     """Symbol and rate of change of every state."""
 
     @cached_property
-    def written(self) -> Expression:
+    def tree(self) -> Expression:
         """The tree as it is written, sums unexpanded."""
         return parse(self.text)
 
     @cached_property
     def force(self) -> Expression:
         """The tree with sums written out."""
-        return expanded(self.written)
+        return expand_sums(self.tree)
 
     @cached_property
     def slopes(self) -> dict[str, Expression]:
         """Rate of change by state."""
-        return {name: expanded(parse(text)) for name, text in self.states}
+        return {name: expand_sums(parse(text)) for name, text in self.states}
 
     @cached_property
     def columns(self) -> tuple[Expression, ...]:
@@ -89,7 +148,7 @@ class Equation:
             *((f"state.{name}", text) for name, text in self.states),
         ):
             try:
-                trees[where] = expanded(parse(text))
+                trees[where] = expand_sums(parse(text))
                 check_powers(trees[where], self._never_negative)
             except InputError as error:
                 found.append((where, str(error)))
@@ -181,7 +240,7 @@ class Equation:
 
     @cached_property
     def _evaluator(self) -> Evaluator:
-        return Evaluator([substituted(column, self._given) for column in self.columns])
+        return Evaluator([substitute(column, self._given) for column in self.columns])
 
     @cached_property
     def _nonlinear_symbols(self) -> tuple[str, ...]:
@@ -238,7 +297,7 @@ class Equation:
         said = [
             rf"{names[item.symbol]} = {item.value:g}\,\mathrm{{{item.latex_unit}}}" for item in self.constants
         ]
-        return r",\quad ".join([latex(self.written, names), *rates, *said])
+        return r",\quad ".join([latex(self.tree, names), *rates, *said])
 
     @cached_property
     def _given(self) -> dict[str, Expression]:
@@ -252,7 +311,7 @@ class Equation:
         if not self.transforms:
             named = zip(self.linear, self.columns, strict=True)
             terms = tuple(Operation("*", (Symbol(item.symbol), column)) for item, column in named)
-        return tuple(portable(substituted(term, self._given)) for term in terms)
+        return tuple(portable(substitute(term, self._given)) for term in terms)
 
     def c_step(self, solution: str = "") -> CStep | None:
         """The same in C; None where it needs a channel that a running loop does not have.
@@ -296,11 +355,11 @@ class Equation:
         }
         then = {symbol: begun.get(name, name) for symbol, name in names.items()} | before
         if state.is_scalar:
-            shared, (value,) = _c_lines("begun", [portable(substituted(state.scalar_step, given))], then)
+            shared, (value,) = _c_lines("begun", [portable(substitute(state.scalar_step, given))], then)
             return [*shared, f"next[0] = first ? 0.0 : {value};"]
         size, count = len(state.increments), len(state.names)
         cells = [*state.increments, *(cell for row in state.matrix for cell in row)]
-        shared, values = _c_lines("begun", [portable(substituted(cell, given)) for cell in cells], then)
+        shared, values = _c_lines("begun", [portable(substitute(cell, given)) for cell in cells], then)
         return [
             *shared,
             f"const double increments[] = {{{', '.join(values[:size])}}};",

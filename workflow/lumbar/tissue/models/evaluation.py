@@ -19,6 +19,22 @@ def _smoothstep(x):
     return share**2 * (3 - 2 * share)
 
 
+_ALIKE = (
+    "abs",
+    "sign",
+    "sqrt",
+    "exp",
+    "expm1",
+    "tanh",
+    "sinh",
+    "sin",
+    "cos",
+    "arctan",
+    "hypot",
+    "clip",
+    "where",
+)
+"""Operations that NumPy calls so too."""
 NUMPY: dict[str, Callable] = {
     "+": operator.add,
     "-": operator.sub,
@@ -30,23 +46,11 @@ NUMPY: dict[str, Callable] = {
     "<=": np.less_equal,
     ">": np.greater,
     ">=": np.greater_equal,
-    "abs": np.abs,
-    "sign": np.sign,
-    "sqrt": np.sqrt,
-    "exp": np.exp,
-    "expm1": np.expm1,
-    "tanh": np.tanh,
-    "sinh": np.sinh,
-    "sin": np.sin,
-    "cos": np.cos,
-    "arctan": np.arctan,
+    **{name: getattr(np, name) for name in _ALIKE},
     "softplus": partial(np.logaddexp, 0.0),
     "smoothstep": _smoothstep,
     "min": np.minimum,
     "max": np.maximum,
-    "hypot": np.hypot,
-    "clip": np.clip,
-    "where": np.where,
 }
 """NumPy's functions by the names of the operations."""
 
@@ -94,7 +98,7 @@ class Evaluator:
 
     Examples
     --------
-    >>> from lumbar.tissue.models.parsing import parse
+    >>> from lumbar.tissue.models.expression import parse
     >>> Evaluator([parse("z**3"), parse("2*z")])({"z": np.array([1.0, 2.0])})
     [array([1., 8.]), array([2., 4.])]
     """

@@ -1,21 +1,19 @@
-"""A fitted or given model: simulated, turned into other representations, written and read, shown."""
+"""A fitted or given model: simulated, turned into other representations, shown; and the files that hold such models."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.errors import InputError, NumericalError, Problems
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.forward_structure import ForwardStructure
 from lumbar.tissue.models.measured_motion import with_measured_motion
-from lumbar.tissue.models.model_data import ModelData, Scores
-from lumbar.tissue.models.model_entry import entry_of, read_entry
-from lumbar.tissue.models.model_text import headline, in_html, in_text
-from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.model_data import ModelData, Scores, headline, in_html, in_text
+from lumbar.tissue.models.model_entry import checked_entry, entry_of, read_entry
+from lumbar.tissue.models.structure import ForwardStructure, Structure
 from lumbar.tissue.models.transfer_function import TransferFunction
 
 if TYPE_CHECKING:
@@ -73,7 +71,7 @@ class FittedModel(ModelData):
         return self.structure.simulate(record["input"] - self.input.offset) + self.output.offset
 
     def _simulate_structure(self, structure: Structure, record: Record) -> np.ndarray:
-        from lumbar.tissue.models.measured_angle import for_base
+        from lumbar.tissue.models.measured_motion import for_base
         from lumbar.tissue.models.motion import Motion
 
         parts = [self.values_of(structure.base), *map(self.values_of, structure.forms)]
@@ -97,9 +95,9 @@ class FittedModel(ModelData):
         import control
 
         if isinstance(self.structure, TransferFunction):
-            from lumbar.tissue.models.state_space import aligned
+            from lumbar.tissue.models.transfer_function import aligned_coefficients
 
-            return control.TransferFunction(*aligned(self.structure), self.sampling_time)
+            return control.TransferFunction(*aligned_coefficients(self.structure), self.sampling_time)
         if isinstance(self.structure, ForwardStructure):
             raise NumericalError(
                 f"{self.name}: it goes from force to motion; no transfer function of it is made"
@@ -115,7 +113,7 @@ class FittedModel(ModelData):
             return control.TransferFunction(
                 [values["inertia"], values["damping"], values["gravity_moment"]], [1.0]
             )
-        from lumbar.tissue.models.first_order import FirstOrder
+        from lumbar.tissue.models.transfer_function import FirstOrder
 
         mass = values.pop("mass", 0.0)
         system = FirstOrder.of_base(**values)
@@ -135,7 +133,7 @@ class FittedModel(ModelData):
         import control
 
         if isinstance(self.structure, TransferFunction):
-            from lumbar.tissue.models.state_space import observer_form
+            from lumbar.tissue.models.transfer_function import observer_form
 
             return observer_form(self.structure, self.sampling_time)
         system = self.to_control()
@@ -166,7 +164,7 @@ class FittedModel(ModelData):
         """
         return cls(**read_entry(entry, catalogues))
 
-    def unscored(self) -> FittedModel:
+    def without_scores(self) -> FittedModel:
         """The model without what it owes to one record."""
         return replace(
             self,
@@ -185,3 +183,59 @@ class FittedModel(ModelData):
     def _repr_html_(self) -> str:
         """The same for a notebook."""
         return in_html(self)
+
+
+SCHEMA = "lumbar.models/2"
+
+
+def models_document(models: Iterable[FittedModel], data: str, noise_floor_rms: float | None = None) -> dict:
+    """Return the content of a file of models.
+
+    Parameters
+    ----------
+    models : iterable of FittedModel
+        Of an error ladder: from the base to the last model.
+    data : str
+        Where the data come from.
+    noise_floor_rms : float, optional
+        Of the training record, in the output's unit; None where it is not known.
+    """
+    written = [model.to_json() for model in models]
+    return {"schema": SCHEMA, "data": data, "noise_floor_rms": noise_floor_rms, "models": written}
+
+
+def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list[FittedModel]:
+    """Return the models of a file.
+
+    Parameters
+    ----------
+    content : object
+        As read from JSON.
+    catalogues : mapping of str to mapping
+        Effects by name for every system, as `lumbar.tissue.effects.catalogue.CATALOGUES`.
+
+    Raises
+    ------
+    InputError
+        With the place of everything that is missing, unknown or not allowed in any model.
+    """
+    problems = Problems("models.json")
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        found = repr(content.get("schema")) if isinstance(content, dict) else type(content).__name__
+        problems.add("schema", found, f"{SCHEMA!r} is needed; make the file anew with identify or refine")
+    elif content.get("models") == []:
+        needed = (
+            "a list of at least one is needed; linear dynamics behind a sensor stand in diagnosis.json alone"
+        )
+        problems.add("models", "no model", needed)
+    elif not isinstance(content.get("models"), list):
+        problems.add("models", repr(content.get("models")), "a list of models is needed")
+    problems.raise_if_any()
+    models = []
+    for index, entry in enumerate(content["models"]):
+        own = Problems(f"models.{entry.get('name', index) if isinstance(entry, dict) else index}")
+        fields = checked_entry(entry, catalogues, own)
+        models += [FittedModel(**fields)] if fields else []
+        problems.extend(own)
+    problems.raise_if_any()
+    return models

@@ -4,7 +4,7 @@ A model's force is composed in this order::
 
     motion --(input forms: delay, play)--> motion' --> base force + parallel forms' forces --(output forms)--> force
 
-A form is one equation (`lumbar.tissue.models.parsing` says what may stand in it); its simulation, its LaTeX and its C code
+A form is one equation (`lumbar.tissue.models.expression` says what may stand in it); its simulation, its LaTeX and its C code
 follow. A parallel form is a sum of terms that *linear parameters* are factors of, so that they can be solved for
 directly (separable least squares); what enters otherwise is a *nonlinear parameter*, positive, searched over decades. Output
 forms have nonlinear parameters only. What no equation can say (play, delay) is a `HandWritten` form.
@@ -20,8 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from lumbar.base.errors import Problems
-from lumbar.tissue.models.c_step import CStep
-from lumbar.tissue.models.equation import Equation, Solution
+from lumbar.tissue.models.equation import CStep, Equation, Solution
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter
 
@@ -69,7 +68,7 @@ class Form:
     name: str
     """Unique within its effect, e.g. ``"cubic"``."""
     equation: str
-    """Expression in the parameters' symbols and the signals of `lumbar.tissue.models.motion_signals`: the force that a
+    """Expression in the parameters' symbols and the signals of `lumbar.tissue.models.motion`: the force that a
     parallel form adds, or what an output form makes of the force ``F``. LaTeX where `hand_written`."""
     place: Place
     """Input forms are hand-written."""
@@ -138,7 +137,7 @@ class Form:
         return f"{self.effect}/{self.name}"
 
     @cached_property
-    def remembered_as(self) -> str:
+    def memory_key(self) -> str:
         """What a motion remembers its forces by: its key, and the constants that were given."""
         return " ".join([self.key, *(f"{item.symbol}={item.value}" for item in self.constants if item.given)])
 
@@ -148,7 +147,7 @@ class Form:
         return self._unchecked
 
     @property
-    def parsed(self) -> Equation:
+    def parsed_equation(self) -> Equation:
         """The equation, read and checked; a hand-written form has none."""
         assert not self.hand_written
         return self._equation

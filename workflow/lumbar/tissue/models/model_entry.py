@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import Problems
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Effect, Form
-from lumbar.tissue.models.forward_structure import ForwardStructure
 from lumbar.tissue.models.model_data import FittedParameter, ModelData, MotionRange, Port, Scores
-from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.structure import ForwardStructure, Structure
 from lumbar.tissue.models.tissue_models import MODELS
 from lumbar.tissue.models.transfer_function import TransferFunction
 

@@ -1,7 +1,11 @@
-"""Position over time with what effects need of it: derivatives, path travelled, reversals."""
+"""Motion: position over time with its derivatives, path and reversals, and the signals that equations know of it.
+
+Of one record (`Motion`), as a running loop knows it (`SampledMotion`), of several records (`JoinedMotions`).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -145,7 +149,7 @@ class Motion:
         samples = self._turning[1]
         return np.append(np.repeat(np.arange(len(samples) - 1), np.diff(samples)), len(samples) - 2)
 
-    def remembered(self, name: str, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
+    def remember(self, name: str, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
         """Result of `compute`, kept for the latest few nonlinear parameters: fits change one at a time."""
         key = name, np.asarray(nonlinear, dtype=float).tobytes()
         kept = self.__dict__.setdefault("_kept", {})
@@ -155,7 +159,7 @@ class Motion:
             del kept[next(iter(kept))]
         return found
 
-    def kept(self, name: str, compute: Callable[[], Any]) -> Any:
+    def keep(self, name: str, compute: Callable[[], Any]) -> Any:
         """Result of `compute`, kept as long as the motion: what no parameter changes."""
         lasting = self.__dict__.setdefault("_lasting", {})
         if name not in lasting:
@@ -189,7 +193,7 @@ class Motion:
         )
 
     @cached_property
-    def refined(self) -> Motion:
+    def finer(self) -> Motion:
         """The same smooth motion in `SUBSTEPS` steps between two samples, for a position that it becomes behind play."""
         step = self.sampling_time / SUBSTEPS
         time = self.time[0] + step * np.arange(1 + (len(self) - 1) * SUBSTEPS)
@@ -197,16 +201,16 @@ class Motion:
         fine.__dict__["_spline"] = self._spline
         return fine
 
-    def replaced(self, position: np.ndarray) -> Motion:
+    def with_position(self, position: np.ndarray) -> Motion:
         """Motion with a position that is not smooth, on the same clock."""
         return Motion(self.time, position, self.sampling_time, False, self.channels)
 
     def through(self, moved: Callable[[Motion], np.ndarray]) -> Motion:
         """Motion whose position is what `moved` makes of it and which is not smooth; on the same clock."""
         if not self.smooth:
-            return self.replaced(moved(self))
-        between = moved(self.refined)
-        return replace(self.replaced(between[::SUBSTEPS]), between=between)
+            return self.with_position(moved(self))
+        between = moved(self.finer)
+        return replace(self.with_position(between[::SUBSTEPS]), between=between)
 
     def scale(self, kind: str) -> float:
         """Size of a quantity, for starting values: see `lumbar.tissue.models.parameter.NonlinearParameter`."""
@@ -219,3 +223,166 @@ class Motion:
             "sampling": lambda: self.sampling_time,
             "one": lambda: 1.0,
         }[kind]()
+
+
+@dataclass(frozen=True, eq=False)
+class SampledMotion(Motion):
+    """Motion whose derivatives are backward differences, both 0 at the first sample.
+
+    Against the true derivative of a smooth motion the velocity is late by half a sample, the acceleration by a whole
+    one. Attributes are those of `Motion`.
+    """
+
+    smooth: bool = False
+
+    @classmethod
+    def of_positions(cls, position: np.ndarray, sampling_time: float) -> SampledMotion:
+        """Motion through these positions, shape (samples,), from time 0 on."""
+        return cls(np.arange(len(position)) * sampling_time, position, sampling_time)
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """Backward difference of the position."""
+        return self.increments / self.sampling_time
+
+    @cached_property
+    def acceleration(self) -> np.ndarray:
+        """Backward difference of the velocity."""
+        return np.diff(self.velocity, prepend=0.0) / self.sampling_time
+
+    def delayed(self, delay: float) -> SampledMotion:
+        """Motion `delay` seconds ago, in straight lines between samples, at rest before the first one."""
+        samples = delay / self.sampling_time
+        whole = math.floor(samples)
+        newer, older = (
+            np.concatenate([np.full(min(late, len(self)), self.position[0]), self.position[: -late or None]])
+            for late in (whole, whole + 1)
+        )
+        length = len(self)
+        return self.with_position(newer[:length] + (samples - whole) * (older[:length] - newer[:length]))
+
+    def through(self, moved: Callable[[Motion], np.ndarray]) -> SampledMotion:
+        """Motion whose position is what `moved` makes of the samples, on the same clock."""
+        return self.with_position(moved(self))
+
+    def with_position(self, position: np.ndarray) -> SampledMotion:
+        """Motion with another position, on the same clock."""
+        return SampledMotion(self.time, position, self.sampling_time)
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedMotions:
+    """Motions one after the other, each on its own clock and with a path and a memory of its own."""
+
+    parts: tuple[Motion, ...]
+    """Sampled at the same interval."""
+
+    def __len__(self) -> int:
+        return sum(len(part) for part in self.parts)
+
+    @property
+    def sampling_time(self) -> float:
+        """Seconds."""
+        return self.parts[0].sampling_time
+
+    @cached_property
+    def time(self) -> np.ndarray:
+        """Seconds since the start of each record."""
+        return np.concatenate([part.time for part in self.parts])
+
+    @cached_property
+    def position(self) -> np.ndarray:
+        """Positions, one record after the other."""
+        return np.concatenate([part.position for part in self.parts])
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """First derivative within each record."""
+        return np.concatenate([part.velocity for part in self.parts])
+
+    @cached_property
+    def acceleration(self) -> np.ndarray:
+        """Second derivative within each record."""
+        return np.concatenate([part.acceleration for part in self.parts])
+
+    @property
+    def channels(self) -> dict[str, np.ndarray]:
+        """What all records have beside input and output."""
+        common = set.intersection(*(set(part.channels) for part in self.parts))
+        return {
+            name: np.concatenate([part.channels[name] for part in self.parts])
+            for name in self.parts[0].channels
+            if name in common
+        }
+
+    def scale(self, kind: str) -> float:
+        """Largest size of a quantity in any of the records: see `lumbar.tissue.models.parameter.NonlinearParameter`."""
+        return max(part.scale(kind) for part in self.parts)
+
+    def split(self, signal: np.ndarray) -> list[np.ndarray]:
+        """Cut a signal over all samples (first axis) into those of the records."""
+        return np.split(signal, np.cumsum([len(part) for part in self.parts])[:-1])
+
+
+_JUMP = 0.1
+"""Share of its range by which an input that is held between jumps typically jumps."""
+
+
+def is_held(motion: Motion | JoinedMotions) -> bool:
+    """Whether an input is held between jumps, as a command of a few levels is; such an input has no derivatives."""
+    position = motion.position
+    steps = np.abs(np.diff(position))
+    moved = steps[steps > 0]
+    return moved.size < len(steps) / 2 and bool(np.median(moved) > _JUMP * np.ptp(position))
+
+
+@dataclass(frozen=True)
+class MotionSignal:
+    """A signal."""
+
+    meaning: str
+    """For reports and messages."""
+    of: Callable[[Motion], np.ndarray]
+    """From a motion to the signal, shape (samples,)."""
+    c_name: str = ""
+    """Its name in the C code of a form; empty where a running loop does not know it."""
+    latex: str = ""
+    """Empty where it is the symbol."""
+    channel: str = ""
+    """Role of the channel beside input and output that it needs; empty without."""
+
+
+def _channel(role: str, latex: str, meaning: str) -> MotionSignal:
+    return MotionSignal(meaning, lambda motion: motion.channels[role], latex=latex, channel=role)
+
+
+FORCE = "F"
+"""The force that an output form transforms."""
+SIGNALS = {
+    "z": MotionSignal("position", lambda motion: motion.position, "position"),
+    "v": MotionSignal("velocity", lambda motion: motion.velocity, "velocity"),
+    "a": MotionSignal("acceleration", lambda motion: motion.acceleration, "acceleration"),
+    "dz": MotionSignal(
+        "change of position since the sample before", lambda motion: motion.increments, "step", r"\Delta z"
+    ),
+    "s": MotionSignal("path travelled", lambda motion: motion.path, "path"),
+    "t": MotionSignal("time since the record's start", lambda motion: motion.time, "time"),
+    "theta": MotionSignal("angle from the vertical", lambda motion: motion.position, "position", r"\theta"),
+    "theta_dot": MotionSignal("angular velocity", lambda motion: motion.velocity, "velocity", r"\dot \theta"),
+    "theta_ddot": MotionSignal(
+        "angular acceleration", lambda motion: motion.acceleration, "acceleration", r"\ddot \theta"
+    ),
+    "box_held": _channel("box_held", "h", "share of the box that the hands carry"),
+    "length": _channel("length", r"\ell", "distance from the pivot to the centre of mass"),
+    "length_dot": MotionSignal(
+        "rate of the length", lambda motion: motion.rate_of("length"), latex=r"\dot \ell", channel="length"
+    ),
+    "pivot_acceleration_x": _channel("pivot_acceleration_x", r"\ddot x_p", "the pivot's to the front"),
+    "pivot_acceleration_z": _channel("pivot_acceleration_z", r"\ddot z_p", "the pivot's upwards"),
+}
+"""By symbol. The pendulum's angle has names of its own for what a tissue knows as position."""
+NEVER_NEGATIVE = {"s", "t"}
+STEADY = {"v", "dz", "theta_dot"}
+"""Signals that stay the same between two samples where the position is linear in between."""
+LINEAR = {"z", "theta", "s", "t"}
+"""Signals that are then linear in time."""

@@ -37,13 +37,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class LinearParameter(Parameter):
-    """A parameter the force is proportional to.
-
-    Attributes
-    ----------
-    name, unit, symbol, latex : str
-        As for `Parameter`.
-    """
+    """A parameter the force is proportional to."""
 
     sign: int = 1
     """1: not negative, -1: not positive, 0: any."""
@@ -51,13 +45,7 @@ class LinearParameter(Parameter):
 
 @dataclass(frozen=True)
 class NonlinearParameter(Parameter):
-    """A positive parameter the force depends on otherwise.
-
-    Attributes
-    ----------
-    name, unit, symbol, latex : str
-        As for `Parameter`.
-    """
+    """A positive parameter the force depends on otherwise."""
 
     scale: str
     """Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (largest of the

@@ -17,40 +17,11 @@ from lumbar.tissue.models.expression import (
     whole_power,
 )
 
-_GREEK = (
-    *(
-        "alpha",
-        "beta",
-        "gamma",
-        "delta",
-        "epsilon",
-        "zeta",
-        "eta",
-        "theta",
-        "iota",
-        "kappa",
-        "lambda",
-        "mu",
-        "nu",
-    ),
-    *(
-        "xi",
-        "pi",
-        "rho",
-        "sigma",
-        "tau",
-        "upsilon",
-        "phi",
-        "chi",
-        "psi",
-        "omega",
-        "Gamma",
-        "Delta",
-        "Theta",
-        "Xi",
-    ),
-    *("Lambda", "Pi", "Sigma", "Upsilon", "Phi", "Psi", "Omega"),
-)
+_GREEK = {
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi", "pi",
+    "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Xi", "Lambda", "Pi", "Sigma",
+    "Upsilon", "Phi", "Psi", "Omega",
+}  # fmt: skip
 
 
 def symbol_latex(symbol: str) -> str:
@@ -81,7 +52,7 @@ def latex(expression: Expression, names: Mapping[str, str]) -> str:
 
     Examples
     --------
-    >>> from lumbar.tissue.models.parsing import parse
+    >>> from lumbar.tissue.models.expression import parse
     >>> latex(parse("Fc*tanh(v/vs)"), {})
     'F_c \\\\tanh(v/v_s)'
     """

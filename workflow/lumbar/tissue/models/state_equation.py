@@ -21,7 +21,7 @@ from itertools import repeat
 
 import numpy as np
 
-from lumbar.tissue.models.derivative import derivative
+from lumbar.tissue.models.algebra import derivative
 from lumbar.tissue.models.evaluation import MATH, NUMPY, Evaluator, Functions
 from lumbar.tissue.models.expression import (
     COMPARISONS,
@@ -34,8 +34,7 @@ from lumbar.tissue.models.expression import (
     parts,
     symbols,
 )
-from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.models.motion_signals import LINEAR, SIGNALS, STEADY
+from lumbar.tissue.models.motion import LINEAR, SIGNALS, STEADY, Motion
 from lumbar.tissue.models.printing import portable
 
 MOST_STATES = 4
@@ -95,19 +94,19 @@ class StateEquation:
         ]
 
     @cached_property
-    def used(self) -> set[str]:
+    def signals(self) -> set[str]:
         """Signals in the equations."""
         return set().union(*map(symbols, self.slopes.values())) & SIGNALS.keys()
 
     @cached_property
-    def clocked(self) -> bool:
+    def has_clock(self) -> bool:
         """Whether an equation knows what changes between two samples beside the states."""
-        return bool(self.used & LINEAR)
+        return bool(self.signals & LINEAR)
 
     @cached_property
     def is_scalar(self) -> bool:
         """Whether a step is one expression."""
-        return len(self.slopes) == 1 and not self.clocked
+        return len(self.slopes) == 1 and not self.has_clock
 
     @cached_property
     def is_linear(self) -> bool:
@@ -129,17 +128,17 @@ class StateEquation:
     def increments(self) -> list[Expression]:
         """What a step would add if the slopes stayed: h f, and 1 for the clock."""
         found = [multiply(_STEP, slope) for slope in self.slopes.values()]
-        return [*found, Number(1.0)] if self.clocked else found
+        return [*found, Number(1.0)] if self.has_clock else found
 
     @cached_property
     def matrix(self) -> list[list[Expression]]:
         """Derivatives of the increments by states and clock."""
         rows = [[multiply(_STEP, slope) for slope in row] for row in self._jacobian]
-        if not self.clocked:
+        if not self.has_clock:
             return rows
         for row, slope in zip(rows, self.slopes.values(), strict=True):
             by_clock: Expression = Number(0.0)
-            for signal in sorted(self.used & LINEAR):
+            for signal in sorted(self.signals & LINEAR):
                 by_clock = add(by_clock, multiply(derivative(slope, signal), _RATES[signal]))
             row.append(multiply(_STEP, by_clock))
         return [*rows, [Number(0.0)] * (len(rows) + 1)]
@@ -154,7 +153,7 @@ class StateEquation:
 
     def at_rest(self, values: Mapping[str, float], sampling_time: float) -> np.ndarray:
         """Derivatives of the increments where nothing moves; shape (states, states)."""
-        given = dict.fromkeys((*self.names, *self.used), 0.0)
+        given = dict.fromkeys((*self.names, *self.signals), 0.0)
         rows = [Evaluator(row, STEP_FUNCTIONS) for row in self._jacobian]
         with np.errstate(all="ignore"):
             return sampling_time * np.array(
@@ -182,7 +181,7 @@ class StateEquation:
         known = {**values, **self._between(motion)}
         one = len(self.names) == 1
         # With a clock, two of Newton's iterations take longer than all samples one by one.
-        by_newton = self.is_linear or not (one and self.clocked)
+        by_newton = self.is_linear or not (one and self.has_clock)
         states = self._newton(known, len(motion) - 1) if by_newton else None
         if states is None:
             states = (self._one_by_one if one else self.in_steps)(known, len(motion) - 1)
@@ -192,7 +191,7 @@ class StateEquation:
         """Signals at the beginning of every step."""
         found: dict[str, np.ndarray | float] = {STEP_SYMBOL: motion.sampling_time}
         changed = motion.increments[1:]
-        for symbol in {*self.used, "dz"}:
+        for symbol in {*self.signals, "dz"}:
             if symbol == "dz":
                 found[symbol] = changed
             elif symbol in STEADY:

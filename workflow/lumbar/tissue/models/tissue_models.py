@@ -2,7 +2,8 @@
 
 Table 2.1, the schematics of Figure 3.2 and the identification all read these definitions. The continuous models are the
 bases of `lumbar.tissue.models.bases`, whose parameters they take; the thesis's elements (k, ν, γ, k1, k2, b) follow from them.
-A definition holds no data and no fit.
+A definition holds no data and no fit. A mechanical analogue is a network of springs and dashpots: forces add in parallel,
+displacements in series.
 """
 
 from __future__ import annotations
@@ -11,13 +12,58 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.tissue.models.arx_structure import ArxStructure
 from lumbar.tissue.models.bases import BASES, Base
-from lumbar.tissue.models.first_order import undiscretise
-from lumbar.tissue.models.network import Dashpot, Network, Parallel, Series, Spring
 from lumbar.tissue.models.parameter import Parameter
 from lumbar.tissue.models.printing import symbol_latex
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction, undiscretise
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Force proportional to elongation."""
+
+    symbol: str
+    """Symbol of its stiffness, e.g. ``"k1"``."""
+
+
+@dataclass(frozen=True)
+class Dashpot:
+    """Force proportional to the rate of elongation."""
+
+    symbol: str
+    """Symbol of its viscosity, e.g. ``"b"``."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Parts that carry the same force; their displacements add."""
+
+    parts: tuple[Network, ...]
+
+
+@dataclass(frozen=True)
+class Parallel:
+    """Parts that share the same displacement; their forces add."""
+
+    parts: tuple[Network, ...]
+
+
+Network = Spring | Dashpot | Series | Parallel
+
+
+def in_words(network: Network) -> str:
+    """Put the network into words, e.g. ``"(spring k1 parallel to dashpot b) in series with spring k2"``."""
+    match network:
+        case Spring(symbol):
+            return f"spring {symbol}"
+        case Dashpot(symbol):
+            return f"dashpot {symbol}"
+        case Series(parts) | Parallel(parts):
+            joint = " in series with " if isinstance(network, Series) else " parallel to "
+            return joint.join(
+                f"({in_words(part)})" if isinstance(part, Series | Parallel) else in_words(part)
+                for part in parts
+            )
 
 
 @dataclass(frozen=True)
@@ -66,7 +112,7 @@ class TissueModel:
     no_parameters_because: str = ""
     """Why no parameters are recovered from the transfer function, where they are not."""
 
-    def derived(self, values: Mapping[str, float]) -> dict[str, float]:
+    def element_values(self, values: Mapping[str, float]) -> dict[str, float]:
         """Values of the elements.
 
         Parameters
@@ -100,19 +146,7 @@ class TissueModel:
             raise NumericalError(f"{self.name}: {self.no_parameters_because}")
         found = undiscretise(transfer_function, sampling_time).base_parameters()
         values = {item.name: found[item.name] for item in (*self.base.linear, *self.base.nonlinear)}
-        return {**values, **self.derived(values)}
-
-
-def _linear_elastic_elements(spring_stiffness: float) -> dict[str, float]:
-    return {"k": spring_stiffness}
-
-
-def _maxwell_elements(branch_stiffness: float, relaxation_time: float) -> dict[str, float]:
-    return {"k": branch_stiffness, "b": branch_stiffness * relaxation_time, "alpha": relaxation_time}
-
-
-def _kelvin_voigt_elements(spring_stiffness: float, viscosity: float) -> dict[str, float]:
-    return {"k": spring_stiffness, "b": viscosity}
+        return {**values, **self.element_values(values)}
 
 
 def _kelvin_boltzmann_elements(
@@ -144,7 +178,7 @@ LE = TissueModel(
     elements=(_K,),
     network=Spring("k"),
     structure=ArxStructure(order=0, input_lags=(0,)),
-    derive=_linear_elastic_elements,
+    derive=lambda spring_stiffness: {"k": spring_stiffness},
 )
 MAXWELL = TissueModel(
     name="Maxwell",
@@ -156,7 +190,11 @@ MAXWELL = TissueModel(
     relations=("α = b/k",),
     network=Series((Spring("k"), Dashpot("b"))),
     structure=ArxStructure(order=1, input_lags=(0, 1), zero_static_gain=True),
-    derive=_maxwell_elements,
+    derive=lambda branch_stiffness, relaxation_time: {
+        "k": branch_stiffness,
+        "b": branch_stiffness * relaxation_time,
+        "alpha": relaxation_time,
+    },
 )
 KV = TissueModel(
     name="KV",
@@ -166,7 +204,7 @@ KV = TissueModel(
     transfer="b1 z − b0 (eq. 3.5, improper)",
     elements=(_K, _B),
     network=Parallel((Spring("k"), Dashpot("b"))),
-    derive=_kelvin_voigt_elements,
+    derive=lambda spring_stiffness, viscosity: {"k": spring_stiffness, "b": viscosity},
     no_parameters_because="its transfer function b1 z − b0 (Eq. 3.5) is improper: it is not identified",
 )
 """Eq. 3.5: improper, not identified."""

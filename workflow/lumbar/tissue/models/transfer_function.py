@@ -1,13 +1,18 @@
-"""Discrete transfer functions in z⁻¹: poles, stability, free-run simulation, one-step prediction."""
+"""Discrete transfer functions in z⁻¹: simulation, state space, free coefficients, first-order relaxations."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ class TransferFunction:
         """Output per unit of an input that is held forever, H(1)."""
         return sum(self.numerator) / sum(self.denominator)
 
-    def scaled(self, gain: float) -> TransferFunction:
+    def times(self, gain: float) -> TransferFunction:
         """Return this transfer function times `gain`."""
         return TransferFunction(tuple(gain * value for value in self.numerator), self.denominator)
 
@@ -94,3 +99,206 @@ class TransferFunction:
     def largest_lag(self) -> int:
         """Samples of the past that the recursion needs."""
         return max(len(self.numerator), len(self.denominator)) - 1
+
+
+def observer_form(discrete: TransferFunction, sampling_time: float | bool = True) -> control.StateSpace:
+    """Return the observer canonical form (Eqs 3.17 and 3.18 of the thesis), i.e. direct form II transposed.
+
+    Its states are partial sums of the output, so that they have the size of the output; those of the controllable
+    canonical form, which `control.ss` makes of a transfer function, are inputs filtered by 1/denominator and grow large
+    where poles lie close to z = 1.
+
+    Parameters
+    ----------
+    sampling_time : float or bool
+        Seconds; True where it does not matter.
+
+    Returns
+    -------
+    control.StateSpace
+        With ``discrete.largest_lag`` states, trailing zeros left out.
+    """
+    import control
+
+    b, a = aligned_coefficients(discrete)
+    order = len(a) - 1
+    if not order:
+        return control.StateSpace([], [], [], [b], dt=sampling_time)
+    matrix = np.eye(order, k=1)
+    matrix[:, 0] = -a[1:]
+    column, row = b[1:] - a[1:] * b[0], np.eye(1, order)
+    return control.StateSpace(
+        matrix, column[:, None], row, [[b[0]]], dt=sampling_time, remove_useless_states=False
+    )
+
+
+def aligned_coefficients(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator of one length: as powers of z⁻¹ rising, and of z falling. Trailing zeros are left out."""
+    parts = [np.trim_zeros(part, "b") for part in (discrete.numerator, discrete.denominator)]
+    length = max(map(len, parts))
+    numerator, denominator = (np.pad(np.array(part, dtype=float), (0, length - len(part))) for part in parts)
+    return numerator, denominator
+
+
+@dataclass(frozen=True)
+class ArxStructure:
+    """Which coefficients of H(z) are free."""
+
+    order: int
+    """Lags of the output, i.e. poles (n of Eq. 3.9)."""
+    input_lags: tuple[int, ...]
+    """Lags of the input, increasing; 0 makes the transfer function biproper."""
+    zero_static_gain: bool = False
+    """Whether the numerator coefficients sum to zero, i.e. H(1) = 0: only changes of the input act."""
+
+    @property
+    def parameter_count(self) -> int:
+        """Number of free coefficients."""
+        return self.order + len(self.input_lags) - self.zero_static_gain
+
+    @property
+    def largest_lag(self) -> int:
+        """Samples of the past that enter."""
+        return max(self.order, *self.input_lags)
+
+    def combination(self, lag: int) -> np.ndarray:
+        """Matrix from free coefficients to those of the full regressor vector.
+
+        Parameters
+        ----------
+        lag : int
+            Largest lag of the full vector (y[k−1] … y[k−lag], u[k] … u[k−lag]).
+
+        Returns
+        -------
+        numpy.ndarray, shape (2·lag + 1, parameter_count)
+            Multiplying the full regressor matrix by it gives the regressor matrix of this structure.
+        """
+        matrix = np.zeros((2 * lag + 1, self.parameter_count))
+        for column in range(self.order):
+            matrix[column, column] = 1.0
+        first, *others = self.input_lags
+        columns = range(self.order, self.parameter_count)
+        if self.zero_static_gain:
+            # u[k−first] − u[k−other]: differences of the input carry no static gain.
+            for column, other in zip(columns, others, strict=True):
+                matrix[lag + first, column] = 1.0
+                matrix[lag + other, column] = -1.0
+        else:
+            for column, input_lag in zip(columns, self.input_lags, strict=True):
+                matrix[lag + input_lag, column] = 1.0
+        return matrix
+
+    def transfer_function(self, coefficients: np.ndarray) -> TransferFunction:
+        """Transfer function with these free coefficients."""
+        lag = self.largest_lag
+        full = self.combination(lag) @ coefficients
+        numerator = full[lag : lag + max(self.input_lags) + 1]
+        return TransferFunction(tuple(numerator), (1.0, *(-full[: self.order])))
+
+    def coefficients(self, transfer_function: TransferFunction) -> np.ndarray:
+        """Free coefficients of a transfer function that has this structure.
+
+        Raises
+        ------
+        ValueError
+            If the transfer function is not of this structure.
+        """
+        lag = max(self.largest_lag, transfer_function.largest_lag)
+        full = np.zeros(2 * lag + 1)
+        full[: len(transfer_function.denominator) - 1] = -np.array(transfer_function.denominator[1:])
+        full[lag : lag + len(transfer_function.numerator)] = transfer_function.numerator
+        combination = self.combination(lag)
+        free, *_ = np.linalg.lstsq(combination, full)
+        if not np.allclose(combination @ free, full, rtol=1e-9, atol=1e-12 * (1 + np.abs(full).max())):
+            raise ValueError(f"{transfer_function} does not have {self}")
+        return free
+
+
+def full_regressors(inputs: np.ndarray, outputs: np.ndarray, lag: int) -> np.ndarray:
+    """Regressor matrix of Eq. 3.6 with every lag up to `lag`.
+
+    Returns
+    -------
+    numpy.ndarray, shape (samples − lag, 2·lag + 1)
+        Columns y[k−1] … y[k−lag], u[k] … u[k−lag]; rows k = lag … samples − 1.
+    """
+    count = len(inputs) - lag
+    columns = [outputs[lag - i : lag - i + count] for i in range(1, lag + 1)]
+    columns += [inputs[lag - j : lag - j + count] for j in range(lag + 1)]
+    return np.column_stack(columns)
+
+
+@dataclass(frozen=True)
+class FirstOrder:
+    """Coefficients of F + γ Ḟ = k x + ν ẋ.
+
+    Every model of Table 2.1 is a member of this family: linear elastic (ν = γ = 0), Maxwell (k = 0), Kelvin–Voigt
+    (γ = 0) and Kelvin–Boltzmann.
+    """
+
+    k: float
+    """Static stiffness, output unit per input unit."""
+    nu: float = 0.0
+    """Viscosity, output unit times second per input unit."""
+    gamma: float = 0.0
+    """Relaxation time, seconds."""
+
+    @classmethod
+    def of_base(
+        cls,
+        spring_stiffness: float = 0.0,
+        branch_stiffness: float = 0.0,
+        relaxation_time: float = 0.0,
+        viscosity: float = 0.0,
+    ) -> FirstOrder:
+        """Coefficients of a base of `lumbar.tissue.models.bases` from its parameters; what it does not have is 0."""
+        fast = spring_stiffness + branch_stiffness
+        return cls(spring_stiffness, viscosity + fast * relaxation_time, relaxation_time)
+
+    def base_parameters(self) -> dict[str, float]:
+        """Parameters of the bases LE, Maxwell and KB; a base takes those it has."""
+        if not self.gamma:
+            return {"spring_stiffness": self.k}
+        return {
+            "spring_stiffness": self.k,
+            "branch_stiffness": self.nu / self.gamma - self.k,
+            "relaxation_time": self.gamma,
+        }
+
+
+def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder:
+    """Continuous coefficients whose ramp-invariant form is `discrete`.
+
+    H(s) = ν/γ + (k − ν/γ)/(1 + γ s) becomes ν/γ + (k − ν/γ)(w z + w′)/(z − a) with a = exp(−T/γ): w weighs the present and
+    w′ the past position of a ramp. A testing machine moves in ramps from sample to sample, so that the ramp-invariant form
+    (triangle or first-order hold; Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd ed., section 6.3.3)
+    reproduces the continuous force exactly at the samples.
+
+    Parameters
+    ----------
+    discrete : TransferFunction
+        ``(b0 + b1 z⁻¹)/(1 − a z⁻¹)``, or the static gain ``b0``.
+    sampling_time : float
+        Seconds.
+
+    Raises
+    ------
+    NumericalError
+        If the pole is not in (0, 1): a relaxation decays without alternating.
+    """
+    if discrete.largest_lag == 0:
+        return FirstOrder(k=discrete.static_gain)
+    if len(discrete.denominator) != 2 or len(discrete.numerator) != 2:
+        raise NumericalError("a first-order relaxation has one pole and two numerator coefficients")
+    pole = -discrete.denominator[1]
+    if not 0.0 < pole < 1.0:
+        raise NumericalError(
+            f"the discrete pole is {pole:.4g}: only a pole in (0, 1) belongs to a relaxation exp(−T/γ)"
+        )
+    gamma = -sampling_time / math.log(pole)
+    # 1 − w, without cancellation for slow relaxations.
+    decay = -math.expm1(-sampling_time / gamma) / (sampling_time / gamma)
+    stiffness = discrete.static_gain
+    instant = (discrete.numerator[0] - stiffness * (1.0 - decay)) / decay
+    return FirstOrder(k=stiffness, nu=instant * gamma, gamma=gamma)

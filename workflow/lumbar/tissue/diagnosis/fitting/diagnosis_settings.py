@@ -12,7 +12,7 @@ from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import GRAVITY, MOTION_SENSOR, catalogue_of, catalogue_with
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, system_of
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.measured_angle import for_base
+from lumbar.tissue.models.measured_motion import for_base
 
 if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings

@@ -9,8 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from lumbar.tissue.models.joined_motions import JoinedMotions
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import JoinedMotions, Motion
 
 SETTLING = 0.5
 """Seconds at the start of every record that are left out of every error: the initial state is not known."""

@@ -15,8 +15,7 @@ import numpy as np
 from lumbar.base.progress import going_on
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
 from lumbar.tissue.models.form import Form, Place
-from lumbar.tissue.models.joined_motions import JoinedMotions
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.structure import Structure
 
 

@@ -110,7 +110,7 @@ def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str
     linear, names = len(base.linear), [item.name for item in (*base.linear, *base.nonlinear)]
     own = [*range(linear), *range(len(fit.linear), len(fit.linear) + len(base.nonlinear))]
     values = np.concatenate([fit.linear[:linear], fit.nonlinear[: len(base.nonlinear)]])
-    found = model.derived(dict(zip(names, values, strict=True)))
+    found = model.element_values(dict(zip(names, values, strict=True)))
     scaled, size = scaled_covariance(fit, data)
     # Covariance of all logarithms: those of linear parameters by the first derivative.
     scale = size[own] * np.where(np.arange(len(own)) < linear, values, 1.0)
@@ -121,7 +121,7 @@ def derived_estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str
         ends = [
             np.where(np.arange(len(own)) == index, values * np.exp(way * step), values) for way in (1, -1)
         ]
-        high, low = (model.derived(dict(zip(names, end, strict=True))) for end in ends)
+        high, low = (model.element_values(dict(zip(names, end, strict=True))) for end in ends)
         gradient.append([np.log(high[name] / low[name]) / (2 * step) for name in found])
     variances = np.einsum("ij,ik,kj->j", gradient, covariances, gradient)
     return [

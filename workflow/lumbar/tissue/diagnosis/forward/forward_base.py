@@ -24,11 +24,10 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.forward.forward_fit import EVALUATIONS, fit_forward
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
-from lumbar.tissue.models.force_balance import MOTION, ForceBalance
-from lumbar.tissue.models.forward_structure import ForwardStructure
-from lumbar.tissue.models.measured_motion import smoothed, with_measured_motion
+from lumbar.tissue.models.driven_motion import MOTION, ForceBalance
+from lumbar.tissue.models.measured_motion import with_measured_motion, without_noise
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.structure import ForwardStructure, Structure
 
 FORWARD_BASES = ("KV-mass", "KB-mass", "KV", "KB", "LE")
 """Bases that are tried where the force is the input."""
@@ -55,7 +54,7 @@ class ForwardData(FitData):
     @cached_property
     def moved(self) -> Motion:
         """The motion, smoothed."""
-        return Motion(self.motion.time, smoothed(self.force), self.motion.sampling_time)
+        return Motion(self.motion.time, without_noise(self.force), self.motion.sampling_time)
 
     def scale(self, kind: str) -> float:
         """Size of a quantity for starting values; ``force`` is what a form at the output transforms."""
@@ -101,7 +100,7 @@ class CarriedData(FitData):
         from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
         length = next_fast_len(2 * len(signal), real=True)
-        kept = self.motion.kept(
+        kept = self.motion.keep(
             f"response {id(self.response)}",
             lambda: (self.response, self.response(rfftfreq(length, self.motion.sampling_time))),
         )[1]

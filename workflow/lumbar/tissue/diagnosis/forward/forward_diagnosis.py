@@ -32,10 +32,9 @@ from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN, shipped
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import MOTION_SENSOR
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
-from lumbar.tissue.models.force_balance import can_be_simulated
+from lumbar.tissue.models.driven_motion import can_be_simulated
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.forward_structure import ForwardStructure
-from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.structure import ForwardStructure, Structure
 
 _RIVALS = 5
 """Sets of effects, beside those named, that are simulated."""
@@ -160,11 +159,13 @@ def prepared_base(records: list[Record], settings: DiagnosisSettings) -> tuple[E
 
 def forward_catalogue(catalogue: dict[str, Effect], base: Base) -> dict[str, Effect]:
     """The effects that can be simulated from force to motion, without what the base has itself."""
-    known = set(base.form.parsed.columns)
+    known = set(base.form.parsed_equation.columns)
     found = {}
     for name, effect in catalogue.items():
         forms = tuple(
-            form for form in effect.forms if can_be_simulated(form) and not known >= set(form.parsed.columns)
+            form
+            for form in effect.forms
+            if can_be_simulated(form) and not known >= set(form.parsed_equation.columns)
         )
         if forms:
             found[name] = replace(effect, forms=forms)

@@ -9,9 +9,8 @@ import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, shape_bounds
-from lumbar.tissue.models.forward_structure import ForwardStructure
-from lumbar.tissue.models.joined_motions import JoinedMotions
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import JoinedMotions, Motion
+from lumbar.tissue.models.structure import ForwardStructure
 
 EVALUATIONS = 20
 """Of the error, at most, to fit one model."""

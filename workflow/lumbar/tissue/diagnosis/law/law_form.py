@@ -18,14 +18,14 @@ from lumbar.tissue.models.expression import (
     Number,
     Operation,
     Symbol,
-    expanded,
+    expand_sums,
+    parse,
     symbols,
-    written,
+    to_text,
 )
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.parameter import LinearParameter, NonlinearParameter, Parameter
-from lumbar.tissue.models.parsing import parse
 from lumbar.tissue.models.state_equation import StateEquation
 
 _DIMENSIONLESS_FUNCTIONS = {
@@ -126,11 +126,11 @@ def dimension(expression: Expression, known: Mapping[str, Dimension]) -> Dimensi
 
     Examples
     --------
-    >>> from lumbar.tissue.models.parsing import parse
+    >>> from lumbar.tissue.models.expression import parse
     >>> dimension(parse("k*z + b*v"), {**OF_SIGNALS, "k": FORCE / POSITION, "b": FORCE / SPEED}).unit
     '{y}'
     """
-    return _of(expanded(expression), known)
+    return _of(expand_sums(expression), known)
 
 
 def _of(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | None:
@@ -157,19 +157,19 @@ def _of(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | N
         case Operation(name, operands) if name in _DIMENSIONLESS_FUNCTIONS:
             if (_of(operands[0], known) or ONE) != ONE:
                 raise InputError(
-                    f"{written(expression)}: {written(operands[0])} has a unit; divide by a scale"
+                    f"{to_text(expression)}: {to_text(operands[0])} has a unit; divide by a scale"
                 )
             return ONE
         case Operation(name, operands) if name not in COMPARISONS:
             return _alike(expression, operands, known)
-    raise InputError(f"{written(expression)} has no dimension")
+    raise InputError(f"{to_text(expression)} has no dimension")
 
 
 def _of_power(power: Expression, base: Dimension | None, exponent: Expression, known) -> Dimension:
     if isinstance(exponent, Number):
         return (base or ONE) ** exponent.value
     if (base or ONE) != ONE or (_of(exponent, known) or ONE) != ONE:
-        raise InputError(f"{written(power)}: base and exponent must be numbers without a unit")
+        raise InputError(f"{to_text(power)}: base and exponent must be numbers without a unit")
     return ONE
 
 
@@ -179,7 +179,7 @@ def _alike(whole: Expression, operands, known: Mapping[str, Dimension]) -> Dimen
     def same(left: Dimension | None, right: Dimension | None) -> Dimension | None:
         if left is None or right is None or left == right:
             return left or right
-        raise InputError(f"{written(whole)}: {left.unit} and {right.unit} do not go together")
+        raise InputError(f"{to_text(whole)}: {left.unit} and {right.unit} do not go together")
 
     return reduce(same, (_of(operand, known) for operand in operands))
 
@@ -322,9 +322,9 @@ def _solution(terms: tuple[Term, ...], nonlinear: tuple[NonlinearParameter, ...]
             solve = partial(equation.trajectory, motion, {**given, **constants})
             # A largest distance so far has no parameter, and is solved step by step.
             states = (
-                motion.remembered(key, np.array(list(given.values())), solve)
+                motion.remember(key, np.array(list(given.values())), solve)
                 if given
-                else motion.kept(key, solve)
+                else motion.keep(key, solve)
             )
             found |= states
         return tuple(found.values())

@@ -16,8 +16,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.models.joined_motions import JoinedMotions
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.operators import relaxation
 
 _INTERVALS = {"z": 20}

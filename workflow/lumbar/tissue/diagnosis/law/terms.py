@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cache
 
-from lumbar.tissue.models.expression import Symbol, substituted, written
+from lumbar.tissue.models.expression import Symbol, parse, substitute, to_text
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.parameter import Constant, NonlinearParameter
-from lumbar.tissue.models.parsing import parse
 
 FASTEST = Constant("t_f", 0.001, "s")
 """Time in which a state follows at once: a latch closes, a largest depth is reached. A step sees where it begins, so the
@@ -40,7 +39,7 @@ class Term:
         trees = {symbol: Symbol(name) for symbol, name in names.items()}
 
         def text(expression: str) -> str:
-            return written(substituted(parse(expression), trees))
+            return to_text(substitute(parse(expression), trees))
 
         return replace(
             self,

@@ -23,9 +23,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
 from lumbar.tissue.diagnosis.fitting.joint_fit import solve_linear
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
-from lumbar.tissue.models.held_input import is_held
-from lumbar.tissue.models.joined_motions import JoinedMotions
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import JoinedMotions, Motion, is_held
 
 ORDERS = (1, 2, 3, 4, 6)
 """Numbers of poles that are tried, one after the other while the criterion falls."""

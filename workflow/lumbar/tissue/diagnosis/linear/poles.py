@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.models.joined_motions import JoinedMotions
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.operators import relaxation
 
 _STEP = 1e-5
@@ -135,7 +134,7 @@ def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarra
 
 
 def _late(motion: Motion, delay: float) -> Motion:
-    return motion.remembered("late", np.array([delay]), lambda: motion.delayed(delay)) if delay else motion
+    return motion.remember("late", np.array([delay]), lambda: motion.delayed(delay)) if delay else motion
 
 
 def section_forces(motion: Motion, section: np.ndarray, held: bool) -> tuple[np.ndarray, np.ndarray]:

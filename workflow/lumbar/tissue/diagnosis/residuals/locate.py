@@ -25,7 +25,7 @@ from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, steady_velocity
 from lumbar.tissue.diagnosis.residuals.residual_tests import correlation_view, linear_view, whiteness_view
 from lumbar.tissue.diagnosis.residuals.time_frequency import frequency_view, time_view
-from lumbar.tissue.models.measured_angle import for_base
+from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
 
 VIEWS = (

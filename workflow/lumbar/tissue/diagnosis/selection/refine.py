@@ -17,10 +17,9 @@ from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
 from lumbar.tissue.effects.catalogue import choose, without_channels
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
-from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.model_data import OUTPUT_ERROR, FittedParameter, Port, Scores
-from lumbar.tissue.models.models_file import models_document
 from lumbar.tissue.signals.motion_range import motion_range
 
 

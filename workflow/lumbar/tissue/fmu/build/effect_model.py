@@ -12,12 +12,11 @@ import numpy as np
 from lumbar.base.errors import NumericalError, Problems
 from lumbar.tissue.fmu.c import c_source
 from lumbar.tissue.models.bases import Base
-from lumbar.tissue.models.c_step import CStep
+from lumbar.tissue.models.equation import CStep
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Form, Place
-from lumbar.tissue.models.forward_structure import ForwardStructure
-from lumbar.tissue.models.sampled_motion import SampledMotion
-from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.motion import SampledMotion
+from lumbar.tissue.models.structure import ForwardStructure, Structure
 
 _MOTION = {
     "first": "bool",
@@ -68,7 +67,7 @@ def step_problems(form: Form) -> list[tuple[str, str]]:
         return [
             (
                 "has no C code",
-                'write it as an equation, or give its HandWritten a c_step=CStep("…") (lumbar.tissue.models.c_step says what '
+                'write it as an equation, or give its HandWritten a c_step=CStep("…") (lumbar.tissue.models.equation says what '
                 "stands in it), or export the model without this effect",
             )
         ]

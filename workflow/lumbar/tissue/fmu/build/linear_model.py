@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.tissue.models.state_space import observer_form
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import TransferFunction, observer_form
 
 if TYPE_CHECKING:
     import control
