@@ -34,7 +34,9 @@ tissue:
     - {name: noise, file: noise.csv}
     - {name: chirp, file: chirp.csv}
   training: [multisine]
+  bootstrap: {resamples: 100}
 improvement:
+  most_effects: 1
   train: multisine
   record_sets:
     - {name: tissue}

@@ -64,6 +64,7 @@ def test_absent_recordings_are_named_with_source_and_licence(folder, study, tmp_
     assert not (folder / "results" / study).exists()
 
 
+@pytest.mark.nightly
 def test_davinci_tool(folder, shared):
     results = run_study(folder, shared, "davinci_tool", "config/fewer_fmus.yaml")
     table = pd.read_csv(results / "tables" / "table_3_1.csv")
@@ -82,6 +83,7 @@ def test_davinci_tool(folder, shared):
     assert refined.vaf_test_1_percent > linear.vaf_test_1_percent.max() + 10
 
 
+@pytest.mark.nightly
 def test_friction_damper(folder, shared):
     """Published for Dahl's friction, fitted to four of the sines: FIT 68 % at 38 mm and 75 % at 13 mm."""
     results = run_study(folder, shared, "friction_damper")

@@ -12,7 +12,7 @@ from answers import RIGHT, absent, ask, surprise
 
 EXPECTATIONS = expectations()
 QUICK = ("coupled_drives_1",)
-"""Tried by every run of the tests, as the friction damper is by its study; the others by ``make acceptance``."""
+"""Tried by every run of the tests, as the friction damper is nightly by its study; the others by ``make acceptance``."""
 
 
 def parameter(name: str):

@@ -19,6 +19,8 @@ from study_settings import study_settings
 
 PACKED = ("pyproject.toml", "README.md", "LICENSE", "workflow")
 FEWER = """
+tissue: {bootstrap: {resamples: 100}}
+improvement: {most_effects: 1}
 surgeon: {bandwidth: {resamples: 200}}
 survey: {resamples: 1000}
 stability: {knots: 201, attack: {starts: 20}, checks: [simulation], grid: {knots: 101}}
@@ -107,13 +109,14 @@ def test_tissue_tests_become_models_a_diagnosis_and_fmus(lumbar, installed):
     for number, name in enumerate(("multisine", "noise", "chirp")):
         signal, recording = folder / "signals" / f"{name}.csv", folder / "tissue" / f"{name}.csv"
         play(signal, recording, SyntheticTissueSettings(), 45, number)
+    fewer = ("--config", "study.yaml")
     checked, identified, _, _, diagnosed, *_ = say(
         call,
         ("check", "tissue"),
-        ("identify", "tissue", "--train", "multisine", "--output", "identified"),
+        ("identify", "tissue", "--train", "multisine", "--output", "identified", *fewer),
         ("compare", "tissue", "--output", "compared"),
         ("locate", "tissue", "--output", "located"),
-        ("diagnose", "tissue", "--output", "diagnosed"),
+        ("diagnose", "tissue", "--output", "diagnosed", *fewer),
         ("refine", "tissue", "--add", "hardening_stiffness", "--output", "refined"),
         ("export", "identified/models.json", "--model", "KB", "--output", "fmu"),
         ("export", "refined/refined.json", "--output", "fmu"),
