@@ -1,4 +1,4 @@
-"""Faults of sensors and clocks: told with their size, repaired, and never told of sound records."""
+"""Sensors that stick, repeat, drift, stand off zero or measure acceleration roughly: found, said and mended."""
 
 from __future__ import annotations
 
@@ -8,15 +8,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fine_tissue import branch, experiment
 from scipy.signal import lfilter
 from sensor_records import clean_records, tissue_record
 
+import lumbar
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
+from lumbar.tissue.diagnosis.fitting.uncertainty import zero_interval
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.refine import fitted_model
 from lumbar.tissue.diagnosis.sensors.clock_skew import shift_times
 from lumbar.tissue.diagnosis.sensors.excitation_band import edge_above_floor, within_band
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair, sensor_faults
+from lumbar.tissue.models.motion import Motion
 
 EFFECTS = ("none", "hardening", "coulomb")
 
@@ -250,3 +256,121 @@ def test_a_force_that_jumps_or_strikes_often_is_not_wild():
     step = sound.with_values(output=sound["output"] + size * (np.arange(len(sound)) > 700))
     for record in (struck, blow, step):
         assert "wild_samples" not in kinds(record)
+
+
+def relaxing(time, position, speed, step):
+    return 1.2 * position + 0.8 * branch(position, 0.3, step)
+
+
+def hardening(time, position, speed, step):
+    return relaxing(time, position, speed, step) + 0.03 * position**3
+
+
+def said(found) -> list:
+    return [(item.record, item.value) for item in found.findings if item.kind == "force_offset"]
+
+
+@pytest.mark.parametrize(
+    ("tissue", "effects"),
+    [(relaxing, ()), (hardening, ("hardening_stiffness",))],
+    ids=["linear", "hardening"],
+)
+@pytest.mark.parametrize("zero", [0.5, 0.1])
+def test_a_zero_hides_no_effect_and_is_none(tissue, effects, zero):
+    found = diagnose(experiment(tissue, zeros=(zero, zero)))
+    assert found.selected == effects
+    assert found.verdict == ("named" if effects else "adequate")
+    low, high = zero_interval(found.model.fit, found.experiment.training)
+    assert low < zero < high
+    assert high - low < 0.01
+    model = fitted_model(found.model, found.experiment)
+    assert model.output.offset == pytest.approx(zero, abs=0.005)
+    told = [value for _, value in said(found)]
+    assert told == ([pytest.approx(zero, abs=0.005)] if zero == 0.5 else [])
+
+
+def test_records_may_have_zeros_of_their_own():
+    found = diagnose(experiment(hardening, zeros=(0.3, -0.2)))
+    assert (found.verdict, found.selected) == ("named", ("hardening_stiffness",))
+    assert said(found) == [
+        ("multisine", pytest.approx(0.3, abs=0.005)),
+        ("other", pytest.approx(-0.2, abs=0.005)),
+    ]
+    assert "it moved between the records" in found.findings[1].sentence
+    assert found.model.test_rms == pytest.approx(0.01, rel=0.1)
+
+
+def test_a_position_zero_beside_friction_is_no_drift():
+    """The position is read 3 mm aside: spring stiffness times that is a constant in the force."""
+
+    def rubbing(time, position, speed, step):
+        return relaxing(time, position, speed, step) + 0.45 * np.tanh(speed / 0.4) + 1.2 * 3.0
+
+    found = diagnose(experiment(rubbing))
+    assert (found.verdict, found.selected) == ("named", ("coulomb_friction",))
+    assert found.model.fit.zero == pytest.approx(3.6, abs=0.01)
+
+
+STEP, MASS, DAMPING = 1e-3, 0.09, 0.2
+TIME = np.arange(20_000) * STEP
+LINES = 0.4 * np.arange(1, 40, 2)
+
+
+def moved_mass(noise: float, mass: float = MASS, stiffness: float = 0.0) -> Record:
+    """Mass and damper under a sum of sines, with closed-form derivatives, and noise (mm) of the encoder."""
+    random = np.random.default_rng(3)
+    phase = random.uniform(0, 2 * np.pi, len(LINES))
+    angle = 2 * np.pi * LINES * TIME[:, None] + phase
+    rate, size = 2 * np.pi * LINES, 20 / (1 + LINES**2)
+    position, speed = (size * np.sin(angle)).sum(axis=1), (size * rate * np.cos(angle)).sum(axis=1)
+    force = stiffness * position + DAMPING * speed - mass * (size * rate**2 * np.sin(angle)).sum(axis=1)
+    force += random.normal(0, 0.01 * np.std(force), len(force))
+    seen = position + noise * random.standard_normal(len(TIME))
+    channels = {"input": Channel(seen, "position", "mm"), "output": Channel(force, "force", "N")}
+    return Record("axis", TIME, channels)
+
+
+def told_mass(record: Record) -> float:
+    motion = Motion.of(record)
+    columns = np.column_stack([np.ones(len(motion)), motion.position, motion.velocity, motion.acceleration])
+    inside = slice(500, -500)
+    return float(np.linalg.lstsq(columns[inside], record["output"][inside], rcond=None)[0][3])
+
+
+def test_a_mass_is_as_large_as_without_the_noise():
+    noisy = moved_mass(noise=2e-4)
+    assert told_mass(noisy) < 0.97 * MASS
+    faults = sensor_faults(noisy)
+    assert faults
+    assert told_mass(repair([noisy])[0][0]) == pytest.approx(MASS, rel=0.005)
+
+
+@pytest.mark.parametrize(
+    "record",
+    [moved_mass(noise=0.0), moved_mass(noise=2e-4, mass=0.0, stiffness=0.5)],
+    ids=["without noise", "without mass"],
+)
+def test_nothing_is_told_where_no_mass_suffers(record):
+    assert "rough_acceleration" not in [item.kind for item in sensor_faults(record)]
+
+
+def test_the_positioning_axis_has_its_published_mass_at_its_own_rate(shared):
+    """95.1 kg, published of records through an 80 Hz filter; 86.8 kg come out of the 1 kHz records as they are."""
+    columns = {
+        "time": ColumnSettings("t", "s", "time"),
+        "input": ColumnSettings("qm", "mm", "position", scale=1000.0),
+        "output": ColumnSettings("vir", "N", "force", scale=35.15065188),
+    }
+    files = [shared / "real" / "positioning_axis" / f"DATA_EMPS{part}.mat" for part in ("", "_PULSES")]
+    records = lumbar.read(
+        files, layout=ColumnLayout(columns=columns, format="mat"), names=("reference", "pulses")
+    )
+    assert records[0].sampling_time == pytest.approx(1e-3)
+    assert 1e3 * told_mass(records[0]) < 88
+    (fault,) = sensor_faults(records[0])
+    assert fault.kind == "rough_acceleration"
+    assert fault.value == pytest.approx(80, abs=10)
+    refined = lumbar.refine(list(records), ["inertia", "coulomb_friction"], base="KV", train="reference")
+    mass = refined.models[-1]["inertia.mass"]
+    assert 1e3 * mass.value == pytest.approx(95.1, rel=0.005)
+    assert 1e3 * mass.low < 95.1 < 1e3 * mass.high

@@ -1,0 +1,292 @@
+"""Fits of a base with effects: separable least squares, gradients, intervals, and errors that depend on each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+from scipy.signal import butter, lfilter
+
+from lumbar.tissue.diagnosis.fitting import joint_fit
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit, fit_base, shape_bounds, solve_linear
+from lumbar.tissue.diagnosis.fitting.uncertainty import (
+    are_white,
+    correlation_times,
+    estimates,
+    scaled_covariance,
+    score_covariance,
+)
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.form import Place
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
+
+STEP = 0.01
+FORMS = {form.key: form for effect in TISSUE.values() for form in effect.forms}
+
+
+def excitation(seed=0, seconds=40):
+    random = np.random.default_rng(seed)
+    time = np.arange(0, seconds, STEP)
+    lines = np.arange(1, 41) * 0.1
+    position = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 6.28, 40)) @ lines**-0.5
+    return Motion(time, 5 * position / np.abs(position).max(), STEP)
+
+
+def experiment(key, linear, nonlinear, noise=0.01, seed=0):
+    motion = excitation(seed)
+    structure = Structure(BASES["KB"], (FORMS[key],) if key else ())
+    clean = structure.simulate(motion, np.array([0.6, 1.2, *linear]), np.array([0.15, *nonlinear]))
+    random = np.random.default_rng([seed, 1])
+    return FitData("test", motion, clean + noise * clean.std() * random.standard_normal(len(clean)))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_amplitudes_against_a_bounded_solver(seed):
+    random = np.random.default_rng(seed)
+    design = random.standard_normal((60, 5)) * 10.0 ** random.uniform(-3, 3, 5)
+    force = random.standard_normal(60)
+    signs = tuple(random.integers(-1, 2, 5).tolist())
+    bounds = ([0 if sign > 0 else -np.inf for sign in signs], [0 if sign < 0 else np.inf for sign in signs])
+    expected = lsq_linear(design, force, bounds, method="bvls", tol=1e-14).x
+    found = solve_linear(design, force, signs)
+    error = [np.sum((design @ item - force) ** 2) for item in (found, expected)]
+    assert error[0] == pytest.approx(error[1], rel=1e-8)
+
+
+def test_base_is_recovered_without_noise():
+    found = fit_base(Structure(BASES["KB"]), experiment("", (), (), noise=0.0))
+    assert found.linear == pytest.approx([0.6, 1.2], rel=1e-6)
+    assert found.nonlinear == pytest.approx([0.15], rel=1e-6)
+
+
+CASES = {
+    "hardening_stiffness/cubic": ((0.02,), ()),
+    "coulomb_friction/coulomb": ((0.8,), (0.5,)),
+    "hysteresis/dahl": ((1.0,), (0.7,)),
+    "hysteresis/bouc_wen": ((1.0,), (0.7,)),
+    "hysteresis/bouc_wen_general": ((1.0,), (0.7, 1.2)),
+    "second_relaxation/maxwell_branch": ((0.5,), (2.0,)),
+    "delay/pure": ((), (0.013,)),
+    "backlash/play": ((), (0.6,)),
+    "contact_loss/sharp": ((), (3.0,)),
+    "saturation/sharp": ((), (4.0,)),
+    "saturation/soft": ((), (8.0,)),
+    "softening/path": ((0.3,), (150.0,)),
+    "drift/settling": ((1.0,), (12.0,)),
+    "periodic_disturbance/sine": ((0.4, -0.2), (0.533,)),
+    "quadratic_damping/sinh": ((0.5,), (20.0,)),
+}
+
+
+@pytest.mark.parametrize("key", CASES)
+def test_effect_and_base_are_recovered_together(key):
+    linear, nonlinear = CASES[key]
+    data = experiment(key, linear, nonlinear, noise=0.001)
+    base = fit_base(Structure(BASES["KB"]), data)
+    found = add(base, FORMS[key], data)
+    assert found.converged
+    assert found.squared_error < 0.2 * base.squared_error
+    assert found.linear == pytest.approx([0.6, 1.2, *linear], rel=0.03, abs=2e-3)
+    assert found.nonlinear == pytest.approx([0.15, *nonlinear], rel=0.03)
+
+
+# A delay, play or soft limit of zero size is outside its range, so these do not contain the base.
+CONTAINING = sorted(set(FORMS) - {"delay/pure", "backlash/play", "saturation/soft"})
+
+
+@pytest.mark.parametrize("key", CONTAINING)
+def test_a_larger_model_never_fits_worse(key):
+    data = experiment("", (), ())
+    base = fit_base(Structure(BASES["KB"]), data)
+    assert add(base, FORMS[key], data).squared_error <= base.squared_error * (1 + 1e-4)
+
+
+@pytest.mark.parametrize("key", [form.key for form in FORMS.values() if form.place is not Place.PARALLEL])
+def test_a_form_that_is_the_smaller_model_in_the_limit_is_worse_only_at_a_bound(key):
+    data = experiment("", (), ())
+    base = fit_base(Structure(BASES["KB"]), data)
+    found = add(base, FORMS[key], data)
+    low, high = shape_bounds(found.structure, data, found.nonlinear)
+    at_bound = np.isclose(found.nonlinear, low, rtol=1e-3) | np.isclose(found.nonlinear, high, rtol=1e-3)
+    worse = found.squared_error > base.squared_error * (1 + 1e-6)
+    assert not worse or (at_bound[1:].any() and found.converged)
+
+
+@pytest.mark.parametrize(("key", "kept"), [("coulomb_friction/coulomb", 1.0), ("backlash/play", 7.0)])
+def test_an_optimiser_that_ends_worse_has_not_converged(monkeypatch, key, kept):
+    """Parallel forms keep the smaller model's error; others show their own."""
+    data = experiment("", (), ())
+    base = fit_base(Structure(BASES["KB"]), data)
+
+    def failing(structure, data, start):
+        nonlinear = np.array([0.3, 0.5])
+        return Fit(
+            structure, np.ones(len(structure.signs)), nonlinear, 7.0 * base.squared_error, converged=True
+        )
+
+    monkeypatch.setattr(joint_fit, "fit", failing)
+    found = add(base, FORMS[key], data)
+    assert not found.converged
+    assert found.squared_error == pytest.approx(kept * base.squared_error)
+    if kept == 1.0:
+        assert np.allclose(found.simulate(data.motion), base.simulate(data.motion))
+
+
+@pytest.mark.statistical
+def test_intervals_hold_the_truth():
+    inside = np.zeros(4)
+    for seed in range(60):
+        data = experiment("hardening_stiffness/cubic", (0.02,), (), noise=0.05, seed=seed)
+        structure = Structure(BASES["KB"], (FORMS["hardening_stiffness/cubic"],))
+        found = estimates(fit(structure, data, np.array([0.15])), data, "mm", "N")
+        truth = (0.6, 1.2, 0.02, 0.15)
+        inside += [item.low <= value <= item.high for item, value in zip(found, truth, strict=True)]
+    assert (inside >= 51).all()  # 60 × 95 % = 57; below 51 with a probability of 0.1 %
+    assert [item.unit for item in found] == ["N/mm", "N/mm", "N/mm^3", "s"]
+
+
+def test_whitening_is_applied_to_design_and_force():
+    data = experiment("", (), (), noise=0.02)
+    coloured = FitData("test", data.motion, data.force, np.array([1.0, -0.9]))
+    found = fit_base(Structure(BASES["KB"]), coloured)
+    assert found.linear == pytest.approx([0.6, 1.2], rel=0.05)
+
+
+SAMPLES = 4000
+STIFFNESS, VISCOSITY = 0.8, 0.05
+VISCOELASTIC = Structure(BASES["KV"])
+
+
+def autoregressive(random, size: int, pole: float, columns: int = 1) -> np.ndarray:
+    """AR(1) noise of variance 1, shape (size, columns)."""
+    white = random.standard_normal((size + 2000, columns))
+    return np.sqrt(1 - pole**2) * lfilter([1.0], [1.0, -pole], white, axis=0)[2000:]
+
+
+def wandering(random, samples: int = SAMPLES) -> Motion:
+    """Gaussian motion of 2 mm RMS below 8 Hz."""
+    low_pass = butter(4, 8.0, fs=1 / STEP)
+    gain = np.sqrt(np.sum(lfilter(*low_pass, np.eye(1, 5000)[0]) ** 2))
+    position = lfilter(*low_pass, random.standard_normal(samples + 2000))[2000:] * 2.0 / gain
+    return Motion(np.arange(samples) * STEP, position, STEP)
+
+
+def test_correlation_time_of_an_autoregressive_process():
+    """1/2 + Σ ρᵏ = (1 + ρ)/(2 (1 − ρ))."""
+    random = np.random.default_rng(1)
+    for pole in (0.0, 0.5, 0.9):
+        records = [autoregressive(random, 100_000, pole) for _ in range(2)]
+        assert correlation_times(records)[0] == pytest.approx(0.5 * (1 + pole) / (1 - pole), rel=0.07)
+
+
+def test_covariance_of_scores_is_the_sum_over_lags():
+    """Bartlett's sum written out, in the time domain; records apart."""
+    random = np.random.default_rng(2)
+    scores = [autoregressive(random, size, 0.8, 3) for size in (700, 500)]
+    mean = np.concatenate(scores).mean(axis=0)
+    times = correlation_times([item - mean for item in scores])
+    bandwidth = 12 * times.max()
+    expected = np.zeros((3, 3))
+    for item in scores:
+        item = item - mean
+        for lag in range(-len(item) + 1, len(item)):
+            first, second = (item[lag:], item[: len(item) - lag]) if lag >= 0 else (item[:lag], item[-lag:])
+            expected += max(0.0, 1 - abs(lag) / bandwidth) * first.T @ second
+    share = bandwidth / 1200
+    critical = 1.96 + 2.9694 * share + 0.416 * share**2 - 0.5324 * share**3
+    expected *= (critical / 1.96) ** 2 / (1 - 2 * times.sum() / 1200)
+    np.testing.assert_allclose(score_covariance(scores), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_critical_values_of_bartletts_window(share):
+    """95 % of means lie within them, however small the sample is beside the window (Kiefer and Vogelsang)."""
+    random = np.random.default_rng(3)
+    size, trials = 300, 4000
+    values = random.standard_normal((trials, size))
+    centred = values - values.mean(axis=1, keepdims=True)
+    window = np.maximum(1 - np.abs(np.subtract.outer(np.arange(size), np.arange(size))) / (share * size), 0)
+    ratio = np.abs(values.sum(axis=1)) / np.sqrt(np.einsum("ti,ij,tj->t", centred, window, centred))
+    critical = 1.96 + 2.9694 * share + 0.416 * share**2 - 0.5324 * share**3
+    assert np.mean(ratio < critical) == pytest.approx(0.95, abs=0.012)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.2])
+def test_white_errors_pass_for_white_and_others_do_not(pole):
+    random = np.random.default_rng(4)
+    found = [are_white([autoregressive(random, SAMPLES, pole)[:, 0]]) for _ in range(400)]
+    assert np.mean(found) == pytest.approx(0.99, abs=0.015) if pole == 0 else not any(found)
+
+
+def test_white_residuals_keep_the_curvature():
+    """s²(JᵀJ)⁻¹, to the last digit."""
+    random = np.random.default_rng(5)
+    motion = wandering(random)
+    force = VISCOELASTIC.simulate(motion, np.array([STIFFNESS, VISCOSITY]), np.zeros(0))
+    data = FitData("white", motion, force + 0.1 * random.standard_normal(SAMPLES))
+    found = fit(VISCOELASTIC, data, np.zeros(0))
+    jacobian = found.sensitivities(data)
+    expected = found.squared_error / (data.size - 3) * np.linalg.inv(jacobian.T @ jacobian)
+    scaled, size = scaled_covariance(found, data)
+    np.testing.assert_allclose(scaled / np.outer(size, size), expected, rtol=1e-6)
+
+
+ERRORS = {
+    "white": lambda random, motion: 0.3 * random.standard_normal(SAMPLES),
+    "slow": lambda random, motion: 0.3 * autoregressive(random, SAMPLES, 0.9)[:, 0],
+    "slower": lambda random, motion: 0.3 * autoregressive(random, SAMPLES, 0.98)[:, 0],
+    "hardening": lambda random, motion: 0.02 * motion.position**3,
+    "friction": lambda random, motion: 0.4 * np.sign(motion.velocity),
+}
+"""Noise, and what a spring and dashpot does not know: it is part of the measured force."""
+GAUSSIAN = {
+    "hardening": ("spring_stiffness", lambda speed: STIFFNESS + 3 * 0.02 * 2.0**2),
+    "friction": ("viscosity", lambda speed: VISCOSITY + 0.4 * np.sqrt(2 / np.pi) / speed),
+}
+"""Parameter that a model error goes to, and where a fit to endless records ends: of Gaussian motions E[z z³]/E[z²] = 3σ² and
+E[v sign v]/E[v²] = √(2/π)/σ."""
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("kind", ERRORS)
+def test_intervals_hold_the_best_parameters(kind):
+    """93 to 97 % of them, over 400 experiments, each with a motion and a noise of its own."""
+    speed = np.std(wandering(np.random.default_rng(0), 400_000).velocity)
+    truth = {"spring_stiffness": STIFFNESS, "viscosity": VISCOSITY}
+    if kind in GAUSSIAN:
+        name, best = GAUSSIAN[kind]
+        truth = {name: best(speed)}
+    inside = []
+    for seed in range(400):
+        random = np.random.default_rng([6, seed])
+        motion = wandering(random)
+        force = VISCOELASTIC.simulate(motion, np.array([STIFFNESS, VISCOSITY]), np.zeros(0))
+        data = FitData(kind, motion, force + ERRORS[kind](random, motion), settling_time=0.0)
+        found = {item.name: item for item in estimates(fit(VISCOELASTIC, data, np.zeros(0)), data, "mm", "N")}
+        inside += [found[name].low <= value <= found[name].high for name, value in truth.items()]
+    assert 0.93 <= np.mean(inside) <= 0.97
+
+
+def test_records_fitted_together_are_independent():
+    """The correlation of one record's end with the next one's beginning is none."""
+    random = np.random.default_rng(8)
+    parts = []
+    for name in ("first", "second"):
+        motion = wandering(random)
+        force = VISCOELASTIC.simulate(motion, np.array([STIFFNESS, VISCOSITY]), np.zeros(0))
+        parts.append(FitData(name, motion, force + 0.3 * autoregressive(random, SAMPLES, 0.95)[:, 0]))
+    both = JointData.of(parts)
+    found = fit(VISCOELASTIC, both, np.zeros(0))
+    jacobian, errors = found.sensitivities(both), found.whitened_errors(both)
+    scores = [
+        found.sensitivities(part) * (part.trim(found.simulate(part.motion) - part.force))[:, None]
+        for part in parts
+    ]
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    scaled, size = scaled_covariance(found, both)
+    expected = inverse @ score_covariance(scores) @ inverse
+    np.testing.assert_allclose(scaled / np.outer(size, size), expected, rtol=1e-6, atol=1e-12)
+    assert len(errors) == sum(map(len, scores))

@@ -1,0 +1,363 @@
+"""What is left of a record: compared, told apart from noise, parted into lines and shares, and judged adequate.
+
+The signal is designed and written by ``lumbar signals``, answered by a tissue simulated here, recorded as a file and
+given to ``lumbar locate``.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from fine_tissue import FINE, branch, sampled, sines
+from numpy.testing import assert_allclose
+from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
+from scipy.signal import lfilter
+
+from lumbar import cli
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
+from lumbar.tissue.diagnosis.fitting.preparation import prepare
+from lumbar.tissue.diagnosis.linear.frequency_response import distortion_power, nonlinear_share
+from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
+from lumbar.tissue.diagnosis.residuals.compare import (
+    RESAMPLES,
+    block_groups,
+    compare_record,
+    comparison_table,
+)
+from lumbar.tissue.diagnosis.residuals.time_frequency import (
+    EVEN,
+    EXCITED,
+    ODD,
+    excited_lines,
+    line_classes,
+)
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.structure import Structure
+
+
+def aperiodic(size: int, sigma: float, seed: int, pole: float = 0.0):
+    position = noise(size, seed, 0.97)
+    force = relaxing_force(position)
+    return record(position, force + sigma * noise(size, seed + 1, pole), "noise"), force
+
+
+def test_values_follow_their_definitions():
+    test, force = aperiodic(3000, 0.3, 1)
+    found = compare_record(test, force, start=0.5)
+    measured, residual = test["output"][50:], (test["output"] - force)[50:]
+    assert found.samples == 2950
+    assert found.rms.value == pytest.approx(np.sqrt(np.mean(residual**2)))
+    assert found.vaf.value == pytest.approx(100 * (1 - np.var(residual) / np.var(measured)))
+    assert found.fit.value == pytest.approx(100 * (1 - np.sqrt(np.mean(residual**2)) / np.std(measured)))
+    assert found.mean_residual.value == pytest.approx(np.mean(np.abs(residual)))
+    for estimate in (found.rms, found.vaf, found.fit, found.mean_residual):
+        assert estimate.low < estimate.value < estimate.high
+    assert found.explainable_rms is None and found.is_noise is None
+    assert "how much of it is noise is unknown" in found.sentence
+
+
+def test_noise_and_what_could_be_explained_add_up():
+    test = noisy_record(10, 0.3, 1)
+    force = relaxing_force(test["input"])
+    wrong = force + 0.4 * test["input"] / np.std(test["input"])
+    found = compare_record(test, wrong, noise_floor(test))
+    assert found.floor_from == "multisine"
+    assert found.explainable_rms == pytest.approx(0.4, rel=0.03)
+    assert found.rms.value**2 == pytest.approx(found.explainable_rms**2 + found.floor.rms**2)
+    variance = np.var(test["output"][50:])
+    assert found.explainable_percent == pytest.approx(100 * 0.16 / variance, rel=0.06)
+    assert found.explainable_vaf == pytest.approx(100 * (1 - 0.16 / (variance - 0.09)), abs=0.03)
+    assert not found.is_noise
+    assert "is left for a better model to explain" in found.sentence
+
+
+def test_the_true_model_leaves_noise():
+    test = noisy_record(10, 0.3, 2)
+    found = compare_record(test, relaxing_force(test["input"]), noise_floor(test))
+    assert found.is_noise
+    assert found.explainable_vaf > 99.9
+    assert "no more than the 0.3" in found.sentence
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_intervals_cover(pole):
+    """The RMS and VAF that very long records would give lie inside in about 95 % of the cases."""
+    variance = 0.25 + np.mean([np.var(aperiodic(20_000, 0.0, seed)[1]) for seed in range(20)])
+    inside = []
+    for seed in range(60):
+        test, force = aperiodic(4000, 0.5, 3 * seed, pole)
+        found = compare_record(test, force, seed=seed)
+        truths = ((found.rms, 0.5), (found.vaf, 100 * (1 - 0.25 / variance)))
+        inside.append([estimate.low <= truth <= estimate.high for estimate, truth in truths])
+    assert np.all(np.mean(inside, axis=0) >= 0.82)
+
+
+def test_periods_that_repeat_an_error_are_no_new_evidence():
+    """Ten periods of the same error tell no more about another excitation than one."""
+    position = multisine(10, seed=4)
+    force = relaxing_force(position)
+    error = np.tile(noise(500, 9, 0.95), 10)
+    test = record(position, force + error + 1e-3 * noise(5000, 3))
+    many = compare_record(test, force, noise_floor(test)).rms
+    one = compare_record(record(position[:500], (force + error)[:500]), force[:500], start=0.0).rms
+    assert many.high - many.low == pytest.approx(one.high - one.low, rel=0.35)
+    unaware = compare_record(test, force).rms
+    assert unaware.high - unaware.low < 0.7 * (many.high - many.low)
+
+
+@pytest.mark.parametrize(("size", "period"), [(1000, None), (4950, 500), (37, None), (700, 500)])
+def test_groups_hold_every_sample_once_and_keep_phases_together(size, period):
+    groups = block_groups([noise(size, 1, 0.9)], period)
+    assert sorted(np.concatenate(groups)) == list(range(size))
+    assert len(groups) >= 8
+    if period and period < size:
+        for group in groups:
+            phases = np.unique(group % period)
+            assert np.ptp(phases) == len(phases) - 1
+
+
+def test_the_same_seed_gives_the_same_interval():
+    test, force = aperiodic(1500, 0.3, 1)
+    assert compare_record(test, force, seed=3) == compare_record(test, force, seed=3)
+    assert compare_record(test, force, seed=3).rms.low != compare_record(test, force, seed=4).rms.low
+
+
+def test_intervals_are_those_of_the_figures_of_resampled_records():
+    test, force = aperiodic(1000, 0.3, 1)
+    found = compare_record(test, force, start=0.0, seed=3)
+    measured, residual = test["output"], test["output"] - force
+    groups = block_groups([residual, measured - measured.mean()], None)
+    draws = np.random.default_rng(3).integers(len(groups), size=(RESAMPLES, len(groups)))
+    chosen = [np.concatenate([groups[group] for group in draw]) for draw in draws]
+    for name, figure in (
+        ("vaf", variance_accounted_for),
+        ("fit", fit_ratio),
+        ("mean_residual", mean_residual),
+    ):
+        resampled = [figure(measured[samples], force[samples]) for samples in chosen]
+        interval = getattr(found, name)
+        assert [interval.low, interval.high] == pytest.approx(np.quantile(resampled, [0.025, 0.975]))
+
+
+def test_what_cannot_be_compared_is_refused():
+    test, force = aperiodic(1000, 0.3, 1)
+    with pytest.raises(InputError, match="simulation of shape"):
+        compare_record(test, force[:-1])
+    force[500] = np.nan
+    with pytest.raises(InputError, match=r"nan from 5 s on: the model is unstable"):
+        compare_record(test, force)
+    with pytest.raises(InputError, match="leave 0 samples after the first 20 s"):
+        compare_record(test, np.zeros(1000), start=20.0)
+    with pytest.raises(NumericalError, match="output does not move"):
+        compare_record(record(test["input"], np.zeros(1000)), np.zeros(1000))
+
+
+def test_the_table_holds_what_was_found(tmp_path):
+    test = noisy_record(10, 0.3, 1)
+    floor, other = noise_floor(test), aperiodic(1000, 0.3, 5)
+    found = [
+        compare_record(test, relaxing_force(test["input"]), floor),
+        compare_record(other[0], other[1], floor, "multisine"),
+    ]
+    comparison_table(found, "synthetic twin").write(tmp_path / "compare")
+    table = pd.read_csv(tmp_path / "compare.csv")
+    assert list(table["record"]) == ["multisine", "noise"]
+    assert list(table["noise_floor_from"]) == ["multisine", "multisine"]
+    assert table["rms"].tolist() == pytest.approx([item.rms.value for item in found])
+    assert table["vaf_percent"].tolist() == pytest.approx([item.vaf.value for item in found])
+    alone = comparison_table([compare_record(other[0], other[1])], "synthetic twin")
+    assert alone.frame["noise_floor_rms"].isna().all()
+
+
+def test_the_sampling_time_does_not_matter_to_what_is_left_out():
+    test, force = aperiodic(1000, 0.3, 1)
+    assert compare_record(test, force, start=0.5).samples == 1000 - round(0.5 / STEP)
+
+
+def share(force, base: str = "KB", periods: int = 8, lines=None):
+    """Share of a base's error on a multisine, whose force is a function of its position."""
+    position = multisine(periods, lines=lines)
+    measured = force(position) + 0.01 * noise(len(position), 3)
+    test = multisine(4, seed=7)
+    experiment = prepare([record(position, measured, "training"), record(test, force(test), "test")])
+    return nonlinear_share(experiment, fit_base(Structure(BASES[base]), experiment.training))
+
+
+def test_what_a_spring_leaves_of_a_relaxing_material_is_linear():
+    assert share(relaxing_force, base="LE") < 0.02
+
+
+def test_what_a_second_order_material_leaves_is_linear():
+    assert share(lambda z: lfilter([0.5, -0.6, 0.3], [1.0, -1.5, 0.7], z)) < 0.02
+
+
+def test_an_even_force_is_all_distortion():
+    """Between odd lines the square of the motion falls on even ones only."""
+    odd = np.arange(1, 51, 2)
+    assert share(lambda z: relaxing_force(z) + 0.02 * z**2, lines=odd) > 0.9
+
+
+def test_friction_leaves_more_distortion_than_linear_dynamics_do():
+    assert share(lambda z: relaxing_force(z) + 0.3 * np.sign(np.gradient(z))) > 0.3
+
+
+def test_none_where_nothing_repeats_few_lines_are_excited_or_only_noise_is_left():
+    assert share(lambda z: 0.7 * z) is None
+    assert share(relaxing_force, base="LE", lines=[1, 4, 9, 16]) is None
+    once = multisine(1, samples=4000)
+    experiment = prepare([record(once, relaxing_force(once))])
+    assert nonlinear_share(experiment, fit_base(Structure(BASES["LE"]), experiment.training)) is None
+
+
+def test_distortion_is_estimated_without_bias():
+    """Noise of power 1 beside a smooth response, at lines that the input excites and at those it does not."""
+    random = np.random.default_rng(0)
+    lines = np.arange(2001)
+    excited = lines[1:1500:2]
+    inputs = np.zeros(len(lines), complex)
+    inputs[excited] = 50 * np.exp(2j * np.pi * random.uniform(size=len(excited)))
+    smooth = 1 / (1 + 2j * lines / 1000 - (lines / 800) ** 2)
+    distortion = (random.standard_normal(2001) + 1j * random.standard_normal(2001)) / np.sqrt(2)
+    power = distortion_power(inputs, smooth * inputs + distortion, excited)
+    assert power[excited].mean() == pytest.approx(1.0, abs=0.1)
+    assert_allclose(power[2:1500:2], np.abs(distortion[2:1500:2]) ** 2)
+
+
+PERIODS = 6
+SIGMA = 0.02
+
+FORCES = {
+    "even": lambda z: 0.02 * z**2,
+    "odd": lambda z: 0.01 * z**3,
+    "none": lambda z: 0.0 * z,
+}
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory):
+    """Folder with an odd multisine of six periods and its description."""
+    folder = tmp_path_factory.mktemp("signals")
+    study = folder / "study.yaml"
+    multisine = {"grid": "odd", "detection_group": 4, "periods": PERIODS}
+    study.write_text(yaml.safe_dump({"signals": {"multisine": multisine}}))
+    assert cli.main(["signals", "--band", "5", "--config", str(study), "--output", str(folder)]) == 0
+    return folder
+
+
+def located(designed, kind: str, tmp_path, capsys) -> dict[str, dict]:
+    """Rows of ``location.csv`` of the multisine by view."""
+    position = np.loadtxt(designed / "multisine.csv", delimiter=",", skiprows=1)
+    time, z = position[:, 0], position[:, 1]
+    force = lfilter([1.5, -1.3], [1.0, -0.85], z) + FORCES[kind](z)
+    force += SIGMA * np.random.default_rng(4).standard_normal(len(z))
+    records = tmp_path / "records"
+    records.mkdir()
+    np.savetxt(
+        records / "multisine.csv",
+        np.column_stack([time, z, force]),
+        "%.6f",
+        ",",
+        header="time_s,position_mm,force_N",
+        comments="",
+    )
+    capsys.readouterr()
+    assert cli.main(["locate", str(records), "--output", str(tmp_path / "out")]) == 0
+    with (tmp_path / "out" / "location.csv").open(encoding="utf-8") as stream:
+        return {row["view"]: row for row in csv.DictReader(stream)}
+
+
+def test_the_lines_are_classed_as_designed(designed):
+    description = json.loads((designed / "multisine.json").read_text(encoding="utf-8"))
+    lines, left_out = np.array(description["lines"]), description["detection_lines"]
+    position = np.loadtxt(designed / "multisine.csv", delimiter=",", skiprows=1)[:, 1]
+    period = position.reshape(PERIODS, -1)[-1]
+    found = excited_lines(period)
+    assert found.tolist() == lines.tolist()
+    assert np.all(lines % 2 == 1)
+    classes = line_classes(found, len(period) // 2)
+    assert set(classes[left_out["odd"]]) == {ODD} and len(left_out["odd"]) > 2
+    assert set(classes[left_out["even"]]) == {EVEN}
+    assert set(classes[lines]) == {EXCITED}
+
+
+@pytest.mark.parametrize("kind", FORCES)
+def test_even_and_odd_nonlinearity_are_told_apart(designed, kind, tmp_path, capsys):
+    rows = located(designed, kind, tmp_path, capsys)
+    sentence = rows["frequency"]["finding"]
+    even, odd = "(even nonlinearity" in sentence, "(odd nonlinearity" in sentence
+    assert (even, odd) == (kind == "even", kind == "odd"), sentence
+    if kind == "none":
+        assert "no line stands out of the noise" in sentence
+    else:
+        assert "an odd grid with detection lines would" not in sentence
+
+
+def single_shots(force, sigma: float = 0.01, seconds: float = 18.0) -> list:
+    """Two records, in neither of which anything repeats; `force` from time, position, speed and the record's number."""
+    made = []
+    for seed, name in enumerate(("first", "second")):
+        time, position, speed = sines(seed, seconds, 0.02, 4.0, 0.0417 + 0.003 * seed)
+        made.append(sampled(name, 0.02, position, force(time, position, speed, seed), sigma, seed))
+    return made
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.9], ids=["white", "coloured"])
+def test_a_model_that_explains_next_to_nothing_is_not_adequate(pole):
+    def foreign(time, position, speed, seed):
+        return 0.02 * position + np.repeat(noise(len(time) // FINE, seed + 40, pole), FINE)
+
+    found = diagnose(single_shots(foreign))
+    explained = 1 - (found.base.test_rms / np.std(found.experiment.tests[0].force)) ** 2
+    assert explained < 0.05
+    assert found.experiment.floor is None
+    assert (found.verdict, found.selected) == ("unexplained", ())
+    assert found.complete is None
+
+
+def test_without_a_noise_floor_the_right_model_is_adequate():
+    def relaxing(time, position, speed, seed):
+        return 1.2 * position + 0.8 * branch(position, 0.3, 0.02)
+
+    found = diagnose(single_shots(relaxing))
+    assert found.experiment.floor is None
+    assert (found.verdict, found.selected) == ("adequate", ())
+
+
+def test_a_second_effect_beside_one_that_dwarfs_it_is_found():
+    """Inertia leaves the base 300 times the noise, dry friction 8 times: a share of the base's error would hide it."""
+    made = []
+    for seed, (name, slowest, seconds) in enumerate((("multisine", 0.25, 16), ("other", 0.261, 8))):
+        time, position, speed = sines(seed, seconds, 0.01, 12.0, slowest)
+        force = 1.2 * position + 0.02 * speed + 0.09 * np.tanh(speed / 2)
+        force = force + 1.4e-3 * np.gradient(speed, time)
+        made.append(sampled(name, 0.01, position, force, 0.01, seed))
+    found = diagnose(made)
+    assert found.base.test_rms > 100 * 0.01
+    assert set(found.selected) == {"inertia", "coulomb_friction"}
+    assert found.complete
+    assert found.model.test_rms == pytest.approx(0.01, rel=0.1)
+
+
+def test_the_part_of_a_single_record_that_is_held_back_goes_on_where_the_first_one_ends():
+    """A spring that wears with the path: a clock that began anew would find it whole again."""
+    _time, position, _ = sines(5, 40.0, 0.02, 3.0, 0.0417)
+    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(position)))])
+    force = (1.5 - 0.5 * (1 - np.exp(-path / 150.0))) * position
+    found = diagnose([sampled("only", 0.02, position, force, 0.02, 5)])
+    (held_back,) = found.experiment.tests
+    assert len(found.experiment.training.force) == 1400
+    assert held_back.force.size >= 600
+    assert (found.verdict, found.selected) == ("named", ("softening",))
+    assert found.model.test_rms == pytest.approx(0.02, rel=0.1)
+    wear = {item.name: item for item in found.ranking[0].estimates}
+    assert {"stiffness_lost", "share_lost"} & set(wear)  # of a spring alone they are the same
+    assert wear["path_constant"].low < 150.0 < wear["path_constant"].high
