@@ -43,7 +43,7 @@ test-statistical: environment ## rates over many draws, and the default study wh
 	$(TEST) -m "statistical or nightly"
 
 test-portable: environment ## tests, results and verdicts under other processors' kernels, threads, Pythons, packages: hours
-	python tests/portable/run.py
+	python benchmarks/portable/run.py
 
 # Both suites run to their end; the status tells whether an answer is another one than recorded.
 acceptance: environment ## records whose truth is known, public and hard ones: a judgement each, and docs/acceptance.md: minutes

@@ -7,7 +7,7 @@ import subprocess
 import tomllib
 from pathlib import Path
 
-from runs import Run
+from portable.runs import Run
 
 PROJECT = Path(__file__).resolve().parents[2]
 

@@ -8,8 +8,9 @@ from collections import defaultdict
 from pathlib import Path
 
 import pandas as pd
-from outputs import DIFFERENT, SAME_BYTES, compare_folders
-from runs import CENTRE, Run
+
+from portable.outputs import DIFFERENT, SAME_BYTES, compare_folders
+from portable.runs import CENTRE, Run
 
 STEPS = {"unit": "unit tests", "study": "`make`, `make check-results`", "blind": "blind cases"}
 KINDS = {

@@ -1,8 +1,8 @@
 """Is the answer the same everywhere? Unit tests, default study and blind cases under each run of `runs.star`.
 
-    python tests/portable/run.py                          all of it, one after the other: hours
-    python tests/portable/run.py --only Prescott Haswell  some runs; the report adds them to those already made
-    python tests/portable/run.py --steps study            without unit tests and blind cases
+    python benchmarks/portable/run.py                          all of it, one after the other: hours
+    python benchmarks/portable/run.py --only Prescott Haswell  some runs; the report adds them to those already made
+    python benchmarks/portable/run.py --steps study            without unit tests and blind cases
 
 Prints a table of exit statuses and one of what agrees to how many digits, and writes both to report.md in the
 output folder. Exits with 1 where a step failed or an answer (a claim, a verdict) is another one.
@@ -22,12 +22,11 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 PROJECT = HERE.parents[1]
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path[:0] = [str(HERE.parent), str(PROJECT / "tests")]
 
-from environments import interpreter_of  # noqa: E402
-from runs import Run, star  # noqa: E402
-
-from report import report  # noqa: E402
+from portable.environments import interpreter_of  # noqa: E402
+from portable.report import report  # noqa: E402
+from portable.runs import Run, star  # noqa: E402
 from running import copy_project  # noqa: E402
 
 STEPS = ("unit", "study", "blind")

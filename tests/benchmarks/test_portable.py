@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import io
 import json
-import sys
 import zipfile
 
 import pytest
 
-
-@pytest.fixture(scope="module")
-def portable(project):
-    sys.path.insert(0, str(project / "tests" / "portable"))
-    import environments
-    import outputs
-    import runs
-
-    yield {"outputs": outputs, "runs": runs, "environments": environments}
-    sys.path.remove(str(project / "tests" / "portable"))
+from portable import environments, outputs, runs
 
 
 def archive(text: bytes) -> bytes:
@@ -31,9 +21,9 @@ def archive(text: bytes) -> bytes:
 CSV = b"name,rms,count\na,1000.0,3\nb,0.001,4\n"
 
 
-def test_digits_are_counted_against_the_largest_of_a_kind(portable):
-    digits = portable["outputs"].digits
-    assert digits(CSV, CSV, ".csv") == portable["outputs"].SAME_BYTES
+def test_digits_are_counted_against_the_largest_of_a_kind():
+    digits = outputs.digits
+    assert digits(CSV, CSV, ".csv") == outputs.SAME_BYTES
     assert digits(CSV, CSV.replace(b"0.001", b"0.002"), ".csv") == pytest.approx(6)
     one, other = ({"path": [0.0, x], "large": 1e9} for x in (2.0, 2.0002))
     assert digits(json.dumps(one).encode(), json.dumps(other).encode(), ".json") == pytest.approx(4, abs=0.01)
@@ -51,22 +41,21 @@ def test_digits_are_counted_against_the_largest_of_a_kind(portable):
         (b"\xff\xfe\x00", b"\xff\xfe\x01", ".pdf"),
     ],
 )
-def test_more_than_numbers_is_no_agreement(portable, one, other, suffix):
-    assert portable["outputs"].digits(one, other, suffix) == portable["outputs"].DIFFERENT
+def test_more_than_numbers_is_no_agreement(one, other, suffix):
+    assert outputs.digits(one, other, suffix) == outputs.DIFFERENT
 
 
-def test_a_file_of_one_run_alone_is_no_agreement(portable, tmp_path):
+def test_a_file_of_one_run_alone_is_no_agreement(tmp_path):
     for name in ("one", "other"):
         (tmp_path / name / "logs").mkdir(parents=True)
         (tmp_path / name / "t.csv").write_bytes(CSV)
         (tmp_path / name / "logs" / "t.log").write_text(name)
     (tmp_path / "one" / "more.csv").write_bytes(CSV)
-    found = portable["outputs"].compare_folders(tmp_path / "one", tmp_path / "other")
-    assert found == {"t.csv": portable["outputs"].SAME_BYTES, "more.csv": portable["outputs"].DIFFERENT}
+    found = outputs.compare_folders(tmp_path / "one", tmp_path / "other")
+    assert found == {"t.csv": outputs.SAME_BYTES, "more.csv": outputs.DIFFERENT}
 
 
-def test_a_kernel_that_the_processor_cannot_execute_is_left_out_with_a_sentence(portable, monkeypatch):
-    runs = portable["runs"]
+def test_a_kernel_that_the_processor_cannot_execute_is_left_out_with_a_sentence(monkeypatch):
     monkeypatch.setattr(runs.platform, "machine", lambda: "x86_64")
     monkeypatch.setattr(runs, "processor_flags", lambda: {"pni", "avx2", "fma"})
     obstacles = {run.name: run.obstacle for run in runs.star([])}
@@ -76,9 +65,9 @@ def test_a_kernel_that_the_processor_cannot_execute_is_left_out_with_a_sentence(
     assert "kind aarch64" in {run.name: run.obstacle for run in runs.star([])}["Haswell"]
 
 
-def test_the_lowest_dependencies_are_the_bounds_of_the_package_description(portable):
-    lowest = portable["environments"].requirements("lowest")
-    newest = portable["environments"].requirements("newest")
+def test_the_lowest_dependencies_are_the_bounds_of_the_package_description():
+    lowest = environments.requirements("lowest")
+    newest = environments.requirements("newest")
     bounds = [requirement.split(">=") for requirement in newest if ">=" in requirement]
     assert len(bounds) > 10
     assert {"==".join(bound) for bound in bounds} <= set(lowest)
