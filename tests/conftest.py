@@ -30,7 +30,6 @@ def pytest_collection_modifyitems(items):
             TESTS / "workflow",
             TESTS / "end_to_end",
             TESTS / "browser",
-            TESTS / "cluster",
         } & set(item.path.parents)
         item.add_marker("integration" if starts_snakemake else "unit")
     items.sort(key=lambda item: item.get_closest_marker("integration") is None)

@@ -1,9 +1,9 @@
 """Run the steps of envs/Dockerfile in a clean root, where nothing builds images: Debian's minimal system from debootstrap.
 
 ``python3 benchmarks/container/run_dockerfile.py FOLDER [COMMAND...]`` (as root, with debootstrap) makes the root in FOLDER and
-ends with COMMAND in it, or with the file's CMD. Only what the file uses is known: FROM debian, RUN, WORKDIR, COPY . ., ENV and CMD;
-anything else is refused. The root is not an image: it has no layers, and the kernel, the network, the certificates and pip's
-settings (PIP_*) are the machine's.
+ends with COMMAND in it, or with the file's CMD. Only what the file uses is known: FROM debian, RUN, WORKDIR, COPY . ., ENV and
+CMD; anything else is refused. The root is not an image: it has no layers, and the kernel, the network, the certificates and
+pip's settings (PIP_*) are the machine's.
 """
 
 from __future__ import annotations

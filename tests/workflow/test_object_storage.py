@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
 
+from cluster import object_store
 from running import copy_project, snakemake
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "cluster"))
-import object_store
 
 ANSWERS = "answers.csv"
 

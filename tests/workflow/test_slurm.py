@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from faults import CHAPTER, RESULTS, job_cancelled
-from slurm_node import differing, obstacle, slurm_node
 
+from cluster.faults import CHAPTER, RESULTS, job_cancelled
+from cluster.slurm_node import differing, obstacle, slurm_node
 from running import PLAIN, copy_project, snakemake
 
 

@@ -1,7 +1,7 @@
 """kill -9 of a random process at random moments of a run on this machine: the next call ends with the same bytes.
 
-    python tests/cluster/random_kills.py                     20 kills of a coarse study with all chapters
-    python tests/cluster/random_kills.py --kills 3 --seed 7
+    python benchmarks/cluster/random_kills.py                     20 kills of a coarse study with all chapters
+    python benchmarks/cluster/random_kills.py --kills 3 --seed 7
 
 The run's length is divided into as many parts as there are kills, and a moment drawn in each. After the kill a call is made as a
 user makes it, who does what its message says. All results must then be those of a run that nothing disturbed, byte for byte,
@@ -28,12 +28,12 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 PROJECT = HERE.parents[1]
-sys.path[:0] = [str(HERE), str(HERE.parent), str(PROJECT / "workflow")]
+sys.path[:0] = [str(HERE.parent), str(PROJECT / "tests"), str(PROJECT / "workflow")]
 
 import psutil  # noqa: E402
-from run_processes import drawn, kind, living, of_session, work  # noqa: E402
-from slurm_node import Call, Node, differing, wait_for  # noqa: E402
 
+from cluster.run_processes import drawn, kind, living, of_session, work  # noqa: E402
+from cluster.slurm_node import Call, Node, differing, wait_for  # noqa: E402
 from coarse_study import coarse_project  # noqa: E402
 from running import NOT_INHERITED  # noqa: E402
 

@@ -1,8 +1,8 @@
 """A whole study in a local object store, from a clean machine: its recordings and results are S3 objects, it is killed in the
 middle of an upload, and resumed; at the end it has the same bytes as on a disk, and no file holds the credentials.
 
-``python3 tests/cluster/run_s3.py`` makes what it needs (``make cluster``; the server's environment in build/s3-server) and runs
-the synthetic study; ``--targets survey signals`` makes less of it; ``--install`` only makes the environments.
+``python3 benchmarks/cluster/run_s3.py`` makes what it needs (``make cluster``; the server's environment in build/s3-server) and
+runs the synthetic study; ``--targets survey signals`` makes less of it; ``--install`` only makes the environments.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-import object_store
-from object_store import PROJECT, SERVER_ENVIRONMENT, STORED
+sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+
+from cluster import object_store  # noqa: E402
+from cluster.object_store import PROJECT, SERVER_ENVIRONMENT, STORED  # noqa: E402
 
 SERVER = ("moto[s3]>=5,<6", "flask>=3", "flask-cors>=5")
 """What moto's server needs of moto[server]; the rest serves other services."""

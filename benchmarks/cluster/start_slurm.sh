@@ -1,8 +1,8 @@
 #!/bin/sh
 # A SLURM of one node on this machine, with authentication of its own and without accounting, for tests.
 #
-#   tests/cluster/start_slurm.sh FOLDER [CPUS]    start; print the line that points commands at it: export ...
-#   tests/cluster/start_slurm.sh FOLDER stop      stop what was started from FOLDER
+#   benchmarks/cluster/start_slurm.sh FOLDER [CPUS]    start; print the line that points commands at it: export ...
+#   benchmarks/cluster/start_slurm.sh FOLDER stop      stop what was started from FOLDER
 #
 # Debian and Ubuntu: installs what is missing where it runs as root. Any user may run it once slurmctld, slurmd, slurm-client and
 # munge are installed; jobs then run as that user. It touches no other SLURM of the machine: sockets, ports and state are its own.

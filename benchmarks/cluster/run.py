@@ -1,8 +1,8 @@
 """The workflow through a real SLURM: same bytes as without, and what is killed is tried again.
 
-    python tests/cluster/run.py                          both studies and all faults; installs SLURM on Debian as root
-    python tests/cluster/run.py --only cohort node_lost  some of it
-    python tests/cluster/run.py --processors 1           of the node that is started
+    python benchmarks/cluster/run.py                          both studies and all faults; installs SLURM on Debian as root
+    python benchmarks/cluster/run.py --only cohort node_lost  some of it
+    python benchmarks/cluster/run.py --processors 1           of the node that is started
 
 Prints what was done, how long it took and what differs; exits with 1 where something does.
 """
@@ -19,12 +19,11 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 PROJECT = HERE.parents[1]
-sys.path[:0] = [str(HERE), str(HERE.parent), str(PROJECT / "workflow")]
+sys.path[:0] = [str(HERE.parent), str(PROJECT / "tests"), str(PROJECT / "workflow")]
 
-from faults import CHAPTER, FAULTS, RESULTS, anew  # noqa: E402
-from random_kills import OnSlurm, Series, met  # noqa: E402
-from slurm_node import Node, differing, slurm_node  # noqa: E402
-
+from cluster.faults import CHAPTER, FAULTS, RESULTS, anew  # noqa: E402
+from cluster.random_kills import OnSlurm, Series, met  # noqa: E402
+from cluster.slurm_node import Node, differing, slurm_node  # noqa: E402
 from running import PLAIN, copy_project, snakemake  # noqa: E402
 
 SMALL_COHORT = """
@@ -91,7 +90,7 @@ def main() -> int:
     options = parser.parse_args()
     if find_spec("snakemake_executor_plugin_slurm") is None:
         parser.error(
-            "no SLURM plugin for Snakemake in this Python: make cluster, then .venv/bin/python tests/cluster/run.py"
+            "no SLURM plugin for Snakemake in this Python: make cluster, then .venv/bin/python benchmarks/cluster/run.py"
         )
     failed = 0
     with tempfile.TemporaryDirectory(prefix="lumbar_slurm_") as name:

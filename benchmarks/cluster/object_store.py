@@ -30,7 +30,9 @@ def what_is_missing() -> str:
     if find_spec("snakemake_storage_plugin_s3") is None:
         return "snakemake-storage-plugin-s3 is not installed: make cluster"
     if server_python() is None:
-        return "no S3 server: python3 tests/cluster/run_s3.py --install makes an environment that has one"
+        return (
+            "no S3 server: python3 benchmarks/cluster/run_s3.py --install makes an environment that has one"
+        )
     return ""
 
 

@@ -8,7 +8,7 @@ import shutil
 import signal
 from pathlib import Path
 
-from slurm_node import Call, Node, wait_for
+from cluster.slurm_node import Call, Node, wait_for
 
 CHAPTER = "survey"
 RULES = ("twin_survey", "check_survey_recordings", "survey_tables", "survey_figures")
