@@ -31,7 +31,7 @@ from lumbar.lifting.body_model.build import (  # noqa: E402
     build,
     measured_markers,
 )
-from lumbar.lifting.body_model.fit import BodyFit, fit, model_points, predicted_marker  # noqa: E402  # noqa: E402
+from lumbar.lifting.body_model.fit import BodyFit, fit, model_points  # noqa: E402
 from lumbar.lifting.movement.centre_of_mass import segment_centres, trunk_centre  # noqa: E402
 from lumbar.lifting.movement.cleaning import filter_markers  # noqa: E402
 from lumbar.lifting.movement.gaps import fill_gaps  # noqa: E402
@@ -41,6 +41,7 @@ from lumbar.lifting.movement.trunk_points import trunk_points  # noqa: E402
 from lumbar.records.markers import MarkerRecording, read_markers  # noqa: E402
 from lumbar.settings.layout import MarkerLayout  # noqa: E402
 from lumbar.settings.lifting import BodyModelSettings  # noqa: E402
+from predicted_markers import predicted_marker  # noqa: E402
 from study_settings import study_settings, subject_settings  # noqa: E402
 from virtual_people import virtual_trial  # noqa: E402
 

@@ -46,7 +46,7 @@ def mixed_model(first, second, **options):
 
 def excluded(interval, value=0.0) -> bool:
     """Whether an interval leaves the truth out; where a percentage has none, it may be anything."""
-    return interval.known and not interval.low <= value <= interval.high
+    return interval.is_known and not interval.low <= value <= interval.high
 
 
 def group_test(rng, persons, trials, correlation, options, runs) -> dict[str, float]:

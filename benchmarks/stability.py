@@ -90,11 +90,11 @@ def checked(part: tuple) -> np.ndarray:
     """Exits of exact and overstated basins of some trajectories (one process of the pool)."""
     trajectories, settings, starts, seed = part
     loops = close_loops(trajectories, settings.pendulum.sign, settings)
-    exact, _, control = funnel_variants(loops, settings.goal_level, negative_control=1.0)
+    found = funnel_variants(loops, settings.goal_level, negative_control=1.0)
     return np.array(
         [
-            monte_carlo_check(loops, exact, starts, [seed]).exits,
-            monte_carlo_check(loops, control, 500, [seed]).exits,
+            monte_carlo_check(loops, found.exact, starts, [seed]).exits,
+            monte_carlo_check(loops, found.negative_control, 500, [seed]).exits,
         ]
     )
 
@@ -119,7 +119,8 @@ def exact_method(trajectories, settings, starts: int):
     report("largest change of area from N to 2N, %", change, "<= 0.1", change <= 0.1)
     for other in SIGNS:
         loops = close_loops(trajectories, other, settings)
-        largest, smaller, _ = funnel_variants(loops, goal, settings.proof.margin_1_s)
+        found = funnel_variants(loops, goal, settings.proof.margin_1_s)
+        largest, smaller = found.exact, found.with_margin
         start = time.process_time()
         share = proved_share(loops, smaller)
         seconds = time.process_time() - start
@@ -143,7 +144,7 @@ def better_v(trajectories, settings) -> None:
     for sign in SIGNS:
         loops = close_loops(trajectories, sign, settings)
         best = best_of_family(loops, goal, shares, margin=settings.proof.margin_1_s, negative_control=1.0)
-        gained = best.funnels.mean_area / exact_funnels(loops, goal).mean_area
+        gained = best.exact.mean_area / exact_funnels(loops, goal).mean_area
         report(f"better V, {sign}: area gained, least (x)", gained.min(), "> 1", bool(gained.min() > 1))
         report(f"better V, {sign}: area gained, most (x)", gained.max(), "", None)
         checked_and_proved(f"better V, {sign}", best.loops, best)
@@ -153,17 +154,16 @@ def checked_and_proved(name: str, loops, found, saturation: Saturation = UNSATUR
     """Exits of funnels and of the too large ones, and the proved share of those with a margin."""
     starts = 2000
     disturbance = disturbance_of(loops, saturation, starts, [8]) if saturation.active else None
-    largest = getattr(found, "funnels", None) or found.exact
     exits, control = (
         monte_carlo_check(loops, funnels, starts, [9], disturbance).exits
-        for funnels in (largest, found.negative_control)
+        for funnels in (found.exact, found.negative_control)
     )
     total = int(exits.sum())
     report(f"{name}: exits in {starts * len(exits)} starts", total, "0", total == 0)
     report(f"{name}: fewest exits of a negative control", control.min(), "> 0", bool(control.min() > 0))
     share = proved_share(loops, found.with_margin, saturation)
     report(f"{name}: proved share of the time axis, least", share.min(), ">= 0.97", bool(share.min() >= 0.97))
-    ratio = (found.with_margin.mean_area / largest.mean_area).min()
+    ratio = (found.with_margin.mean_area / found.exact.mean_area).min()
     report(f"{name}:   at this share of the area, least", ratio, ">= 0.96", bool(ratio >= 0.96))
 
 
@@ -181,8 +181,10 @@ def limited_loops(trajectories, settings) -> None:
         chosen = kinds[kind](float(np.abs(reference_of(loops.pendulums).torque).max()))
         found = saturated_funnels(loops, goal, chosen, LIMITED_MARGIN, 2.0)
         name = f"{chosen}, {counted}, {sign}"
-        report(f"{name}: basins of {len(items)}", int(found.held.sum()), "all", bool(found.held.all()))
-        if not found.held.all():
+        report(
+            f"{name}: basins of {len(items)}", int(found.has_basin.sum()), "all", bool(found.has_basin.all())
+        )
+        if not found.has_basin.all():
             print([reason for reason in found.reason if reason])
             continue
         cost = (found.exact.mean_area / exact_funnels(loops, goal).mean_area).min()

@@ -17,9 +17,14 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
     from lumbar.lifting.stability.comparison.table_4_1_grid import grid_table
     from lumbar.lifting.stability.extended_basins import COUNTS, extended_table
-    from lumbar.lifting.stability.model.failures import announcement, failures_frame, failures_table, joined
+    from lumbar.lifting.stability.model.failures import (
+        announcement,
+        failures_frame,
+        failures_table,
+        join_rows,
+    )
     from lumbar.lifting.stability.model.trajectories import LiftStates
-    from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import cross_checked
+    from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import cross_check
     from lumbar.publishing.figures.people_figures import grid_figure
     from lumbar.publishing.figures.style import save
 
@@ -29,17 +34,17 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
         for states, known in zip(input.states, facts, strict=True)
     ]
     boa, failures, grid = (
-        joined([pd.read_csv(path, dtype=DTYPES if name == "boa" else None) for path in input[name]])
+        join_rows([pd.read_csv(path, dtype=DTYPES if name == "boa" else None) for path in input[name]])
         for name in ("boa", "failures", "grid")
     )
     boa, failures, grid = (
         frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures, grid)
     )
     study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), data)
-    boa, disagreements = cross_checked(boa, study.trajectories(), settings)
-    failures = joined([failures, failures_frame(disagreements)])
+    boa, disagreements = cross_check(boa, study.trajectories(), settings)
+    failures = join_rows([failures, failures_frame(disagreements)])
     table, controls, differences, failures = tables_4_1(study, failures)
-    extended = joined([pd.read_csv(path, dtype=COUNTS) for path in input.extended])
+    extended = join_rows([pd.read_csv(path, dtype=COUNTS) for path in input.extended])
     write_csv(output.boa, boa)
     write_csv(output.failures, failures)
     table.write(stem(output.table_4_1))

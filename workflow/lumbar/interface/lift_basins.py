@@ -148,11 +148,10 @@ class Basins:
 
     @cached_property
     def _extended(self) -> tuple[pd.DataFrame, list[Failure]]:
-        from lumbar.lifting.stability.extended_basins import extended_basins, nothing_extended
+        from lumbar.lifting.stability.extended_basins import extended_basins
 
-        if "extended" not in self.settings.checks:
-            return nothing_extended(), []
-        return extended_basins(self.trajectories, self.settings, self.seed)
+        chosen = self.trajectories if "extended" in self.settings.checks else []
+        return extended_basins(chosen, self.settings, self.seed)
 
     @property
     def extended(self) -> pd.DataFrame:

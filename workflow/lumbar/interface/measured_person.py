@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import LumbarError
@@ -102,7 +103,9 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
     """Average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
     import pandas as pd
 
-    from lumbar.lifting.stability.model.failures import all_or_each
+    from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+    from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+    from lumbar.lifting.stability.model.failures import attempts
     from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
 
     sound: list[tuple[str, Trajectory]] = []
@@ -111,12 +114,16 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
         trajectories, failures = trajectories_of_lift(found.states, found.facts, settings.pendulum.mass)
         sound += [(name, item) for item in trajectories]
         rows += [(name, item, ABSENT, item.reason) for item in failures]
-    # All at once: the integration takes as many steps for one basin as for a hundred.
-    results, _ = all_or_each(_areas_of, [item for _, item in sound], settings, basin="exact, both signs")
-    computed = {id(item): pair for items, areas in results for item, pair in zip(items, areas.T, strict=True)}
+    computed: dict[int, np.ndarray] = {}
+    fewer = replace(settings, knots=settings.limits.knots)
+    for attempt in attempts([item for _, item in sound], "exact, both signs", []):
+        with attempt as items:
+            loops = close_loops(items * len(SIGNS), [sign for sign in SIGNS for _ in items], fewer)
+            areas = exact_funnels(loops, settings.goal_level).mean_area.reshape(len(SIGNS), len(items))
+            computed |= zip(map(id, items), areas.T, strict=True)
     for name, item in sound:
-        areas = computed.get(id(item))
-        rows.append((name, item, ABSENT, NO_BASIN) if areas is None else (name, item, areas, ""))
+        found = computed.get(id(item))
+        rows.append((name, item, ABSENT, NO_BASIN) if found is None else (name, item, found, ""))
     frame = pd.DataFrame(
         [
             (name, f"basin_area_{item.com}_{sign}", item.plane, area, reason)
@@ -126,22 +133,6 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
         columns=["lift", "measure", "plane", "value", "reason"],
     )
     return frame.assign(unit="rad²/s", safer="higher", source=BASIN_SOURCE)
-
-
-def _areas_of(trajectories: list[Trajectory], settings: StabilitySettings) -> np.ndarray:
-    """Average cross-sections, shape (signs, trajectories)."""
-    from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-    from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
-    from lumbar.lifting.stability.model.eq_4_2_regulator import regulate, weights_of
-
-    items, count = trajectories * len(SIGNS), len(trajectories)
-    signs = [sign for sign in SIGNS for _ in range(count)]
-    pendulum = settings.pendulum
-    pendulums = gather(
-        items, signs, [pendulum.damping_N_m_s] * len(items), pendulum.gravity_m_s2, settings.limits.knots
-    )
-    funnels = exact_funnels(regulate(pendulums, weights_of(settings)), settings.goal_level)
-    return funnels.mean_area.reshape(len(SIGNS), count)
 
 
 def _unmeasured(reason: str) -> pd.DataFrame:

@@ -157,7 +157,7 @@ def _sentence(item: Comparison) -> str:
     contrast, interval = item.contrast, item.contrast.interval
     persons = " + ".join(str(len(side)) for side in item.values)
     start = f"{item.name}, {item.box} kg, {item.measure}, {item.plane}: {contrast.difference:.3g} {item.unit}".rstrip()
-    if not interval.known:
+    if not interval.is_known:
         return f"{start}, {interval.remark}"
     verdict = f"{item.verdict} is safer" if item.verdict in item.sides else item.verdict
     return f"{start} ({interval.low:.3g} to {interval.high:.3g}), p = {contrast.p_value:.2g}, {persons} persons: {verdict}"

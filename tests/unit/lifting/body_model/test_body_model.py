@@ -12,7 +12,7 @@ from lumbar.base.errors import InputError
 from lumbar.interface.body_model import body_model
 from lumbar.lifting.body_model import anatomy
 from lumbar.lifting.body_model.build import at_nodes, build, measured_markers
-from lumbar.lifting.body_model.fit import fit, model_points, predicted_marker
+from lumbar.lifting.body_model.fit import fit, model_points
 from lumbar.lifting.body_model.pendulums import Conditions, basin_intervals, model_pendulums
 from lumbar.lifting.movement.centre_of_mass import segment_centres
 from lumbar.lifting.movement.events import Event
@@ -25,6 +25,7 @@ from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import BodyModelSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.twin.lifting_recordings import true_movement
+from predicted_markers import predicted_marker
 from study_settings import study_settings, subject_settings
 
 RATE = 25.0
@@ -72,7 +73,7 @@ def test_derivatives_of_every_prediction_are_those_of_differences(fitted):
     size = 1e-6
     states = size * rng.standard_normal((len(fitted.model.time), structure.size))
     constants = size * rng.standard_normal(structure.constants)
-    ahead, behind = best.moved(structure, states, constants), best.moved(structure, -states, -constants)
+    ahead, behind = best.advance(structure, states, constants), best.advance(structure, -states, -constants)
     for measurement in fitted.model.measurements:
         _, prediction = measurement.residual(structure, best)
         expected = sum(np.einsum("nij,nj->ni", slope, states[:, where]) for where, slope in prediction.states)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.body_model.information import Information, Noise, factored
+from lumbar.lifting.body_model.information import Information, Noise, factorise
 
 N, SIZE, CONSTANTS = 8, 3, 2
 
@@ -93,4 +93,4 @@ def test_the_factor_solves_and_draws_as_the_dense_matrix(definite):
 def test_what_nothing_tells_is_an_error():
     empty = np.zeros((1, 2, 2))
     with pytest.raises(NumericalError, match="not positive definite"):
-        factored(empty, np.zeros((0, 2, 2)), np.zeros((2, 1)), np.eye(1))
+        factorise(empty, np.zeros((0, 2, 2)), np.zeros((2, 1)), np.eye(1))

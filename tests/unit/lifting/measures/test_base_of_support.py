@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from lumbar.lifting.measures.balance import BaseOfSupport, footprint, grounded, joined
+from lumbar.lifting.measures.balance import BaseOfSupport, footprint, ground_contact, hull_around
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.4, 0.6]])  # the last one lies inside
 
@@ -76,7 +76,7 @@ def test_a_foot_ends_at_its_toe_or_at_its_length_whichever_is_further():
     assert raised.reach(middle, -ahead) == pytest.approx([-0.2])
     aside = np.array([0.4, 0.0, 0.0])
     other = footprint(heel + aside, far + aside, flat, flat, 0.26, 0.1)
-    assert joined(foot, other).reach(middle, np.array([[1.0, 0.0]])) == pytest.approx([0.45])
+    assert hull_around(foot, other).reach(middle, np.array([[1.0, 0.0]])) == pytest.approx([0.45])
 
 
 def test_a_foot_is_off_the_ground_where_it_is_high_or_fast():
@@ -84,7 +84,7 @@ def test_a_foot_is_off_the_ground_where_it_is_high_or_fast():
     marker = np.zeros((len(time), 3))
     marker[:, 2] = 0.04 + 0.1 * ((time > 1) & (time < 1.5))  # held up, at rest
     marker[:, 1] = np.clip(time - 2, 0, 0.5)  # pushed over the ground at 1 m/s
-    found = grounded(marker, 100.0, 0.03, 0.3)
+    found = ground_contact(marker, 100.0, 0.03, 0.3)
     assert not found[(time > 1.02) & (time < 1.48)].any()
     assert not found[(time > 2.02) & (time < 2.48)].any()
     assert found[(time < 0.98) | ((time > 1.52) & (time < 1.98)) | (time > 2.52)].all()

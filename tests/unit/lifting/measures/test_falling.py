@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from lumbar.lifting.measures.back_load import trunk_extension_strength
 from lumbar.lifting.measures.balance import (
+    AnkleTorques,
     BaseOfSupport,
+    ankle_torques,
     braking_speed,
     capture_margin,
     extrapolated_centre,
@@ -16,7 +19,6 @@ from lumbar.lifting.measures.balance import (
     smallest_impulse,
     viability_margin,
 )
-from lumbar.lifting.measures.strength import AnkleTorques, ankle_torques, trunk_extension_strength
 
 G, MASS, LENGTH = 9.81, 80.0, 0.98
 OMEGA = float(pendulum_rate(LENGTH, G))

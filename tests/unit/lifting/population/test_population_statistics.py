@@ -103,9 +103,9 @@ def test_a_singular_fit_is_no_result():
 def test_few_persons_have_no_interval():
     two, five = people([(1, 2), (2, 3)]), people([(number, number + 1.1) for number in range(5)])
     found = between_groups(two, five, names=("expert", "novice"))
-    assert found.p_value is None and not found.interval.known
+    assert found.p_value is None and not found.interval.is_known
     assert found.interval.remark == "no interval: 2 persons (expert), at least 3 are needed"
-    assert not percent_interval({"ann": [1.0] * 30}, {"bob": [2.0] * 30}, paired=False).known
+    assert not percent_interval({"ann": [1.0] * 30}, {"bob": [2.0] * 30}, paired=False).is_known
     assert "nobody" in percent_interval({"ann": [1.0]}, {"bob": [2.0]}, paired=True).remark
     assert "bootstrap" in cluster_bootstrap(two.mean, five.mean, 1).remark
 

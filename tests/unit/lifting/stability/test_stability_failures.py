@@ -21,11 +21,10 @@ from lumbar.lifting.stability.extended_basins import (
     COLUMNS,
     extended_basins,
     extended_table,
-    nothing_extended,
 )
 from lumbar.lifting.stability.model.failures import (
-    all_or_each,
     announcement,
+    attempts,
     failures_frame,
     failures_table,
 )
@@ -60,30 +59,31 @@ def test_all_at_once_or_one_by_one():
     calls = []
 
     def compute(items):
-        calls.append(len(items))
-        for item in items:
-            if item.com == "pelvis":
-                raise NumericalError(f"{item.label}: too hard")
-        return [item.com for item in items]
+        """Coms computed together or one by one, and what failed."""
+        results, failures = [], []
+        for attempt in attempts(items, "exact, hanging", failures):
+            with attempt as some:
+                calls.append(len(some))
+                if hard := [item for item in some if item.com == "pelvis"]:
+                    raise NumericalError(f"{hard[0].label}: too hard")
+                results.append([item.com for item in some])
+        return results, failures
 
-    results, failures = all_or_each(compute, lift(), basin="exact, hanging")
-    assert [(len(items), found) for items, found in results] == [
-        (1, [com]) for com in ("thorax", "thorax", "abdomen", "abdomen")
-    ]
+    results, failures = compute(lift())
+    assert results == [["thorax"], ["thorax"], ["abdomen"], ["abdomen"]]
     assert [(item.com, item.basin) for item in failures] == [("pelvis", "exact, hanging")] * 2
     assert "expert 23 kg, pelvis" in failures[0].reason
     assert calls == [6, 1, 1, 1, 1, 1, 1]
-    assert all_or_each(compute, lift()[4:], basin="x")[0] == []
-    assert all_or_each(compute, [], basin="x") == ([], [])
-    assert all_or_each(compute, lift()[:2], basin="x")[0][0][1] == ["thorax", "thorax"]
+    assert compute(lift()[4:])[0] == []
+    assert compute([]) == ([], [])
+    assert compute(lift()[:2])[0] == [["thorax", "thorax"]]
 
 
 def test_what_is_no_numerical_failure_stops_everything():
-    def wrong(items):
-        raise InputError("weights")
-
     with pytest.raises(InputError, match="weights"):
-        all_or_each(wrong, lift(), basin="x")
+        for attempt in attempts(lift(), "x", []):
+            with attempt:
+                raise InputError("weights")
     regulator = {"state_weight": [[1.0, 2.0], [2.0, 1.0]], "control_weight": -1.0}
     with pytest.raises(InputError, match="2 problems"):
         basins_of_lift(lift(), changed(FAST, regulator=regulator), seed=1)
@@ -211,7 +211,7 @@ def test_extended_basins_hold_every_loop_and_check():
 
 
 def test_without_the_check_the_table_says_that_it_was_not_chosen():
-    page = extended_table(nothing_extended(), FAST, "test").to_html()
+    page = extended_table(extended_basins([], FAST, 1)[0], FAST, "test").to_html()
     assert "Not computed: &#39;extended&#39; is not among stability.checks" in page
 
 

@@ -142,7 +142,8 @@ def test_small_goal_sets_scale():
 def test_no_simulated_start_leaves_and_the_control_does(sign):
     items = [minimum_jerk(), minimum_jerk(start=0.1, end=-0.1, mass=18, length=0.95)]
     loops = loops_of(items, sign)
-    exact, _, control = funnel_variants(loops, 1.0, negative_control=0.3)
+    found = funnel_variants(loops, 1.0, negative_control=0.3)
+    exact, control = found.exact, found.negative_control
     assert exact.level == pytest.approx(exact_funnels(loops).level, rel=1e-12)
     assert monte_carlo_check(loops, exact, 2000, [1]).exits.tolist() == [0, 0]
     assert (monte_carlo_check(loops, control, 2000, [1]).exits > 0).all()

@@ -24,7 +24,7 @@ from lumbar.lifting.stability.comparison.table_4_1_grid import (
     survival_sentence,
     survivors,
 )
-from lumbar.lifting.stability.model.failures import joined
+from lumbar.lifting.stability.model.failures import join_rows
 from lumbar.lifting.stability.model.trajectories import COMS, GRID, PLANES, THESIS, LiftStates
 from lumbar.publishing.figures.people_figures import grid_figure
 from lumbar.settings.stability import CompareSettings
@@ -55,7 +55,7 @@ def study_of(lifts, settings, published):
         label = {"experience": item.facts["experience"]}
         boa.append(basins_of_lift(found, settings, 1, thesis).summary.assign(**label))
         grid.append(grid_areas(item, settings).assign(**label))
-    return Study(lifts, joined(boa), joined(grid), settings, published, "test")
+    return Study(lifts, join_rows(boa), join_rows(grid), settings, published, "test")
 
 
 @pytest.fixture(scope="module")

@@ -35,7 +35,7 @@ def loops_of(items, sign, **keywords):
 def test_without_limits_it_is_the_exact_engine(sign):
     loops = loops_of([minimum_jerk(), minimum_jerk(start=-0.3)], sign)
     found = saturated_funnels(loops, 1.0, Saturation())
-    assert found.held.all()
+    assert found.has_basin.all()
     assert found.exact.level == pytest.approx(exact_funnels(loops).level, rel=1e-6)
 
 
@@ -58,7 +58,7 @@ def test_limited_basins_hold_in_simulation_and_the_unlimited_do_not(sign, kind):
     saturation = Saturation(torque, 0.0 if kind == "torque" else 0.05)
     found = saturated_funnels(loops, goal, saturation)
     exact = exact_funnels(loops, goal)
-    assert found.held.all()
+    assert found.has_basin.all()
     assert found.exact.mean_area[0] < 0.9999 * exact.mean_area[0]
     disturbance = disturbance_of(loops, saturation, 2000, [5])
     assert monte_carlo_check(loops, found.exact, 2000, [4], disturbance).exits[0] == 0
@@ -67,8 +67,8 @@ def test_limited_basins_hold_in_simulation_and_the_unlimited_do_not(sign, kind):
 
 def test_limits_that_leave_no_basin_are_said():
     loops = loops_of([minimum_jerk()], "inverted")
-    assert not saturated_funnels(loops, 1.0, Saturation(torque=5.0)).held.any()
-    assert not saturated_funnels(loops, 1e-6, Saturation(mass_share=0.3)).held.any()
+    assert not saturated_funnels(loops, 1.0, Saturation(torque=5.0)).has_basin.any()
+    assert not saturated_funnels(loops, 1e-6, Saturation(mass_share=0.3)).has_basin.any()
     with pytest.raises(InputError, match="must be positive"):
         Saturation(torque=0.0)
     with pytest.raises(InputError, match=r"\[0, 1\)"):
@@ -113,7 +113,7 @@ def test_torque_limited_pendulum_of_the_literature(limit):
     first = int(np.argmax([growth(level) > 0 for level in levels]))
     expected = brentq(growth, levels[first - 1], levels[first])
     found = saturated_funnels(loops, 0.2 * expected, Saturation(torque=limit))
-    assert found.held.all()
+    assert found.has_basin.all()
     assert found.exact.level[0, 0] == pytest.approx(expected, rel=2e-3)
     assert (found.exact.level[:, 0] < expected * (1 + 1e-6)).all()
     unlimited = saturated_funnels(loops, 0.2 * expected, Saturation()).exact.level[0, 0]
@@ -165,18 +165,18 @@ def test_best_v_of_a_linear_loop_reaches_liouvilles_area():
     loops = loops_of([minimum_jerk()], "hanging", gravity=0.0)
     best = best_of_family(loops, 1.0, [0.0, 0.5, 1.0], 1e-3)
     assert best.share[0] == 0
-    assert best.funnels.initial_area == pytest.approx(reachable_area(loops), rel=1e-5)
-    assert best.with_margin.mean_area < best.funnels.mean_area
+    assert best.exact.initial_area == pytest.approx(reachable_area(loops), rel=1e-5)
+    assert best.with_margin.mean_area < best.exact.mean_area
 
 
 @pytest.mark.parametrize("sign", SIGNS)
 def test_best_v_gains_area_and_holds(sign):
     loops = loops_of([minimum_jerk(), minimum_jerk(start=0.1, mass=18.0)], sign)
     best = best_of_family(loops, 1.0, [0.0, 0.25, 1.0], 1e-3)
-    assert (best.funnels.mean_area > 1.3 * exact_funnels(loops).mean_area).all()
-    assert (best.funnels.initial_area < reachable_area(loops)).all()
-    assert monte_carlo_check(best.loops, best.funnels, 1000, [6]).exits.sum() == 0
-    assert best.funnels.area[-1] == pytest.approx(exact_funnels(loops).area[-1])
+    assert (best.exact.mean_area > 1.3 * exact_funnels(loops).mean_area).all()
+    assert (best.exact.initial_area < reachable_area(loops)).all()
+    assert monte_carlo_check(best.loops, best.exact, 1000, [6]).exits.sum() == 0
+    assert best.exact.area[-1] == pytest.approx(exact_funnels(loops).area[-1])
     assert np.isfinite(normal_axes(best.loops.cost)).all()
 
 

@@ -19,7 +19,7 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import (
 
 
 def matrices(pendulums, angle):
-    a21, a22, b2 = (float(item[0]) for item in pendulums.linearised(np.array([angle])))
+    a21, a22, b2 = (float(item[0]) for item in pendulums.linearisation(np.array([angle])))
     return np.array([[0.0, 1.0], [a21, a22]]), np.array([[0.0], [b2]])
 
 

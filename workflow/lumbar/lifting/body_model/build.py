@@ -1,4 +1,7 @@
-"""From the markers of a trial to the model's structure, its measurements and a first guess of all unknowns."""
+"""From the markers of a trial to the model's structure, its measurements and a first guess of all unknowns.
+
+Markers are landmarks, points of a limb, or corners of the box by their names; the others ride on what they fit.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,13 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.body_model import anatomy
-from lumbar.lifting.body_model.structure import Measurement, Structure, Unknowns, bridged, weighted_poses
+from lumbar.lifting.body_model.structure import (
+    Measurement,
+    Structure,
+    Unknowns,
+    interpolate_poses,
+    weighted_poses,
+)
 from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.layout import Alias
@@ -111,7 +120,7 @@ def build(
     points = [f"{side}_{name}" for name in anatomy.POINTS for side in "LR" if f"{side}_{name}" in enough]
     taken = {name for part in parts.values() for name in part.shape} | set(points) | set(unused)
     extras = _riders(parts, {name: values for name, values in enough.items() if name not in taken}, unused)
-    return _assembled(time, enough, height, sex, held, parts, points, extras, unused)
+    return _assemble(time, enough, height, sex, held, parts, points, extras, unused)
 
 
 def _seen_shape(markers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -128,7 +137,7 @@ def _first_poses(time, markers: Mapping[str, np.ndarray], shape: dict[str, np.nd
     seen = np.isfinite(frames).all(axis=2).astype(float)
     places, weights, poses = np.array(list(shape.values())).reshape(-1, 3), seen, None
     for mending in (False, False, True, True, True):
-        found = bridged(time, *weighted_poses(places, frames, weights))
+        found = interpolate_poses(time, *weighted_poses(places, frames, weights))
         if found is None:
             raise InputError(
                 f"the body model needs three markers of the {part} that do not lie on a line, seen together; "
@@ -173,7 +182,7 @@ def _riders(
     return found
 
 
-def _assembled(time, markers, height, sex, held, parts, points, extras, unused) -> TrialModel:
+def _assemble(time, markers, height, sex, held, parts, points, extras, unused) -> TrialModel:
     places = _places(parts, height, sex) | extras
     hands = _hands(parts, markers, points, held)
     places |= {(BOX, hand): place for hand, (place, _) in hands.items()}
@@ -182,7 +191,7 @@ def _assembled(time, markers, height, sex, held, parts, points, extras, unused) 
     guess = Unknowns(
         {name: part.rotations for name, part in parts.items()},
         {name: part.shifts for name, part in parts.items()},
-        {name: _filled(time, markers[name]) for name in points},
+        {name: _interpolate(time, markers[name]) for name in points},
         np.concatenate([*places.values(), np.zeros(len(rods))]),
     )
     measurements = _markers(structure, markers, extras, points, parts)
@@ -227,7 +236,7 @@ def _soft(
     return Measurement(name, first, second, None, length, when, sd, anatomy.JOINT_CORRELATION_S, False)
 
 
-def _filled(time: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _interpolate(time: np.ndarray, points: np.ndarray) -> np.ndarray:
     seen = np.isfinite(points).all(axis=1)
     return np.stack([np.interp(time, time[seen], axis[seen]) for axis in points.T], axis=1)
 

@@ -52,7 +52,7 @@ class BodyFit:
         structure = self.model.structure
         states, constants = self.factor.draws(count, np.random.default_rng(seed))
         states = states.reshape(len(self.model.time), structure.size, count)
-        return [self.best.moved(structure, states[..., i], constants[:, i]) for i in range(count)]
+        return [self.best.advance(structure, states[..., i], constants[:, i]) for i in range(count)]
 
 
 def fit(model: TrialModel) -> BodyFit:
@@ -70,7 +70,7 @@ def fit(model: TrialModel) -> BodyFit:
     for _ in range(ROBUST_STEPS):
         found = _residuals(model, unknowns)
         weights = {m.name: m.robust_weight(found[m.name]) for m in measurements}
-        unknowns, size, _ = _advanced(model, unknowns, noise, weights, intensity)
+        unknowns, size, _ = _gauss_newton_step(model, unknowns, noise, weights, intensity)
         if size < 10 * SMALLEST_STEP:
             break
     kept = {m.name: m.seen for m in measurements}
@@ -85,7 +85,7 @@ def fit(model: TrialModel) -> BodyFit:
         intensity = _intensities(model, unknowns)
         weights = {name: frames.astype(float) for name, frames in kept.items()}
         for _ in range(STEPS):
-            unknowns, size, factor = _advanced(model, unknowns, noise, weights, intensity)
+            unknowns, size, factor = _gauss_newton_step(model, unknowns, noise, weights, intensity)
             if size < SMALLEST_STEP:
                 break
     return BodyFit(model, unknowns, factor, noise, kept, _residuals(model, unknowns))
@@ -140,7 +140,7 @@ def _noise(model: TrialModel, residuals, kept) -> dict[str, Noise]:
     return noise
 
 
-def _advanced(
+def _gauss_newton_step(
     model: TrialModel, unknowns: Unknowns, noise, weights, intensity
 ) -> tuple[Unknowns, float, ArrowFactor]:
     """One Gauss-Newton step: the new unknowns, the largest change of a state, and the information's factor."""
@@ -165,7 +165,7 @@ def _advanced(
     factor = information.factor()
     states, constants = factor.solve(information.states.ravel(), information.constants)
     states = states.reshape(n, size)
-    return unknowns.moved(structure, states, constants), float(np.abs(states).max()), factor
+    return unknowns.advance(structure, states, constants), float(np.abs(states).max()), factor
 
 
 def _add_joints(information: Information, model: TrialModel, unknowns: Unknowns, part: str) -> None:
@@ -234,28 +234,3 @@ def model_points(fit: BodyFit, unknowns: Unknowns) -> TrunkPoints:
         ends["XIPHOID_LEVEL"] = top + along * down
     points = {name: TrunkPoint(value, f"{name}: {RULE}", True, np.nan, ()) for name, value in ends.items()}
     return TrunkPoints(points, {}, unit(right - left))
-
-
-def predicted_marker(fit: BodyFit, name: str) -> np.ndarray:
-    """Where a marker is, shape (n, 3) in metres: what it showed, and the model's prediction where it did not.
-
-    Across a gap the displacement of the skin that was last seen fades out and the next one in, as a Gauss-Markov process
-    goes from one to the other on average.
-    """
-    measurement = next(m for m in fit.model.measurements if m.name == name and m.observed is not None)
-    kept, residual = fit.kept[name], fit.residuals[name]
-    predicted = measurement.residual(fit.model.structure, fit.best)[1].value
-    phi, frames, seen = fit.noise[name].phi, np.arange(len(kept)), np.flatnonzero(kept)
-    if not seen.size:
-        return predicted
-    before = seen[np.clip(np.searchsorted(seen, frames, side="right") - 1, 0, None)]
-    after = seen[np.clip(np.searchsorted(seen, frames), None, len(seen) - 1)]
-    back, ahead = np.abs(frames - before), np.abs(after - frames)
-    inside = (before < frames) & (after > frames)
-    whole = np.where(inside, 1 - phi ** (2.0 * (back + ahead)), 1.0)
-    whole = np.maximum(whole, 1e-12)
-    early = np.where(inside, (phi**back - phi ** (back + 2.0 * ahead)) / whole, phi**back)
-    late = np.where(inside, (phi**ahead - phi ** (ahead + 2.0 * back)) / whole, 0.0)
-    late = np.where(~inside & (before > frames), phi**ahead, late)
-    bridge = early[:, None] * residual[before] + late[:, None] * residual[after]
-    return np.where(kept[:, None], measurement.observed, predicted + bridge)

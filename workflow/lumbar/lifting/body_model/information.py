@@ -1,7 +1,10 @@
 """Information of all measurements about states and constants: normal equations, gathered measurement by measurement.
 
 A residual may be correlated in time as skin that stays displaced: a first-order Gauss-Markov process, whose
-innovations e(t) - φ e(t-1) are independent, so that each frame is coupled to the one before alone.
+innovations e(t) - φ e(t-1) are independent, so that each frame is coupled to the one before alone. The matrix is
+[[A, B], [Bᵀ, C]]: A, block-tridiagonal, couples each instant to its neighbours, C the constants to each other, B constants to
+all instants. A = L Lᵀ is factored block by block; the Schur complement S = C - Bᵀ A⁻¹ B is the information left for the
+constants (Golub and Van Loan, Matrix Computations, 4th ed., section 4.5).
 """
 
 from __future__ import annotations
@@ -58,7 +61,7 @@ class ArrowFactor:
         return blocks.reshape(right.shape)
 
 
-def factored(diagonal: np.ndarray, below: np.ndarray, border: np.ndarray, corner: np.ndarray) -> ArrowFactor:
+def factorise(diagonal: np.ndarray, below: np.ndarray, border: np.ndarray, corner: np.ndarray) -> ArrowFactor:
     """Factor a positive-definite matrix.
 
     Parameters
@@ -117,7 +120,7 @@ class Noise:
         return scale, (self.phi * scale * chained)[1:]
 
 
-def _joined(slopes: list[tuple[slice, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+def _stack_slopes(slopes: list[tuple[slice, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """Columns, shape (k,), and derivatives by them, shape (n, m, k), in one."""
     columns = np.concatenate([np.arange(where.start, where.stop) for where, _ in slopes])
     return columns, np.concatenate([values for _, values in slopes], axis=2)
@@ -153,7 +156,7 @@ class Information:
         weight : ndarray, shape (n,)
             0 where there is no measurement; between 0 and 1 where it counts less.
         """
-        columns, slope = _joined(states)
+        columns, slope = _stack_slopes(states)
         scale, back = noise.whitening(weight)
         clean = np.where(weight[:, None] > 0, residual, 0.0)
         white = scale[:, None] * clean
@@ -167,7 +170,7 @@ class Information:
         self.states[:, columns] += np.einsum("nmi,nm->ni", own, white)
         self.states[:-1, columns] += np.einsum("nmi,nm->ni", earlier, white[1:])
         if constants:
-            there, fixed = _joined(constants)
+            there, fixed = _stack_slopes(constants)
             shared = scale[:, None, None] * fixed
             shared[1:] -= back[:, None, None] * fixed[:-1]
             cross = np.einsum("nmi,nmj->nij", own, shared)
@@ -216,4 +219,4 @@ class Information:
         below[:, :size, size:] = self.next[1::2]
         below[:, axis, axis] = self.second[0::2]
         below[:, size + axis, size + axis] = self.second[1::2]
-        return factored(diagonal, below, self.border.reshape(n * size, -1), self.corner)
+        return factorise(diagonal, below, self.border.reshape(n * size, -1), self.corner)

@@ -1,7 +1,10 @@
-"""Centres of mass and pendulum states of the fitted body model, each with its standard deviation.
+"""Centres of mass, pendulum states and basin areas of the fitted body model, each with its spread.
 
-What spreads: joints, landmarks and noise as far as the trial and the priors leave them open. What does not: the segment
-table's shares (their spread is listed by `lumbar.lifting.movement.model_spread`) and the instants of the events.
+The same functions as for the rules (`lumbar.lifting.movement`) turn its joints into centres of mass and pendulum states, once
+with the most probable unknowns and once with each draw from their posterior: the spread of the results is their uncertainty,
+with all that the unknowns share. What spreads: joints, landmarks and noise as far as the trial and the priors leave them
+open. What does not: the segment table's shares (their spread is listed by `lumbar.lifting.movement.model_spread`) and the
+instants of the events.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from lumbar.lifting.movement.pendulum_states import PendulumStates, pendulum_sta
 from lumbar.lifting.movement.segments import SegmentTable
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
-from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
 
 if TYPE_CHECKING:
@@ -174,16 +177,13 @@ def basin_intervals(
 def _areas(trajectories: list[Trajectory], settings: StabilitySettings, sign: str) -> dict[int, float]:
     """Mean area of every trajectory that has a basin, by its identity."""
     sound = [one for one in trajectories if not find_problems(one).entries]
-    areas = {}
+    areas: dict[int, float] = {}
     for at in range(0, len(sound), TOGETHER):
-        results, _ = all_or_each(_mean_area, sound[at : at + TOGETHER], settings, sign, basin="body model")
-        for some, values in results:
-            areas.update(zip(map(id, some), values, strict=True))
+        for attempt in attempts(sound[at : at + TOGETHER], "body model", []):
+            with attempt as some:
+                funnels = exact_funnels(close_loops(some, sign, settings), settings.goal_level)
+                areas |= zip(map(id, some), funnels.mean_area, strict=True)
     return areas
-
-
-def _mean_area(trajectories: list[Trajectory], settings: StabilitySettings, sign: str) -> np.ndarray:
-    return exact_funnels(close_loops(trajectories, sign, settings), settings.goal_level).mean_area
 
 
 def _trajectory(

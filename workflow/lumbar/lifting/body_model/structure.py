@@ -1,8 +1,9 @@
-"""The model of one trial: its parts, points and constants, and where everything stands in state and constants.
+"""The model of one trial: its parts, points and constants, where everything stands in state and constants, and what ties them.
 
 Pelvis, thorax and box are free rigid parts of six coordinates, points of the limbs have three; soft joints couple them.
 Constants are places in the axes of a part (landmarks, markers without a name, joint centres, hands on the box) and
-lengths. The abdomen is the line between the joints L5/S1 and T12/L1.
+lengths. The abdomen is the line between the joints L5/S1 and T12/L1. Markers, soft joints and constant lengths are
+measurements of these unknowns (`Measurement`).
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ FLATTEST_M = 0.015
 """Least spread across the line that points lie nearest to: less tells no turning about it."""
 
 
-def bridged(
+def interpolate_poses(
     time: np.ndarray, rotations: np.ndarray, shifts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Fill unknown poses from the nearest known ones, evenly in time; None where none is known."""
@@ -150,7 +151,7 @@ class Unknowns:
     constants: np.ndarray
     """Shape (structure.constants,)."""
 
-    def moved(self, structure: Structure, states: np.ndarray, constants: np.ndarray) -> Unknowns:
+    def advance(self, structure: Structure, states: np.ndarray, constants: np.ndarray) -> Unknowns:
         """Return the unknowns after steps of shapes (n, size) and (constants,); parts are turned from the left."""
         rotations, shifts = {}, {}
         for part in structure.parts:
@@ -256,7 +257,7 @@ class Measurement:
         weight = (ROBUST_DEGREES + self.axes) / (ROBUST_DEGREES + size)
         return np.where(self.seen, np.minimum(weight, 1.0), 0.0)
 
-    def declared(self, step: float) -> Noise:
+    def declared_noise(self, step: float) -> Noise:
         """Noise as declared, at a time step in seconds."""
         phi = float(np.exp(-step / self.correlation_s)) if self.correlation_s else 0.0
         return Noise(self.sd, phi)
@@ -274,7 +275,7 @@ class Measurement:
         freedom : float
             Share of the measured values that the poses do not follow.
         """
-        declared = self.declared(step)
+        declared = self.declared_noise(step)
         if not self.estimated or kept.sum() < 10:
             return declared
         values = residual[kept]

@@ -1,4 +1,9 @@
-"""Posture of the trunk: how far it leans, and how far the lumbar spine is bent between thorax and pelvis."""
+"""Load of the back: posture of the trunk, net moment about a joint of all that moves above it, and the strength to bear it.
+
+The moment is computed top-down from movement and inertia (Winter 2009, section 5): M = Σ (c − p) × m·(a + g·ẑ) + dH/dt, over
+segments with centre c, mass m, acceleration a and angular momentum H about the centre; p is the joint. It is the moment that
+muscles and ligaments bring up; what the weight does to the joint is opposite.
+"""
 
 from __future__ import annotations
 
@@ -117,3 +122,21 @@ def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: f
         if link.axis is not None and link.gyration_m:
             total = total + mass * link.gyration_m**2 * spin_moment(link.axis, rate)
     return total
+
+
+TRUNK_SOURCE = (
+    "Chaffin et al. 1999, Table 4.5 (men at 20, 40 and 60° of flexion), as given in J. Electromyogr. Kinesiol. 22 (2012) "
+    "814-820, Table 2; women 65 % of it (60 to 70 % in Kumar et al., Spine 20 (1995) 160-168)"
+)
+_FLEXION_DEG, _EXTENSION_N_M = (20.0, 40.0, 60.0), (288.0, 232.0, 171.0)
+_TRUNK_OF_WOMEN = 0.65
+
+
+def trunk_extension_strength(inclination_deg: np.ndarray, sex: str) -> np.ndarray:
+    """Mean largest extension moment of the trunk in N·m by its inclination in degrees (`TRUNK_SOURCE`).
+
+    Linear between the published angles; held at the first and last beyond them. The mean of women's and men's where the sex
+    is not known.
+    """
+    share = {"male": 1.0, "female": _TRUNK_OF_WOMEN}.get(sex, (1 + _TRUNK_OF_WOMEN) / 2)
+    return share * np.interp(inclination_deg, _FLEXION_DEG, _EXTENSION_N_M)

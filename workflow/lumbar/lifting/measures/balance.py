@@ -1,8 +1,20 @@
-"""Base of support: the convex hull of what stands on the ground, and how far a point is from its edge.
+"""Balance over the feet: base of support, extrapolated centre of mass, and whether a person can come to rest without a step.
 
-A hull is kept as its corners and which of them are on the ground; all is computed from its support function
-h(n) = max over corners of n·corner, so that one foot, two feet, or a foot on its toes need no cases: the signed distance
-of a point p to the edge of a convex set is the smallest h(n) − n·p over all unit directions n, positive inside.
+*Base of support*: the convex hull of what stands on the ground. A hull is kept as its corners and which of them are on the
+ground; all is computed from its support function h(n) = max over corners of n·corner, so that one foot, two feet, or a foot
+on its toes need no cases: the signed distance of a point p to the edge of a convex set is the smallest h(n) − n·p over all
+unit directions n, positive inside.
+
+*Extrapolated centre of mass* (Hof, Gazendam and Sinke, The condition for dynamic stability, J. Biomech. 38 (2005) 1-8): a
+person as an inverted pendulum of length l keeps balance without a step as long as x + v/ω0 with ω0 = √(g/l) stays above the
+base of support.
+
+*Capturability*, with feet of finite size and ankles of finite strength. Two models, both exact. The linear inverted pendulum
+comes to rest without a step if and only if its instantaneous capture point x + v·√(z/g) lies within the places where its
+centre of pressure can be (Koolen et al., Int. J. Robotics Research 31 (2012) 1094-1113, the model with a finite foot). The
+nonlinear pendulum with a limited torque, m l² θ̈ = m g l sin θ − τ, |τ| within the limits, comes to rest if and only if full
+braking stops it before the angle θ* at which gravity wins, sin θ* = τ/(m g l): energy gives the largest speed at every angle
+in closed form.
 """
 
 from __future__ import annotations
@@ -12,7 +24,6 @@ from itertools import combinations
 
 import numpy as np
 
-from lumbar.lifting.measures.strength import AnkleTorques
 from lumbar.lifting.movement.cleaning import derivative
 
 FOOT_LENGTH, FOOT_BREADTH = 0.152, 0.055
@@ -35,9 +46,7 @@ class BaseOfSupport:
     @property
     def centre(self) -> np.ndarray:
         """Mean of the grounded corners, shape (n, 2); NaN where nothing is on the ground."""
-        weight = self.grounded[..., None].astype(float)
-        with np.errstate(invalid="ignore"):
-            return (np.nan_to_num(self.corners) * weight).sum(axis=1) / weight.sum(axis=1)
+        return middle_of_standing(self.corners, self.grounded)
 
     def functional(self, share: float = FUNCTIONAL_SHARE) -> BaseOfSupport:
         """The part that people use: every edge drawn to `share` of its distance from the centre.
@@ -102,7 +111,7 @@ class BaseOfSupport:
         return vectors / np.where(length > 1e-12, length, np.nan)
 
 
-def joined(*bases: BaseOfSupport) -> BaseOfSupport:
+def hull_around(*bases: BaseOfSupport) -> BaseOfSupport:
     """The hull around several bases: both feet."""
     return BaseOfSupport(
         np.concatenate([base.corners for base in bases], axis=1),
@@ -126,7 +135,7 @@ def footprint(
         Markers, metres. The rectangle ends at the toe, or `length` ahead of the heel where the marker lies further back
         (on the metatarsals).
     heel_grounded, toe_grounded : ndarray of bool, shape (n,)
-        As of `grounded`.
+        As of `ground_contact`.
     length, breadth : float
         Of the foot, metres: `FOOT_LENGTH` and `FOOT_BREADTH` of the stature where not measured.
     """
@@ -140,7 +149,7 @@ def footprint(
     return BaseOfSupport(corners, on_ground & np.isfinite(corners).all(axis=2))
 
 
-def grounded(marker: np.ndarray, rate: float, height_m: float, speed_m_s: float) -> np.ndarray:
+def ground_contact(marker: np.ndarray, rate: float, height_m: float, speed_m_s: float) -> np.ndarray:
     """Whether a marker of the foot is on the ground, shape (n,): low and at rest.
 
     Parameters
@@ -275,6 +284,35 @@ def viability_margin(
     return mass * length * np.minimum(forward, backward)
 
 
+@dataclass(frozen=True)
+class AnkleTorques:
+    """Largest torques of one ankle, N·m."""
+
+    plantar_flexion: float
+    dorsiflexion: float
+    """`plantar_flexion`, `dorsiflexion`: they hold the centre of pressure ahead of and behind the ankle."""
+    inversion: float
+    eversion: float
+    """`inversion`, `eversion`: they hold it beside the ankle, outward and inward."""
+
+
+ANKLE_SOURCE = "da Fonseca et al., World J. Orthop. 16 (2025) 108858: mean isokinetic peak torques of 69 men and 31 women"
+
+
+_ANKLES = {
+    "male": AnkleTorques(158.1, 53.6, 37.0, 33.4),
+    "female": AnkleTorques(100.4, 37.4, 30.1, 22.3),
+}
+
+
+def ankle_torques(sex: str) -> AnkleTorques:
+    """Mean torques of one ankle; the mean of women's and men's where the sex is not known (`ANKLE_SOURCE`)."""
+    if sex in _ANKLES:
+        return _ANKLES[sex]
+    both = zip(*(vars(values).values() for values in _ANKLES.values()), strict=True)
+    return AnkleTorques(*(float(np.mean(pair)) for pair in both))
+
+
 def pressure_limits(
     base: BaseOfSupport,
     ankles: np.ndarray,
@@ -331,12 +369,12 @@ def pressure_limits(
 
 
 def middle_of_standing(ankles: np.ndarray, standing: np.ndarray) -> np.ndarray:
-    """Middle of the ankles that stand, shape (n, d): the pivot; NaN where none does.
+    """Middle of the ankles (or corners) that stand, shape (n, d): the pivot; NaN where none does.
 
     Parameters
     ----------
-    ankles : ndarray, shape (n, 2, d)
-    standing : ndarray of bool, shape (n, 2)
+    ankles : ndarray, shape (n, k, d)
+    standing : ndarray of bool, shape (n, k)
     """
     weight = standing[..., None].astype(float)
     with np.errstate(invalid="ignore"):

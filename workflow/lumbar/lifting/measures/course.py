@@ -10,23 +10,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.measures.back_load import Link, horizontal_axes, inclination, lumbar_flexion, net_moment
+from lumbar.lifting.measures.back_load import (
+    Link,
+    horizontal_axes,
+    inclination,
+    lumbar_flexion,
+    net_moment,
+    trunk_extension_strength,
+)
 from lumbar.lifting.measures.balance import (
     FOOT_BREADTH,
     FOOT_LENGTH,
     BaseOfSupport,
+    ankle_torques,
     capture_margin,
     extrapolated_centre,
     footprint,
-    grounded,
-    joined,
+    ground_contact,
+    hull_around,
     middle_of_standing,
     pendulum_rate,
     pressure_limits,
     smallest_impulse,
     viability_margin,
 )
-from lumbar.lifting.measures.strength import ankle_torques, trunk_extension_strength
 from lumbar.lifting.movement.body import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.joint_centres import typical_distance
@@ -183,11 +190,11 @@ def base_of_support(lifter: Lifter) -> tuple[BaseOfSupport, np.ndarray]:
     for side in "LR":
         heel, toe = _ends_of_foot(lifter, side)
         on_ground = [
-            grounded(marker, lifter.rate, settings.contact_height_m, settings.contact_speed_m_s)
+            ground_contact(marker, lifter.rate, settings.contact_height_m, settings.contact_speed_m_s)
             for marker in (heel, toe)
         ]
         feet.append(footprint(heel, toe, *on_ground, FOOT_LENGTH * stature, FOOT_BREADTH * stature))
-    return joined(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
+    return hull_around(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
 
 
 def _ends_of_foot(lifter: Lifter, side: str) -> tuple[np.ndarray, np.ndarray]:

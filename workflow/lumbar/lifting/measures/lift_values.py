@@ -1,4 +1,4 @@
-"""One number per measure and plane of a lift: the long table that statistics and comparisons read."""
+"""One number per measure and plane of a lift: the long table that statistics and comparisons read, and its page."""
 
 from __future__ import annotations
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lumbar.lifting.measures.strength import ANKLE_SOURCE, TRUNK_SOURCE
+from lumbar.lifting.measures.back_load import TRUNK_SOURCE
+from lumbar.lifting.measures.balance import ANKLE_SOURCE
 
 ALL, SAGITTAL, FRONTAL = "all", "flexion_extension", "lateral_bending"
 """All directions, or one of the planes of `lumbar.lifting.movement.pendulum_states.PLANES`."""

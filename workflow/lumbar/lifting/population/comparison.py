@@ -66,7 +66,7 @@ class Comparison:
     def verdict(self) -> str:
         """Which side is safer, or that the interval contains both answers."""
         interval = self.contrast.interval
-        if not interval.known:
+        if not interval.is_known:
             return "cannot be told"
         if interval.low <= 0 <= interval.high:
             return "not decided"
@@ -132,7 +132,7 @@ def compare_people(
             ):
                 continue
             chance = [seed, zlib.crc32(f"{name} {box} {measure} {plane}".encode())]
-            contrast, components, bootstrap = _compared(values, paired, sides, chance, resamples)
+            contrast, components, bootstrap = _compare(values, paired, sides, chance, resamples)
             missing = int(sum(part["value"].isna().sum() for part in selected))
             yield Comparison(
                 name, box, str(measure), str(plane), words["unit"], words["safer"], sides, values, paired, missing,
@@ -140,7 +140,7 @@ def compare_people(
             )  # fmt: skip
 
 
-def _compared(values: tuple, paired: bool, sides: tuple[str, str], seed: list[int], resamples: int):
+def _compare(values: tuple, paired: bool, sides: tuple[str, str], seed: list[int], resamples: int):
     if paired:
         contrast = within_persons(*values, name=sides[0])
         bootstrap = cluster_bootstrap(_changes(*values), None, seed, resamples)

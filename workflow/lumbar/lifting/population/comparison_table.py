@@ -163,7 +163,7 @@ def planning_table(comparisons: Sequence[Comparison], settings: PopulationSettin
         f"sought with a power of {settings.power:g} at the level {settings.significance:g} (noncentral t on person means)"
     )
     columns = [*list(_PLANNING)[:-1], *needed, "remark"]
-    frame = pd.DataFrame([_planned(item, settings, needed) for item in comparisons], columns=columns)
+    frame = pd.DataFrame([_planning_row(item, settings, needed) for item in comparisons], columns=columns)
     numbers = frozenset(columns[columns.index("person_sd") : -1])
     # Counts with empty cells: as objects they print as whole numbers.
     frame = frame.astype(dict.fromkeys(numbers - set(needed), float) | dict.fromkeys(needed, object))
@@ -180,7 +180,7 @@ def planning_table(comparisons: Sequence[Comparison], settings: PopulationSettin
     )
 
 
-def _planned(item: Comparison, settings: PopulationSettings, needed: dict[str, int]) -> dict:
+def _planning_row(item: Comparison, settings: PopulationSettings, needed: dict[str, int]) -> dict:
     found, sd = item.components, item.contrast.person_mean_sd
     sought = settings.detect.get(item.measure) or settings.detect_percent / 100 * abs(item.contrast.second)
     options = {"paired": item.paired, "power_wanted": settings.power, "significance": settings.significance}

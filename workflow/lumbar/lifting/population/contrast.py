@@ -28,7 +28,7 @@ class Interval:
     """Empty where there is an interval."""
 
     @property
-    def known(self) -> bool:
+    def is_known(self) -> bool:
         """Whether there is an interval."""
         return self.low is not None
 

@@ -103,7 +103,7 @@ def _mixed_model(groups: list[PersonMeans], within: float, between: float) -> Va
     from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
     scale = np.sqrt(within)
-    values, labels, design = _stacked(groups)
+    values, labels, design = _stack_trials(groups)
     start = MixedLMParams.from_components(
         fe_params=np.zeros(len(groups)), cov_re=np.array([[between / within]])
     )
@@ -118,7 +118,7 @@ def _mixed_model(groups: list[PersonMeans], within: float, between: float) -> Va
     return VarianceComponents(float(scale * np.sqrt(person)), float(scale * np.sqrt(trial)))
 
 
-def _stacked(groups: list[PersonMeans]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _stack_trials(groups: list[PersonMeans]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """All trials, the number of their person, and a column of ones for each group."""
     people = [(number, values) for number, group in enumerate(groups) for values in group.values]
     counts = [len(values) for _, values in people]

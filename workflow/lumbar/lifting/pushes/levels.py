@@ -13,9 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.measures.balance import braking_speed, middle_of_standing, pendulum_rate, pressure_limits
+from lumbar.lifting.measures.balance import (
+    ankle_torques,
+    braking_speed,
+    middle_of_standing,
+    pendulum_rate,
+    pressure_limits,
+)
 from lumbar.lifting.measures.course import Lifter, base_of_support, course_of_lift
-from lumbar.lifting.measures.strength import ankle_torques
 from lumbar.lifting.movement.body import LOAD, WHOLE_BODY
 from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.pendulum_states import planar_states
@@ -24,7 +29,7 @@ from lumbar.lifting.pushes.motion import DepositMotion
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
-from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
 
 if TYPE_CHECKING:
@@ -222,13 +227,17 @@ def _add_basins(found, com, sign, trajectories, motions, settings, push_share) -
     there = [index for index, item in enumerate(trajectories) if item is not None]
     index_of = {id(trajectories[index]): index for index in there}
     settings = replace(settings, knots=KNOTS)
-    results, failures = all_or_each(_basins_of, [trajectories[i] for i in there], sign, settings, basin=name)
+    results, failures = [], []
+    for attempt in attempts([trajectories[i] for i in there], name, failures):
+        with attempt as items:
+            loops = close_loops(items, sign, settings)
+            results.append((items, loops, exact_funnels(loops, settings.goal_level)))
     reasons = "; ".join({failure.basin: failure.reason for failure in failures}.values())
     for level in found:
         nowhere = np.full(len(level.time), np.nan)
         level.values.update({(key, direction): nowhere for key in (name, area) for direction in DIRECTIONS})
         level.missing[name] = reasons or "no sound pendulum"
-    for items, (loops, funnels) in results:
+    for items, loops, funnels in results:
         for column, item in enumerate(items):
             index = index_of[id(item)]
             level, motion = found[index], motions[index]
@@ -242,11 +251,6 @@ def _add_basins(found, com, sign, trajectories, motions, settings, push_share) -
                 level.values[name, direction] = inertia * largest / lever
                 level.values[area, direction] = np.full(len(level.time), funnels.mean_area[column])
             level.missing.pop(name)
-
-
-def _basins_of(trajectories: list[Trajectory], sign: str, settings: StabilitySettings):
-    loops = close_loops(trajectories, sign, settings)
-    return loops, exact_funnels(loops, settings.goal_level)
 
 
 _MOTION = {"angle": "rad", "rate": "rad_s", "acceleration": "rad_s2"}

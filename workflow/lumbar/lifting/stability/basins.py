@@ -23,7 +23,7 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import (
     close_loops,
     weights_of,
 )
-from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import THESIS, Failure, Trajectory
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION
 from lumbar.tables.table import Table
@@ -155,34 +155,16 @@ def basins_of_lift(
     ]
     plans += [(list(as_in_thesis), method, THESIS.sign) for method in (methods[1:] if same else methods)]
     for number, (items, method, gravity) in enumerate(plans):
-        results, failed = all_or_each(
-            method_basins, items, method, gravity, settings, seed, basin=f"{method}, {gravity}"
-        )
-        failures += failed
-        for some, (loops, funnels, own) in results:
-            rows += own
-            if number == 0:
-                frames.append(_funnel_frame(some, loops, funnels, settings))
+        for attempt in attempts(items, f"{method}, {gravity}", failures):
+            with attempt as some:
+                loops = close_loops(some, gravity, settings)
+                result = METHODS[method](loops, settings)
+                rows += basin_rows(some, loops, result, settings, seed, gravity)
+                if number == 0:
+                    frames.append(_funnel_frame(some, loops, result.funnels, settings))
     summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
     empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
     return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
-
-
-def method_basins(
-    trajectories: list[Trajectory], method: str, sign: str, settings: StabilitySettings, seed: int
-) -> tuple[ClosedLoops, Funnels, list[dict]]:
-    """Compute and check the basins of some trajectories by one method and with one sign of gravity.
-
-    Returns
-    -------
-    loops : ClosedLoops
-    funnels : Funnels
-    rows : list of dict
-        Of `basin_rows`.
-    """
-    loops = close_loops(trajectories, sign, settings)
-    result = METHODS[method](loops, settings)
-    return loops, result.funnels, basin_rows(trajectories, loops, result, settings, seed, sign)
 
 
 def basin_rows(

@@ -14,13 +14,18 @@ import numpy as np
 from lumbar.lifting.stability.basins import AREA_HEADERS, as_counts, basin_rows, meaningful
 from lumbar.lifting.stability.basins import COLUMNS as BASIN_COLUMNS
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
-from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.saturation import Saturation, reference_of
-from lumbar.lifting.stability.methods import METHODS, MethodResult, headline_methods, thesis_methods
+from lumbar.lifting.stability.methods import (
+    METHODS,
+    MethodResult,
+    headline_methods,
+    proved_result,
+    thesis_methods,
+)
 from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
-from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
 from lumbar.tables.table import Table
 
@@ -97,7 +102,7 @@ def binds(loops: ClosedLoops, level: np.ndarray, saturation: Saturation) -> np.n
 def extended_basins(
     trajectories: list[Trajectory], settings: StabilitySettings, seed: int
 ) -> tuple[pd.DataFrame, list[Failure]]:
-    """Compute the extended basins of one lift.
+    """Compute the extended basins of one lift; of no trajectories the table without rows.
 
     Returns
     -------
@@ -128,19 +133,10 @@ def extended_basins(
         if sign == published:
             plans.append(("better_v", "exact", Saturation(), trajectories))
         for *plan, items in plans:
-            results, failed = all_or_each(
-                extended_rows, items, *plan, nominal, settings, seed, basin=f"{plan[0]}, {plan[1]}, {sign}"
-            )
-            rows += [row for _, own in results for row in own]
-            failures += failed
+            for attempt in attempts(items, f"{plan[0]}, {plan[1]}, {sign}", failures):
+                with attempt as some:
+                    rows += extended_rows(some, *plan, nominal, settings, seed)
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
-
-
-def nothing_extended() -> pd.DataFrame:
-    """Return the table of a study that did not choose the check ``extended``: no rows."""
-    import pandas as pd
-
-    return pd.DataFrame(columns=list(COLUMNS)).astype(COUNTS)
 
 
 class NominalLoops:
@@ -177,11 +173,7 @@ def extended_rows(
         low, high = (saturation.bias - saturation.torque, saturation.bias + saturation.torque)
         limits = {"lowest_torque_N_m": low, "highest_torque_N_m": high, "binds": "yes"}
         if not binds(loops, funnels.level, saturation)[0]:
-            return (
-                _unchanged(trajectories[0], method, nominal.sign, funnels, limits)
-                if method == "exact"
-                else []
-            )
+            return [_nominal_row(trajectories[0], nominal.sign, funnels, limits)] if method == "exact" else []
     own, result, extra = _result(loops, name, method, saturation, settings)
     found = basin_rows(trajectories, own, result, settings, seed, nominal.sign, saturation)
     return [
@@ -199,15 +191,12 @@ def extended_rows(
     ]
 
 
-def _unchanged(item: Trajectory, method: str, sign: str, funnels: Funnels, limits: dict) -> list[dict]:
+def _nominal_row(item: Trajectory, sign: str, funnels: Funnels, limits: dict) -> dict:
     """Row of a basin that its limits do not touch: the nominal one."""
-    row = {"subject": item.subject, "box_mass_kg": item.box_mass_kg, "com": item.com, "plane": item.plane}
-    areas = {
-        "mean_area": funnels.mean_area.item(),
-        "initial_area": funnels.initial_area.item(),
-        "area_ratio": 1.0,
-    }
-    return [{**row, "loop": TORQUE_LIMITED, "method": method, "sign": sign, **areas, **limits, "binds": "no"}]
+    row = {name: getattr(item, name) for name in ("subject", "box_mass_kg", "com", "plane")}
+    row |= {"loop": TORQUE_LIMITED, "method": "exact", "sign": sign}
+    areas = {name: getattr(funnels, name).item() for name in ("mean_area", "initial_area")}
+    return row | areas | {"area_ratio": 1.0} | limits | {"binds": "no"}
 
 
 def _result(
@@ -216,19 +205,14 @@ def _result(
     """Run one method; a better V changes the loops that are checked too."""
     if name != "better_v":
         return loops, METHODS[method](loops, settings, saturation), {}
-    proved = "proof" in settings.checks
     best = best_of_family(
         loops,
         settings.goal_level,
         settings.lyapunov_shares,
-        settings.proof.margin_1_s if proved else 0.0,
+        settings.proof.margin_1_s if "proof" in settings.checks else 0.0,
         settings.attack.control_overstated,
     )
-    checks = {}
-    if proved:
-        checks["proved_share"] = proved_share(best.loops, best.with_margin)
-        checks["proved_area_ratio"] = best.with_margin.mean_area / best.funnels.mean_area
-    return best.loops, MethodResult(best.funnels, checks, best.negative_control), {"best_share": best.share}
+    return best.loops, proved_result(best.loops, best, settings), {"best_share": best.share}
 
 
 def _with_fewer_knots(settings: StabilitySettings) -> StabilitySettings:

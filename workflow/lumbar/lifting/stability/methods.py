@@ -1,11 +1,11 @@
 """The three methods behind one interface: closed loops and settings in, funnels and their checks out.
 
 ========================= ======================================================================================
-`exact`                   largest funnel of the given V, with the true sine (`funnel`); proved between its knots
+`exact`                   largest funnel of the given V, with the true sine (`exact_funnel`); proved between its knots
                           (`interval_proof`) with a small margin
 `sum_of_squares`          certificates of the sine's Taylor polynomial, ρ̇ a variable, ρ(T) fixed
                           (`certified_funnel`)
-`thesis`                  Eqs 4.5–4.7 to the letter, ρ̇ frozen: no certificate (`bilinear_alternation`)
+`thesis`                  Eqs 4.5–4.7 to the letter, ρ̇ frozen: no certificate (`eqs_4_5_to_4_7_alternation`)
 ========================= ======================================================================================
 
 All read the same keys of the section ``stability``, take the same loops (either sign of gravity, any Q, R, Qf,
@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.exact_funnel import Funnels, funnel_variants
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, FunnelVariants, funnel_variants
 from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, saturated_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
@@ -50,24 +50,32 @@ def exact(
     loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
 ) -> MethodResult:
     """Compute the largest funnels and prove those with a margin between the knots."""
-    goal, negative_control = settings.goal_level, settings.attack.control_overstated
-    proved = "proof" in settings.checks
-    margin = settings.proof.margin_1_s if proved else 0.0
-    if "simulation" not in settings.checks:
-        negative_control = 0.0
-    if saturation.active:
-        found = saturated_funnels(loops, goal, saturation, margin, negative_control)
-        for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
-            if reason:
-                raise NumericalError(f"{label}: {reason}")
-        largest, smaller, control = found.exact, found.with_margin, found.negative_control
-    else:
-        largest, smaller, control = funnel_variants(loops, goal, margin, negative_control)
+    margin = settings.proof.margin_1_s if "proof" in settings.checks else 0.0
+    overstated = settings.attack.control_overstated if "simulation" in settings.checks else 0.0
+    if not saturation.active:
+        found = funnel_variants(loops, settings.goal_level, margin, overstated)
+        return proved_result(loops, found, settings)
+    found = saturated_funnels(loops, settings.goal_level, saturation, margin, overstated)
+    for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
+        if reason:
+            raise NumericalError(f"{label}: {reason}")
+    return proved_result(loops, found, settings, saturation)
+
+
+def proved_result(
+    loops: ClosedLoops,
+    found: FunnelVariants,
+    settings: StabilitySettings,
+    saturation: Saturation = UNSATURATED,
+) -> MethodResult:
+    """Return exact funnels with the proof of those with a margin and the negative control, as far as they are checks."""
     checks = {}
-    if proved:
-        checks["proved_share"] = proved_share(loops, smaller, saturation)
-        checks["proved_area_ratio"] = smaller.mean_area / largest.mean_area
-    return MethodResult(largest, checks, control if negative_control else None)
+    if "proof" in settings.checks:
+        checks["proved_share"] = proved_share(loops, found.with_margin, saturation)
+        checks["proved_area_ratio"] = found.with_margin.mean_area / found.exact.mean_area
+    return MethodResult(
+        found.exact, checks, found.negative_control if "simulation" in settings.checks else None
+    )
 
 
 def sum_of_squares(
@@ -84,12 +92,8 @@ def sum_of_squares(
         margin=options.margin_1_s,
         saturation=saturation,
     )
-    checks = {
-        "sos_margin_difference": agreement.margin_difference,
-        "sos_taylor_difference": agreement.taylor_difference,
-        "sos_taylor_optimism": agreement.taylor_optimism,
-    }
-    return MethodResult(funnels, checks)
+    names = ("margin_difference", "taylor_difference", "taylor_optimism")
+    return MethodResult(funnels, {f"sos_{name}": getattr(agreement, name) for name in names})
 
 
 def thesis(
@@ -97,12 +101,8 @@ def thesis(
 ) -> MethodResult:
     """Run the thesis's procedure and count where its result breaks its own condition."""
     found = alternate(loops, **vars(settings.thesis_method), saturation=saturation)
-    checks = {
-        "violation_share": found.violation_share,
-        "unsolved_share": found.unsolved_share,
-        "euler_error": found.euler_error,
-    }
-    return MethodResult(found.funnels, checks, resolution=RESOLUTION)
+    names = ("violation_share", "unsolved_share", "euler_error")
+    return MethodResult(found.funnels, {name: getattr(found, name) for name in names}, resolution=RESOLUTION)
 
 
 METHODS: dict[str, Callable[[ClosedLoops, dict, Saturation], MethodResult]] = {

@@ -12,7 +12,7 @@ from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage
 from lumbar.lifting.stability.methods import METHODS, chosen_methods
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, normal_axes
-from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Trajectory
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
 
@@ -268,7 +268,11 @@ def _sections(shown: list[Trajectory], settings: StabilitySettings) -> dict[str,
     fewer = replace(settings, knots=settings.limits.knots, checks=())
     found: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in shown}
     for name in (*chosen_methods(settings), "best"):
-        for items, (loops, funnels) in all_or_each(_funnels, shown, name, fewer, basin=name)[0]:
+        computed = []
+        for attempt in attempts(shown, name, []):
+            with attempt as items:
+                computed.append((items, *_funnels(items, name, fewer)))
+        for items, loops, funnels in computed:
             first = _section(funnels, 0)
             for index, item in enumerate(items):
                 found[item.plane][name] = first[:, index]
@@ -310,7 +314,7 @@ def _funnels(
 ) -> tuple[ClosedLoops, Funnels]:
     loops = close_loops(trajectories, settings.pendulum.sign, settings)
     if name == "best":
-        return loops, best_of_family(loops, settings.goal_level, settings.lyapunov_shares).funnels
+        return loops, best_of_family(loops, settings.goal_level, settings.lyapunov_shares).exact
     return loops, METHODS[name](loops, settings).funnels
 
 

@@ -20,7 +20,7 @@ from lumbar.lifting.stability.extended_basins import binds, torque_limit, torque
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.funnel.saturation import reference_of
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
-from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Failure, LiftStates, Trajectory, headline
 
 if TYPE_CHECKING:
@@ -195,18 +195,14 @@ def pushed_pendulums(
         Of those that have no trajectory or no funnel.
     """
     sound, unsound = states.trajectories(headline(settings, states.facts["pivot"]))
-    results, failed = all_or_each(_funnels, sound, settings, basin="exact funnel")
-    found = [
-        _pushed(item, index, loops, funnels, settings)
-        for items, (loops, funnels) in results
-        for index, item in enumerate(items)
-    ]
-    return found, [*unsound, *failed]
-
-
-def _funnels(items: list[Trajectory], settings: StabilitySettings) -> tuple[ClosedLoops, Funnels]:
-    loops = close_loops(items, settings.pendulum.sign, settings)
-    return loops, exact_funnels(loops, settings.goal_level)
+    found: list[PushedPendulum] = []
+    failures = list(unsound)
+    for attempt in attempts(sound, "exact funnel", failures):
+        with attempt as items:
+            loops = close_loops(items, settings.pendulum.sign, settings)
+            funnels = exact_funnels(loops, settings.goal_level)
+            found += [_pushed(item, index, loops, funnels, settings) for index, item in enumerate(items)]
+    return found, failures
 
 
 def _pushed(

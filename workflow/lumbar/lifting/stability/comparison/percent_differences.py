@@ -1,8 +1,4 @@
-"""Percent differences of average cross-sections, as Table 4.1 compares them, and what they are compared with.
-
-`varied_areas` are the same areas under the null control (every trajectory replaced by θ0 = 0, so that only
-duration, mass and length are left) and with Q, R and b changed, `taylor_areas` those with the sine's polynomials.
-"""
+"""The percent differences of Table 4.1: what a study compares, average cross-section by average cross-section."""
 
 from __future__ import annotations
 
@@ -27,6 +23,91 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.settings.stability import StabilitySettings
+
+
+@dataclass(frozen=True)
+class Study:
+    """What the tables of a study are made of."""
+
+    lifts: Sequence[LiftStates]
+    """With ``experience`` among their facts."""
+    boa: pd.DataFrame
+    grid: pd.DataFrame
+    """`boa`, `grid`: ``boa.csv`` and ``grid.csv`` of all lifts, with a column ``experience``."""
+    settings: StabilitySettings
+    published: pd.DataFrame
+    """The thesis's Table 4.1."""
+    data: str
+    """Where the data come from."""
+
+    @property
+    def people(self) -> pd.DataFrame:
+        """Label and box of every lift: it counts also where all its basins are missing."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {"experience": lift.facts["experience"], "box_mass_kg": lift.facts["box_mass_kg"]}
+                for lift in self.lifts
+            ]
+        )
+
+    def trajectories(self, mass=None) -> list[Trajectory]:
+        """Sound trajectories of the headline, of all lifts; `mass` changes their masses (of the facts)."""
+        lifts = self.lifts if mass is None else [replace(lift, facts=mass(lift.facts)) for lift in self.lifts]
+        return [
+            item
+            for lift in lifts
+            for item in lift.trajectories(headline(self.settings, lift.facts["pivot"]))[0]
+        ]
+
+    def areas(self, method: str, convention: Convention) -> pd.DataFrame:
+        """Rows of `boa` of one method and convention (its pivot is the study's own)."""
+        boa = self.boa
+        return boa[
+            (boa["method"] == method)
+            & (boa["sign"] == convention.sign)
+            & (boa["time"] == convention.time)
+            & (boa["mass"] == convention.mass)
+        ]
+
+
+def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups: tuple[str, str] = GROUPS):
+    """Yield name, (experience, mass) before and after, and whether the study can tell.
+
+    Parameters
+    ----------
+    areas, missing : pandas.DataFrame
+        Columns ``experience`` and ``box_mass_kg``: a lift counts also where all its basins are missing.
+    groups : tuple of str
+        Labels of the people compared, the first with the second.
+    """
+    lifts = {
+        (str(name), float(mass))
+        for frame in (areas, missing)
+        if frame is not None
+        for name, mass in zip(frame["experience"], frame["box_mass_kg"], strict=True)
+    }
+    masses = {name: sorted(mass for who, mass in lifts if who == name) for name, _ in lifts}
+    others = sorted(set(masses) - set(groups))
+    first, second = groups
+    between = "_vs_".join(groups)
+    shared = set(masses.get(first, [])) & set(masses.get(second, []))
+    absent = [name for name in groups if name not in masses]
+    if absent:
+        yield between, None, None, f"not testable: no {' and no '.join(absent)}"
+    elif not shared:
+        yield between, None, None, "not testable: no box mass in common"
+    else:
+        yield between, (second, max(shared)), (first, max(shared)), "computed"
+    for name in (*groups, *others):
+        found = masses.get(name, [])
+        comparison = f"decrease_in_mass_{name}"
+        if len(found) > 1:
+            yield comparison, (name, found[-1]), (name, found[0]), "computed"
+        else:
+            reason = f"one box mass ({found[0]:g} kg)" if found else f"no {name}"
+            yield comparison, None, None, f"not testable: {reason}"
 
 
 def percent_differences(
@@ -93,44 +174,6 @@ def comparison_names(groups: tuple[str, str]) -> dict[str, str]:
     return between | within
 
 
-def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups: tuple[str, str] = GROUPS):
-    """Yield name, (experience, mass) before and after, and whether the study can tell.
-
-    Parameters
-    ----------
-    areas, missing : pandas.DataFrame
-        Columns ``experience`` and ``box_mass_kg``: a lift counts also where all its basins are missing.
-    groups : tuple of str
-        Labels of the people compared, the first with the second.
-    """
-    lifts = {
-        (str(name), float(mass))
-        for frame in (areas, missing)
-        if frame is not None
-        for name, mass in zip(frame["experience"], frame["box_mass_kg"], strict=True)
-    }
-    masses = {name: sorted(mass for who, mass in lifts if who == name) for name, _ in lifts}
-    others = sorted(set(masses) - set(groups))
-    first, second = groups
-    between = "_vs_".join(groups)
-    shared = set(masses.get(first, [])) & set(masses.get(second, []))
-    absent = [name for name in groups if name not in masses]
-    if absent:
-        yield between, None, None, f"not testable: no {' and no '.join(absent)}"
-    elif not shared:
-        yield between, None, None, "not testable: no box mass in common"
-    else:
-        yield between, (second, max(shared)), (first, max(shared)), "computed"
-    for name in (*groups, *others):
-        found = masses.get(name, [])
-        comparison = f"decrease_in_mass_{name}"
-        if len(found) > 1:
-            yield comparison, (name, found[-1]), (name, found[0]), "computed"
-        else:
-            reason = f"one box mass ({found[0]:g} kg)" if found else f"no {name}"
-            yield comparison, None, None, f"not testable: {reason}"
-
-
 def headline_words(settings: StabilitySettings) -> str:
     """Say the headline's sign, time and mass."""
     pendulum = settings.pendulum
@@ -159,50 +202,3 @@ def comparison_definition(settings: StabilitySettings) -> str:
 def number_or_none(value) -> float | None:
     """Return a number, or None for what could not be computed."""
     return None if value is None or np.isnan(value) else float(value)
-
-
-@dataclass(frozen=True)
-class Study:
-    """What the tables of a study are made of."""
-
-    lifts: Sequence[LiftStates]
-    """With ``experience`` among their facts."""
-    boa: pd.DataFrame
-    grid: pd.DataFrame
-    """`boa`, `grid`: ``boa.csv`` and ``grid.csv`` of all lifts, with a column ``experience``."""
-    settings: StabilitySettings
-    published: pd.DataFrame
-    """The thesis's Table 4.1."""
-    data: str
-    """Where the data come from."""
-
-    @property
-    def people(self) -> pd.DataFrame:
-        """Label and box of every lift: it counts also where all its basins are missing."""
-        import pandas as pd
-
-        return pd.DataFrame(
-            [
-                {"experience": lift.facts["experience"], "box_mass_kg": lift.facts["box_mass_kg"]}
-                for lift in self.lifts
-            ]
-        )
-
-    def trajectories(self, mass=None) -> list[Trajectory]:
-        """Sound trajectories of the headline, of all lifts; `mass` changes their masses (of the facts)."""
-        lifts = self.lifts if mass is None else [replace(lift, facts=mass(lift.facts)) for lift in self.lifts]
-        return [
-            item
-            for lift in lifts
-            for item in lift.trajectories(headline(self.settings, lift.facts["pivot"]))[0]
-        ]
-
-    def areas(self, method: str, convention: Convention) -> pd.DataFrame:
-        """Rows of `boa` of one method and convention (its pivot is the study's own)."""
-        boa = self.boa
-        return boa[
-            (boa["method"] == method)
-            & (boa["sign"] == convention.sign)
-            & (boa["time"] == convention.time)
-            & (boa["mass"] == convention.mass)
-        ]

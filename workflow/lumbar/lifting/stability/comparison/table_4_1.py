@@ -1,6 +1,6 @@
 """Table 4.1: percent differences of average cross-sections, published, in the thesis's wording, and as people stand.
 
-It holds the published percentages beside those of this study under the thesis's own convention (`convention.THESIS`) and
+It holds the published percentages beside those of this study under the thesis's own convention (`THESIS`) and
 under the headline's. A basin that could not be computed is named in place of its number.
 """
 
@@ -16,7 +16,6 @@ from lumbar.lifting.stability.comparison.percent_differences import (
     comparison_definition,
     comparison_names,
     headline_words,
-    number_or_none,
     percent_differences,
     regulator_sentence,
 )
@@ -26,7 +25,7 @@ from lumbar.lifting.stability.comparison.table_4_1_grid import (
     grid_differences,
     survival_sentence,
 )
-from lumbar.lifting.stability.model.failures import failures_frame, joined
+from lumbar.lifting.stability.model.failures import failures_frame, join_rows
 from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, headline
 from lumbar.tables.table import Table
 
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 
 THESIS_DECIMALS = 1
 """Digits after the point that the thesis's engine has in a percentage: with areas of the digits they have
-(`bilinear_alternation.RESOLUTION`) it may be off by some tenths."""
+(`eqs_4_5_to_4_7_alternation.RESOLUTION`) it may be off by some tenths."""
 
 _LABELS = {"lateral_bending": "Lateral", "flexion_extension": "Flexion"}
 
@@ -62,60 +61,56 @@ def tables_4_1(
     """
     groups = study.settings.compare.groups
     varied, failed = variants(study)
-    missing = joined([*([] if failures is None else [failures]), failures_frame(failed)])
-    shown = headline(study.settings, THESIS.pivot)
+    missing = join_rows([*([] if failures is None else [failures]), failures_frame(failed)])
+    own = study.areas("exact", headline(study.settings, THESIS.pivot))
     areas = {
-        "": study.areas("exact", THESIS),
-        "headline": study.areas("exact", shown),
-        "thesis_method": study.areas("thesis", THESIS),
-        **varied,
+        "thesis": (study.areas("exact", THESIS), "mean_area"),
+        "headline": (own, "mean_area"),
+        "thesis_method": (study.areas("thesis", THESIS), "mean_area"),
+        **{name: (frame, "mean_area") for name, frame in varied.items()},
+        "initial": (own, "initial_area"),
+        "minimum": (own, "minimum_area"),
     }
-    found = {
-        name: percent_differences(frame, missing=study.people, groups=groups) for name, frame in areas.items()
+    differences = {
+        name: percent_differences(frame, column, study.people, groups)
+        for name, (frame, column) in areas.items()
     }
-    for name in ("initial", "minimum"):
-        found[name] = percent_differences(areas["headline"], f"{name}_area", study.people, groups)
     grid = grid_differences(study.grid, groups)
-    table = _first_table(study, found, grid, missing)
-    return table, controls_table(study, found, areas["headline"], grid), grid, missing
+    table = _first_table(study, differences, grid, missing)
+    return table, controls_table(study, differences, own, grid), grid, missing
 
 
-def _first_table(study: Study, found: dict, grid: pd.DataFrame, missing: pd.DataFrame) -> Table:
+def _first_table(
+    study: Study, differences: dict[str, list[dict]], grid: pd.DataFrame, missing: pd.DataFrame
+) -> Table:
     import pandas as pd
 
     settings = study.settings
-    engine = "thesis_method" in settings.checks
     names = comparison_names(settings.compare.groups)
     printed = study.published.assign(comparison=study.published["comparison"].map(names))
     printed = printed.set_index(["comparison", "com"])
     rows = []
-    for index, row in enumerate(found["headline"]):
-        entry = {"comparison": row["comparison"], "com": row["com"]}
-        entry |= {f"{plane}_percent": found[""][index][plane] for plane in PLANES}
+    for index, row in enumerate(differences["headline"]):
+        here = row["comparison"], row["com"]
+        entry = dict(zip(("comparison", "com"), here, strict=True))
+        entry |= {f"{plane}_percent": differences["thesis"][index][plane] for plane in PLANES}
         for plane in PLANES:
-            here = (row["comparison"], row["com"])
             entry[f"{plane}_published_percent"] = printed[f"{plane}_percent"].get(here, np.nan)
-            if engine:
-                value = number_or_none(found["thesis_method"][index][plane])
-                entry[f"{plane}_thesis_method_percent"] = (
-                    None if value is None else round(value, THESIS_DECIMALS)
-                )
+            if "thesis_method" in settings.checks:
+                value = differences["thesis_method"][index][plane]
+                entry[f"{plane}_thesis_method_percent"] = round(value, THESIS_DECIMALS)
             entry[f"{plane}_headline_percent"] = row[plane]
         rows.append(entry | {"status": row["status"]})
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent")]
     frame = frame.astype(dict.fromkeys(numbers, float))
-    headers = {"comparison": "Comparison", "com": "Centre of mass"}
-    for plane, label in _LABELS.items():
-        headers[f"{plane}_published_percent"] = f"{label}, published (%)"
-        headers[f"{plane}_percent"] = f"{label}, thesis's wording (%)"
-        headers[f"{plane}_headline_percent"] = f"{label}, {headline_words(settings)} (%)"
-    if (frame["status"] != "computed").any():
-        headers["status"] = "Status"
+    columns = _columns(settings)
+    if (frame["status"] == "computed").all():
+        columns["status"] = ("", columns["status"][1])
     return Table(
         title="Table 4.1: percent difference in average cross-sectional area of the basin of attraction.",
         frame=frame,
-        definitions=_definitions(settings),
+        definitions={name: definition for name, (_, definition) in columns.items()},
         data=study.data,
         notes=(
             survival_sentence(grid),
@@ -127,8 +122,38 @@ def _first_table(study: Study, found: dict, grid: pd.DataFrame, missing: pd.Data
         decimals=dict.fromkeys(numbers, 2)
         | {f"{plane}_thesis_method_percent": THESIS_DECIMALS for plane in PLANES},
         may_be_empty=frozenset(numbers),
-        headers=headers,
+        headers={name: header for name, (header, _) in columns.items() if header},
     )
+
+
+def _columns(settings: StabilitySettings) -> dict[str, tuple[str, str]]:
+    """Header, where it has one, and definition of every column."""
+    own = headline_words(settings)
+    kinds = {
+        "published_percent": ("published", "percent difference in {} as the thesis prints it"),
+        "percent": (
+            "thesis's wording",
+            f"the same in {{}} from this study's lifts in the thesis's wording ({THESIS}), exact method",
+        ),
+        "thesis_method_percent": (
+            "",
+            "as before in {} by the thesis's alternation (Eqs 4.5–4.7), which is no certificate; its areas, and so these "
+            "percentages, have no more digits",
+        ),
+        "headline_percent": (
+            own,
+            f"headline: the same in {{}}, {own}, about the study's pivot, exact method",
+        ),
+    }
+    columns = {
+        "comparison": ("Comparison", comparison_definition(settings)),
+        "com": ("Centre of mass", COLUMNS["com"]),
+    }
+    for plane, label in _LABELS.items():
+        for kind, (header, definition) in kinds.items():
+            header = f"{label}, {header} (%)" if header else ""
+            columns[f"{plane}_{kind}"] = header, definition.format(plane.replace("_", " "))
+    return columns | {"status": ("Status", "computed, or why the study cannot tell")}
 
 
 def published_sentence(published: pd.DataFrame) -> str:
@@ -165,23 +190,3 @@ def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
         f"{row.basin}: {row.reason}"
         for row in missing.itertuples()
     )
-
-
-def _definitions(settings: StabilitySettings) -> dict[str, str]:
-    texts = {
-        "published_percent": "percent difference in {} as the thesis prints it",
-        "percent": f"the same in {{}} from this study's lifts in the thesis's wording ({THESIS}), exact method",
-        "thesis_method_percent": "as before in {} by the thesis's alternation (Eqs 4.5–4.7), which is no certificate; its "
-        "areas, and so these percentages, have no more digits",
-        "headline_percent": f"headline: the same in {{}}, {headline_words(settings)}, about the study's pivot, exact method",
-    }
-    definitions = {
-        "comparison": comparison_definition(settings),
-        "com": COLUMNS["com"],
-        **{
-            f"{plane}_{name}": text.format(plane.replace("_", " "))
-            for plane in PLANES
-            for name, text in texts.items()
-        },
-    }
-    return definitions | {"status": "computed, or why the study cannot tell"}

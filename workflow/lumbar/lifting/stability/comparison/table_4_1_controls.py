@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,11 +29,12 @@ from lumbar.lifting.stability.comparison.table_4_1_grid import MOVEMENT_SHARE, c
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels, integrate_backward
 from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops, regulate, weights_of
-from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import (
     PLANES,
     Failure,
     Trajectory,
+    at_rest,
 )
 from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
 from lumbar.tables.table import Table
@@ -40,13 +42,14 @@ from lumbar.tables.table import Table
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.lifting.population.contrast import Interval
     from lumbar.settings.stability import StabilitySettings
 
 BODY_MASS_SHARE = 0.1
 """By how much of it everybody's body mass is raised and lowered."""
 
 _KEYS = ("subject", "experience", "box_mass_kg", "com", "plane")
+VARIANTS = ("base", "null", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
+"""``base``, ``null``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
 TAYLOR = {f"taylor_{degree}": degree for degree in (3, 5, 7)}
 """Degree of the sine's polynomial by change."""
 CHANGES = {
@@ -60,26 +63,20 @@ CHANGES = {
 }
 
 
-def _body_mass(factor: float):
-    """Return what changes the masses of a lift's facts as if everybody weighed `factor` times as much."""
-
-    def changed(facts):
-        masses = {
-            com: {"without_box": factor * own["without_box"]}
-            | {"with_box": own["with_box"] + (factor - 1) * own["without_box"]}
-            for com, own in facts["mass_kg"].items()
-        }
-        return {**facts, "mass_kg": masses}
-
-    return changed
+def _body_mass(facts: Mapping, factor: float) -> dict:
+    """Change the masses of a lift's facts as if everybody weighed `factor` times as much."""
+    masses = {
+        com: {"without_box": factor * own["without_box"]}
+        | {"with_box": own["with_box"] + (factor - 1) * own["without_box"]}
+        for com, own in facts["mass_kg"].items()
+    }
+    return {**facts, "mass_kg": masses}
 
 
-def _box_share(facts):
+def _box_share(facts: Mapping) -> dict:
     """Share the box the other way: whole to every centre of mass instead of in proportion, or the reverse."""
-    box, own = (
-        float(facts["box_mass_kg"]),
-        {com: item["without_box"] for com, item in facts["mass_kg"].items()},
-    )
+    box = float(facts["box_mass_kg"])
+    own = {com: item["without_box"] for com, item in facts["mass_kg"].items()}
     whole = facts["box"]["share"] == "by_mass"
     masses = {
         com: {"without_box": mass, "with_box": mass + (box if whole else box * mass / sum(own.values()))}
@@ -89,8 +86,8 @@ def _box_share(facts):
 
 
 OTHER_MASSES = {
-    "lighter": _body_mass(1 - BODY_MASS_SHARE),
-    "heavier": _body_mass(1 + BODY_MASS_SHARE),
+    "lighter": partial(_body_mass, factor=1 - BODY_MASS_SHARE),
+    "heavier": partial(_body_mass, factor=1 + BODY_MASS_SHARE),
     "box_share": _box_share,
 }
 
@@ -105,49 +102,32 @@ def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     failures : list of Failure
         Areas that could not be computed: they have no row.
     """
-    settings, trajectories = study.settings, study.trajectories()
-    cases = dict.fromkeys(VARIANTS, trajectories) | {
-        name: study.trajectories(mass) for name, mass in OTHER_MASSES.items()
-    }
-    # All of one kind at once are fastest; only where one has no basin is each computed by itself.
-    try:
-        at_once = varied_areas(cases, settings) if trajectories else {}
-    except NumericalError:
-        at_once = {}
-    areas, failures = {}, []
-    for name in (*VARIANTS, *TAYLOR, *OTHER_MASSES):
-        items = cases.get(name, trajectories)
-        if name in at_once:
-            results = [(items, at_once[name])]
-        else:
-            results, failed = all_or_each(
-                variant_areas, items, name, settings, basin=f"Table 4.1, {CHANGES.get(name, 'exact')}"
-            )
-            failures += failed
-        areas[name] = _areas_frame(results)
-    return areas, failures
-
-
-def variant_areas(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> np.ndarray:
-    """Average cross-sections of some trajectories under one change."""
-    if name in TAYLOR:
-        return taylor_areas(trajectories, settings, TAYLOR[name])
-    return varied_areas({name: trajectories}, settings)[name]
-
-
-def _areas_frame(results: list[tuple[list[Trajectory], np.ndarray]]) -> pd.DataFrame:
     import pandas as pd
 
-    rows = [
-        {name: getattr(item, name) for name in _KEYS} | {"mean_area": area}
-        for items, areas in results
-        for item, area in zip(items, areas, strict=True)
-    ]
-    return pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
-
-
-VARIANTS = ("base", "null", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
-"""``base``, ``null``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
+    settings, trajectories = study.settings, study.trajectories()
+    cases = dict.fromkeys((*VARIANTS, *TAYLOR), trajectories) | {
+        name: study.trajectories(mass) for name, mass in OTHER_MASSES.items()
+    }
+    # All with the true sine at once are fastest; only where one has no basin is each computed by itself.
+    try:
+        true_sine = {name: items for name, items in cases.items() if name not in TAYLOR}
+        at_once = varied_areas(true_sine, settings) if trajectories else {}
+    except NumericalError:
+        at_once = {}
+    areas: dict[str, pd.DataFrame] = {}
+    failures: list[Failure] = []
+    for name, items in cases.items():
+        found = list(zip(items, at_once[name], strict=True)) if name in at_once else []
+        left = [] if name in at_once else items
+        for attempt in attempts(left, f"Table 4.1, {CHANGES.get(name, 'exact')}", failures):
+            with attempt as some:
+                if name in TAYLOR:
+                    found += zip(some, taylor_areas(some, settings, TAYLOR[name]), strict=True)
+                else:
+                    found += zip(some, varied_areas({name: some}, settings)[name], strict=True)
+        rows = [{key: getattr(item, key) for key in _KEYS} | {"mean_area": area} for item, area in found]
+        areas[name] = pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
+    return areas, failures
 
 
 def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
@@ -171,11 +151,7 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
     counts = [len(own) for own in cases.values()]
     factors = {"/": 1 / settings.sensitivity_factor, "*": settings.sensitivity_factor}
     changes = [{name[0]: factors[name[1]]} if name[1:] in factors else {} for name in cases]
-    items = [
-        replace(item, angle=np.zeros_like(item.angle)) if name == "null" else item
-        for name, own in cases.items()
-        for item in own
-    ]
+    items = [at_rest(item) if name == "null" else item for name, own in cases.items() for item in own]
     scale = {
         quantity: np.repeat([change.get(quantity, 1.0) for change in changes], counts)
         for quantity in ("Q", "R", "b")
@@ -183,8 +159,7 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
     pendulum, base = settings.pendulum, weights_of(settings)
     weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
     damping = pendulum.damping_N_m_s * scale["b"]
-    signs = [pendulum.sign] * len(items)
-    pendulums = gather(items, signs, list(damping), pendulum.gravity_m_s2, settings.limits.knots)
+    pendulums = gather(items, pendulum.sign, damping, pendulum.gravity_m_s2, settings.limits.knots)
     areas = exact_funnels(regulate(pendulums, weights), settings.goal_level).mean_area
     return dict(zip(cases, np.split(areas, np.cumsum(counts)[:-1]), strict=True))
 
@@ -212,6 +187,125 @@ def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, de
         index = int(np.argmin(np.isfinite(areas)))
         raise NumericalError(f"{loops.pendulums.labels[index]}: no finite basin with Taylor degree {degree}")
     return areas
+
+
+_COLUMNS = {
+    "comparison": ("Comparison", ""),
+    "com": ("Centre of mass", COLUMNS["com"]),
+    "plane": ("Plane", COLUMNS["plane"]),
+    "percent": ("Difference (%)", ""),
+    "null_percent": (
+        "Null control (%)",
+        "null control: the same with every trajectory replaced by θ0 = 0, so that only duration, mass and length are left",
+    ),
+    "movement_share": (
+        "Movement's share",
+        "(percent − null)/percent: the share that comes from the movement",
+    ),
+    "initial_percent": ("At t = 0 (%)", "the same of the cross-sections at t = 0"),
+    "minimum_percent": (
+        "Smallest section (%)",
+        "the same of the smallest cross-sections (the goal set's, equal for all, unless the basin narrows before the end)",
+    ),
+    "lowest_percent": ("Lowest (%)", "smallest under the changes named in the note"),
+    "highest_percent": ("Highest (%)", "largest under them"),
+    "grid_lowest_percent": ("Lowest of the grid (%)", "smallest over the grid's conventions"),
+    "grid_highest_percent": ("Highest of the grid (%)", "largest over them"),
+    "exponents": (
+        "",
+        "maximum Lyapunov exponents of the movements compared in 1/s, before and after, where trials repeat often enough; "
+        "otherwise how many there are",
+    ),
+    "verdict": (
+        "Verdict",
+        "whether the difference survives: same sign under every change and convention, and at least half of it not in the "
+        "null control",
+    ),
+}
+"""Header, where it has one, and definition of every column; two definitions depend on the study."""
+
+
+def controls_table(
+    study: Study, differences: dict[str, list[dict]], areas: pd.DataFrame, grid: pd.DataFrame
+) -> Table:
+    """Return what stands behind the headline: a row per comparison, centre of mass and plane.
+
+    Parameters
+    ----------
+    differences : dict of str to list of dict
+        Of `percent_differences`, row by row alike: ``headline``, its sections ``initial`` and ``minimum``, and every change.
+    areas : pandas.DataFrame
+        Of the headline.
+    grid : pandas.DataFrame
+        Of `grid_differences`.
+    """
+    import pandas as pd
+
+    settings = study.settings
+    sides = list(comparisons(areas, study.people, settings.compare.groups))
+    trajectories = study.trajectories()
+    of_grid = comparison_cells(grid)
+    cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
+    rows = []
+    for plane in PLANES:
+        exponents = compared_exponents(trajectories, plane, sides)
+        for index, row in enumerate(differences["headline"]):
+            key = row["comparison"], row["com"]
+            cells = cells_of.get((*key, plane), of_grid[:0])["percent"].to_numpy()
+            percents = {name: number_or_none(found[index][plane]) for name, found in differences.items()}
+            entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
+            entry |= _controls(percents, cells)
+            entry["exponents"] = exponents[key]
+            entry["verdict"] = _verdict(row["status"], percents, cells, _interval(areas, sides, row, plane))
+            rows.append(entry)
+    frame = pd.DataFrame(rows)
+    numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
+    frame = frame.astype(dict.fromkeys(numbers, float))
+    own = {
+        "comparison": comparison_definition(settings),
+        "percent": f"percent difference, headline ({headline_words(settings)})",
+    }
+    return Table(
+        title="Table 4.1, the headline's controls.",
+        frame=frame,
+        definitions={name: definition for name, (_, definition) in _COLUMNS.items()} | own,
+        data=study.data,
+        notes=(_what_varies(settings), regulator_sentence(settings)),
+        decimals=dict.fromkeys(numbers, 2),
+        may_be_empty=frozenset(numbers),
+        headers={name: header for name, (header, _) in _COLUMNS.items() if header},
+    )
+
+
+def _controls(percents: dict[str, float | None], cells: np.ndarray) -> dict[str, float | None]:
+    """Numbers of one row: the headline's, the null control's, and the ranges under all changes and over the grid."""
+    percent, null = percents["headline"], percents["null"]
+    under_changes = [percents[name] for name in percents if name in CHANGES and name != "null"]
+    spread = [value for value in (percent, *under_changes) if value is not None]
+    return {
+        "percent": percent,
+        "null_percent": null,
+        "movement_share": None if null is None or not percent else (percent - null) / percent,
+        "initial_percent": percents["initial"],
+        "minimum_percent": percents["minimum"],
+        "lowest_percent": min(spread, default=None),
+        "highest_percent": max(spread, default=None),
+        "grid_lowest_percent": cells.min() if cells.size else None,
+        "grid_highest_percent": cells.max() if cells.size else None,
+    }
+
+
+def _verdict(status: str, percents: dict[str, float | None], cells: np.ndarray, interval: Interval) -> str:
+    percent = percents["headline"]
+    if status.startswith("no basin") and percent is None:
+        return status
+    changed = {
+        words: percents[name] for name, words in CHANGES.items() if name in percents and name != "null"
+    }
+    turned = int((cells * percent <= 0).sum()) if percent else 0
+    if turned:
+        changed[f"{turned} of the grid's {len(cells)} conventions"] = -percent
+    return verdict(percent, percents["null"], changed, interval)
 
 
 def verdict(
@@ -246,102 +340,16 @@ def verdict(
         unknown.append("the null control")
     if unknown:
         reasons.append(f"no basin with {', '.join(unknown)}")
-    if interval.known and interval.low <= 0 <= interval.high:
+    if interval.is_known and interval.low <= 0 <= interval.high:
         reasons.append("its interval over persons contains 0")
     certainty = (
         f"95 % interval over persons [{interval.low:+.2f}, {interval.high:+.2f}] %"
-        if interval.known
+        if interval.is_known
         else interval.remark
     )
     if reasons:
         return f"does not survive: {'; '.join(reasons)} ({certainty})"
     return f"survives null control, sensitivity and sign ({certainty})"
-
-
-def controls_table(study: Study, found: dict, areas: pd.DataFrame, grid: pd.DataFrame) -> Table:
-    """Return what stands behind the headline: a row per comparison, centre of mass and plane."""
-    import pandas as pd
-
-    settings = study.settings
-    sides = list(comparisons(areas, study.people, settings.compare.groups))
-    trajectories = study.trajectories()
-    of_grid = comparison_cells(grid)
-    cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
-    rows = []
-    for plane in PLANES:
-        exponents = compared_exponents(trajectories, plane, sides)
-        for index, row in enumerate(found["headline"]):
-            cells = cells_of.get((row["comparison"], row["com"], plane), of_grid[:0])
-            entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
-            entry |= _controls_of(index, plane, found, cells["percent"].to_numpy())
-            entry["exponents"] = exponents[row["comparison"], row["com"]]
-            entry["verdict"] = _verdict(index, plane, found, cells, _interval(areas, sides, row, plane))
-            rows.append(entry)
-    frame = pd.DataFrame(rows)
-    numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
-    frame = frame.astype(dict.fromkeys(numbers, float))
-    return Table(
-        title="Table 4.1, the headline's controls.",
-        frame=frame,
-        definitions=_control_definitions(settings),
-        data=study.data,
-        notes=(_what_varies(settings), regulator_sentence(settings)),
-        decimals=dict.fromkeys(numbers, 2),
-        may_be_empty=frozenset(numbers),
-        headers={
-            "comparison": "Comparison",
-            "com": "Centre of mass",
-            "plane": "Plane",
-            "percent": "Difference (%)",
-            "null_percent": "Null control (%)",
-            "movement_share": "Movement's share",
-            "initial_percent": "At t = 0 (%)",
-            "minimum_percent": "Smallest section (%)",
-            "lowest_percent": "Lowest (%)",
-            "highest_percent": "Highest (%)",
-            "grid_lowest_percent": "Lowest of the grid (%)",
-            "grid_highest_percent": "Highest of the grid (%)",
-            "verdict": "Verdict",
-        },
-    )
-
-
-def _controls_of(index: int, plane: str, found: dict, in_grid: np.ndarray) -> dict:
-    def of(name):
-        return number_or_none(found[name][index][plane])
-
-    percent, null = of("headline"), of("null")
-    spread = [of(name) for name in found if name in CHANGES and name != "null"]
-    spread = [value for value in (percent, *spread) if value is not None]
-    share = None if percent is None or null is None or not percent else (percent - null) / percent
-    return {
-        "percent": percent,
-        "null_percent": null,
-        "movement_share": share,
-        "initial_percent": of("initial"),
-        "minimum_percent": of("minimum"),
-        "lowest_percent": min(spread, default=None),
-        "highest_percent": max(spread, default=None),
-        "grid_lowest_percent": in_grid.min(initial=np.inf) if in_grid.size else None,
-        "grid_highest_percent": in_grid.max(initial=-np.inf) if in_grid.size else None,
-    }
-
-
-def _verdict(index: int, plane: str, found: dict, cells: pd.DataFrame, interval: Interval) -> str:
-    row = found["headline"][index]
-    percent = number_or_none(row[plane])
-    if row["status"].startswith("no basin") and percent is None:
-        return row["status"]
-    changed = {
-        words: number_or_none(found[name][index][plane])
-        for name, words in CHANGES.items()
-        if name in found and name != "null"
-    }
-    if percent:
-        turned = int((cells["percent"] * percent <= 0).sum())
-        if turned:
-            changed[f"{turned} of the grid's {len(cells)} conventions"] = -percent
-    return verdict(percent, number_or_none(found["null"][index][plane]), changed, interval)
 
 
 def _interval(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane: str) -> Interval:
@@ -372,26 +380,3 @@ def _what_varies(settings: StabilitySettings) -> str:
         "degree 3, 5 and 7. The grid varies sign, time, mass and pivot; neither varies the segment table (see "
         "spread.csv of a lift) nor two things of this list at once"
     )
-
-
-def _control_definitions(settings: StabilitySettings) -> dict[str, str]:
-    return {
-        "comparison": comparison_definition(settings),
-        "com": COLUMNS["com"],
-        "plane": COLUMNS["plane"],
-        "percent": f"percent difference, headline ({headline_words(settings)})",
-        "null_percent": "null control: the same with every trajectory replaced by θ0 = 0, so that only duration, mass and "
-        "length are left",
-        "movement_share": "(percent − null)/percent: the share that comes from the movement",
-        "initial_percent": "the same of the cross-sections at t = 0",
-        "minimum_percent": "the same of the smallest cross-sections (the goal set's, equal for all, unless the basin narrows "
-        "before the end)",
-        "lowest_percent": "smallest under the changes named in the note",
-        "highest_percent": "largest under them",
-        "grid_lowest_percent": "smallest over the grid's conventions",
-        "grid_highest_percent": "largest over them",
-        "exponents": "maximum Lyapunov exponents of the movements compared in 1/s, before and after, where trials repeat "
-        "often enough; otherwise how many there are",
-        "verdict": "whether the difference survives: same sign under every change and convention, and at least half of it not "
-        "in the null control",
-    }

@@ -11,9 +11,8 @@ import numpy as np
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.comparison.percent_differences import percent_differences
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
-from lumbar.lifting.stability.model.eq_4_2_regulator import regulate, weights_of
-from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import (
     GRID,
     PLANES,
@@ -21,6 +20,7 @@ from lumbar.lifting.stability.model.trajectories import (
     Failure,
     LiftStates,
     Trajectory,
+    at_rest,
     headline,
 )
 from lumbar.tables.table import Table
@@ -36,20 +36,36 @@ MOVEMENT_SHARE = 0.5
 MOVEMENT = "movement"
 """Comparison of a lift with itself standing still."""
 COLUMNS = {
-    "comparison": "what is compared, as in Table 4.1; movement_…: 100(A − A_still)/A_still, the lift against itself with θ0 = 0",
-    "com": "centre of mass",
-    "plane": "plane",
-    "sign": "hanging: gravity as in Eq. 4.1; inverted: as people stand",
-    "time": "real: the movement lasts as long as it was recorded; unit: it is played in one second",
-    "mass": "whether the box counts to the pendulum's mass",
-    "pivot": "point about which the pendulum turns",
-    "percent": "difference of the average cross-sections in percent, exact method",
-    "null_percent": "null control: the same with every trajectory replaced by θ0 = 0, in percent",
-    "movement_points": "percent less null_percent: what comes from the movement, in percentage points",
-    "movement_share": "(percent − null_percent)/percent: share of the difference that comes from the movement; above 1 or below "
-    "0 where the null control has the other sign or is larger",
-    "status": "computed, or why there is no number",
+    "comparison": (
+        "Comparison",
+        "what is compared, as in Table 4.1; movement_…: 100(A − A_still)/A_still, the lift against itself with θ0 = 0",
+    ),
+    "com": ("Centre of mass", "centre of mass"),
+    "plane": ("Plane", "plane"),
+    "sign": ("Gravity", "hanging: gravity as in Eq. 4.1; inverted: as people stand"),
+    "time": (
+        "Time",
+        "real: the movement lasts as long as it was recorded; unit: it is played in one second",
+    ),
+    "mass": ("Mass", "whether the box counts to the pendulum's mass"),
+    "pivot": ("Pivot", "point about which the pendulum turns"),
+    "percent": ("Difference (%)", "difference of the average cross-sections in percent, exact method"),
+    "null_percent": (
+        "Null control (%)",
+        "null control: the same with every trajectory replaced by θ0 = 0, in percent",
+    ),
+    "movement_points": (
+        "From the movement (points)",
+        "percent less null_percent: what comes from the movement, in percentage points",
+    ),
+    "movement_share": (
+        "Movement's share",
+        "(percent − null_percent)/percent: share of the difference that comes from the movement; above 1 or below 0 where "
+        "the null control has the other sign or is larger",
+    ),
+    "status": ("Status", "computed, or why there is no number"),
 }
+"""Header and definition of every column."""
 
 
 def grid_differences(grid: pd.DataFrame, groups: tuple[str, str]) -> pd.DataFrame:
@@ -147,14 +163,14 @@ def survival_sentence(grid: pd.DataFrame) -> str:
     same_sign, from_movement = survivors(grid)
     if not same_sign:
         return f"Of {total} differences none keeps its sign under all {conventions} conventions: each hangs on the one chosen"
-    kept = _named(same_sign, grid)
+    kept = _name_differences(same_sign, grid)
     text = f"Of {total} differences {len(same_sign)} keep their sign under all {conventions} conventions ({kept})"
     if not from_movement:
         return f"{text}; none of them comes from the movement, by half or more, under all of them"
-    return f"{text}; {_named(from_movement, grid)} come from the movement, by half or more, under all of them"
+    return f"{text}; {_name_differences(from_movement, grid)} come from the movement, by half or more, under all of them"
 
 
-def _named(found: list[tuple], grid: pd.DataFrame) -> str:
+def _name_differences(found: list[tuple], grid: pd.DataFrame) -> str:
     """Name differences, those of a whole comparison together."""
     size = comparison_cells(grid).drop_duplicates(["comparison", "com", "plane"]).groupby("comparison").size()
     words = []
@@ -172,7 +188,7 @@ def grid_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> T
     return Table(
         title="Table 4.1 as a grid: sign of gravity, time, mass and pivot, each with its null control.",
         frame=frame,
-        definitions=COLUMNS,
+        definitions={name: definition for name, (_, definition) in COLUMNS.items()},
         data=data,
         notes=(
             survival_sentence(frame),
@@ -181,20 +197,7 @@ def grid_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> T
         ),
         decimals=dict.fromkeys(numbers, 2),
         may_be_empty=frozenset(numbers),
-        headers={
-            "comparison": "Comparison",
-            "com": "Centre of mass",
-            "plane": "Plane",
-            "sign": "Gravity",
-            "time": "Time",
-            "mass": "Mass",
-            "pivot": "Pivot",
-            "percent": "Difference (%)",
-            "null_percent": "Null control (%)",
-            "movement_points": "From the movement (points)",
-            "movement_share": "Movement's share",
-            "status": "Status",
-        },
+        headers={name: header for name, (header, _) in COLUMNS.items()},
     )
 
 
@@ -246,44 +249,39 @@ def _rows_about(
     found: dict[Convention, tuple[list[Trajectory], list[Failure]]], settings: StabilitySettings
 ) -> list[dict]:
     """Rows of `AREA_COLUMNS` of the conventions about one pivot."""
+    sound = {convention: items for convention, (items, _) in found.items()}
+    missing = {convention: list(unsound) for convention, (_, unsound) in found.items()}
+    items = [item for some in sound.values() for item in some]
+    signs = [convention.sign for convention, some in sound.items() for _ in some]
+    areas: dict[int, np.ndarray] = {}
     # All conventions at once are five times as fast as one after the other; only where one has no basin are they taken apart.
-    items = [(item, convention.sign) for convention, (sound, _) in found.items() for item in sound]
     try:
-        areas = iter(areas_with_null(*zip(*items, strict=True), settings)) if items else iter(())
-        results = {
-            convention: ([(sound, [next(areas) for _ in sound])], [])
-            for convention, (sound, _) in found.items()
-        }
+        areas |= zip(map(id, items), areas_with_null(items, signs, settings), strict=True)
     except NumericalError:
-        results = {
-            convention: all_or_each(_of_one_sign, sound, convention.sign, settings, basin=str(convention))
-            for convention, (sound, _) in found.items()
-        }
+        for convention, own in sound.items():
+            for attempt in attempts(own, str(convention), missing[convention]):
+                with attempt as some:
+                    alike = [convention.sign] * len(some)
+                    areas |= zip(map(id, some), areas_with_null(some, alike, settings), strict=True)
     rows = []
-    for convention, (computed, failed) in results.items():
-        chosen = vars(convention)
-        rows += [
-            {**_identity(item), **chosen, "mean_area": area[0], "null_area": area[1], "reason": ""}
-            for some, areas_of in computed
-            for item, area in zip(some, areas_of, strict=True)
-        ]
-        rows += [
-            {**_identity(item), **chosen, "mean_area": np.nan, "null_area": np.nan, "reason": item.reason}
-            for item in (*found[convention][1], *failed)
-        ]
+    for convention, own in sound.items():
+        rows += [_row(item, convention, *areas[id(item)]) for item in own if id(item) in areas]
+        rows += [_row(failure, convention) for failure in missing[convention]]
     return rows
+
+
+def _row(
+    item: Trajectory | Failure, convention: Convention, mean_area: float = np.nan, null_area: float = np.nan
+) -> dict:
+    row = {name: getattr(item, name, np.nan) for name in AREA_COLUMNS}
+    areas = {"mean_area": mean_area, "null_area": null_area, "reason": getattr(item, "reason", "")}
+    return row | {"duration_s": getattr(item, "duration", np.nan), **vars(convention), **areas}
 
 
 def about_pivot(settings: StabilitySettings, pivot: str) -> StabilitySettings:
     """Return the settings with the control weight for a pivot that is not the study's own."""
     weight = getattr(settings.grid, f"{pivot}_control_weight")
     return replace(settings, regulator=replace(settings.regulator, control_weight=weight))
-
-
-def _identity(item) -> dict:
-    names = ("subject", "box_mass_kg", "com", "plane", "mass_kg", "length_m")
-    known = {name: getattr(item, name, np.nan) for name in names}
-    return {**known, "duration_s": getattr(item, "duration", np.nan)}
 
 
 def areas_with_null(
@@ -301,23 +299,8 @@ def areas_with_null(
     NumericalError
         One of them has no basin.
     """
-    pendulum, count = settings.pendulum, len(trajectories)
-    damping = [pendulum.damping_N_m_s] * count
-    knots = settings.grid.knots
-    moving = gather(list(trajectories), list(signs), damping, pendulum.gravity_m_s2, knots)
-    loops = regulate(_beside_their_null(moving), weights_of(settings))
-    return exact_funnels(loops, settings.goal_level).mean_area.reshape(2, count).T
-
-
-def _of_one_sign(trajectories: list[Trajectory], sign: str, settings: StabilitySettings) -> np.ndarray:
-    return areas_with_null(trajectories, [sign] * len(trajectories), settings)
-
-
-def _beside_their_null(moving: Pendulums) -> Pendulums:
-    """Return the pendulums and, after them, the same ones standing still at θ0 = 0."""
-    twice = {
-        name: np.concatenate([getattr(moving, name)] * 2)
-        for name in ("inertia", "damping", "gravity_torque", "duration")
-    }
-    angle = np.concatenate([moving.angle, np.zeros_like(moving.angle)], axis=1)
-    return replace(moving, labels=moving.labels * 2, angle=angle, **twice)
+    if not trajectories:
+        return np.empty((0, 2))
+    pendulums = [*trajectories, *map(at_rest, trajectories)]
+    loops = close_loops(pendulums, [*signs, *signs], replace(settings, knots=settings.grid.knots))
+    return exact_funnels(loops, settings.goal_level).mean_area.reshape(2, len(trajectories)).T

@@ -1,1 +1,1 @@
-"""Basins of attraction as funnels, the exact method, and their check by simulation."""
+"""Basins of attraction as funnels: the exact method, limits, a better V, and their checks by simulation and by proof."""

@@ -5,7 +5,19 @@ in the goal set solves, backward from ρ(T), the scalar equation
 
     d ln ρ/dt = max over V = ρ of V̇/ρ
 
-with the true sine. The other methods (`certified_funnel`, `bilinear_alternation`) return the same `Funnels`.
+with the true sine. The other methods (`certified_funnel`, `eqs_4_5_to_4_7_alternation`) return the same `Funnels`.
+
+The ellipse V = ρ is the unit circle in normal coordinates z, chosen so that the first one is the angle:
+
+    e = √ρ·a·z1,   ω = √ρ·(p·z1 + q·z2),   a = √(s22/det S),  p = −a·s12/s22,  q = 1/√s22
+
+so that s12·e + s22·ω = √(ρ·s22)·z2 and, along an S(t) with −Ṡ = M + SA_c + A_cᵀS under the linear loop A_c,
+
+    V̇/ρ = −(α·z1² + 2β·z1·z2 + γ·z2²) − κ·z2·h(√ρ·a·z1),   κ = 2·(σmgℓ/I)·√(s22/ρ)
+
+where [[α, β], [β, γ]] is M in normal coordinates (`NormalForm`) and h the remainder of the sine. For the solution of
+Eq. 4.2 with the feedback of Eq. 4.4 M is Q + SBR⁻¹BᵀS. On the circle this is a function of one angle; its maximum is
+found by sampling and Newton's method.
 """
 
 from __future__ import annotations
@@ -162,6 +174,17 @@ class Funnels:
         return self.area.min(axis=0)
 
 
+@dataclass(frozen=True)
+class FunnelVariants:
+    """The largest funnels, and what is needed to check them."""
+
+    exact: Funnels
+    with_margin: Funnels
+    """A little smaller, so that a proof with finite precision can succeed (`interval_proof`)."""
+    negative_control: Funnels
+    """Too large: starts on its boundary leave (`monte_carlo_check`)."""
+
+
 def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
     """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ `terminal_level`}.
 
@@ -175,12 +198,12 @@ def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
     NumericalError
         A basin reaches further than `LARGEST_SEMI_AXIS` from its trajectory: its settings make no sense.
     """
-    return funnel_variants(loops, terminal_level)[0]
+    return funnel_variants(loops, terminal_level).exact
 
 
 def funnel_variants(
     loops: ClosedLoops, terminal_level: float = 1.0, margin: float = 0.0, negative_control: float = 0.0
-) -> tuple[Funnels, Funnels, Funnels]:
+) -> FunnelVariants:
     """Compute the exact funnels, slightly smaller and wrong ones in one pass.
 
     Parameters
@@ -188,16 +211,11 @@ def funnel_variants(
     terminal_level : float
         ρ(T).
     margin : float
-        In 1/s: in the second result d ln ρ/dt is greater by it than the largest V̇/ρ, so that a proof with
-        finite precision can succeed (`interval_proof`); its area is about exp(−margin·T/2) of the exact one.
+        In 1/s: in those with a margin d ln ρ/dt is greater by it than the largest V̇/ρ; their area is about
+        exp(−margin·T/2) of the exact one.
     negative_control : float
-        In the third ρ falls faster by this share of |d ln ρ/dt|: it is too large and starts on its boundary
-        leave, the negative control of `monte_carlo_check`. (Scaling ρ itself would be no control: a linear
-        loop's funnel stays invariant.)
-
-    Returns
-    -------
-    exact, with_margin, negative_control : Funnels
+        In the negative control ρ falls faster by this share of |d ln ρ/dt|. (Scaling ρ itself would be no control: a
+        linear loop's funnel stays invariant.)
 
     Raises
     ------
@@ -222,7 +240,7 @@ def funnel_variants(
             "lower its state weight"
         )
     exact = Funnels("exact", pendulums.duration, loops.cost[::2], level[:, 0])
-    return (
+    return FunnelVariants(
         exact,
         replace(exact, method=f"exact, margin {margin:g} 1/s", level=level[:, 1]),
         replace(exact, method="exact, negative control", level=level[:, 2]),

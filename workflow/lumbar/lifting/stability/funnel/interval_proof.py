@@ -11,13 +11,18 @@ With x̄ = N(t)·z the boundary is |z| = 1, and states stay inside where g = ½�
     q11 = W = (P − Ȧ)/A,   q12 = Q/A − (k1·A + k2·P + Ṗ + P·W)/Q,   q22 = −k2 − Q̇/Q − P/A
 
 with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I. Torque limits and an uncertain mass (`saturation`) add to g, for both
-extreme masses,
+extreme masses, r = m/m_true,
 
-    (1/Q)·sin φ·(r·y − x),   x = θ̈0 + G·sin θ0 − k1·e − k2·ω,   y = clip(x + d, ±U/I) − d,   d = (b/I)·(θ̇0 + ω)
+    (1/Q)·sin φ·(r·y − x)
+    x = x0 + xc·cos φ + xs·sin φ    (u0 − K·x̄ − b·(θ̇0 + ω))/I, wanted torque less drag
+    d = d0 + dc·cos φ + ds·sin φ    b·(θ̇0 + ω)/I
+    y = clip(x + d, ±U/I) − d
 
 Time is cut into pieces and the circle into arcs; on each box g is bounded by the mean-value form in interval
-arithmetic (`interval_bounds`). Arcs that are not proved are halved, pieces of time with an arc that resists are
-halved too; what resists to the end is not proved, and its share is reported.
+arithmetic: g in the middle of the box plus its derivatives over the box times half its extent. The clipped torque has no
+derivative at ±U; the form holds with its generalised one, which lies between 0 and 1 times that of x + d (Clarke,
+Optimization and Nonsmooth Analysis, 1990, theorem 2.3.7). Arcs that are not proved are halved, pieces of time with an arc
+that resists are halved too; what resists to the end is not proved, and its share is reported.
 """
 
 from __future__ import annotations
@@ -66,7 +71,7 @@ def saturation_coefficient_rates(curves: dict, gravity: Interval, drag: Interval
 
 def saturation_part(at: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
     """(1/Q)·sin φ·(r·y − x)."""
-    x, d = _wanted(at, c, s)
+    x, d = _wanted_torque(at, c, s)
     return at["inverse_q"] * s * _missing(x, d, torque, ratio)
 
 
@@ -74,21 +79,21 @@ def saturation_part_time(
     over: dict, rates: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float
 ) -> Interval:
     """Generalised time derivative of `saturation_part`."""
-    x, d = _wanted(over, c, s)
-    x_rate, d_rate = _wanted(rates, c, s)
+    x, d = _wanted_torque(over, c, s)
+    x_rate, d_rate = _wanted_torque(rates, c, s)
     change = _missing_rate(x + d, x_rate, d_rate, torque, ratio)
     return s * (rates["inverse_q"] * _missing(x, d, torque, ratio) + over["inverse_q"] * change)
 
 
 def saturation_part_arc(over: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
     """Generalised derivative of `saturation_part` along the boundary."""
-    x, d = _wanted(over, c, s)
+    x, d = _wanted_torque(over, c, s)
     x_turn, d_turn = (over[f"{name}s"] * c - over[f"{name}c"] * s for name in ("x", "d"))
     change = _missing_rate(x + d, x_turn, d_turn, torque, ratio)
     return over["inverse_q"] * (c * _missing(x, d, torque, ratio) + s * change)
 
 
-def _wanted(at: dict, c: Interval, s: Interval) -> tuple[Interval, Interval]:
+def _wanted_torque(at: dict, c: Interval, s: Interval) -> tuple[Interval, Interval]:
     """Return x and d."""
     return tuple(at[f"{name}0"] + at[f"{name}c"] * c + at[f"{name}s"] * s for name in ("x", "d"))
 
@@ -316,7 +321,7 @@ def interpolants(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = 
 def proved_share(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = UNSATURATED) -> np.ndarray:
     """Return the share of the time axis on which the funnel is proved invariant, shape (pendulums,).
 
-    The funnel must have a margin (`funnel.funnel_variants`): the exact one touches g = 0 at all times and no
+    The funnel must have a margin (`funnel_variants`): the exact one touches g = 0 at all times and no
     finite precision can prove that.
     """
     curves = interpolants(loops, funnels, saturation)

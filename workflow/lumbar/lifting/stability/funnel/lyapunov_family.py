@@ -16,25 +16,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.exact_funnel import Funnels, funnel_variants
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, FunnelVariants, funnel_variants
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
 
 RELATIVE_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class BestOfFamily:
-    """The family's largest basins."""
+class BestOfFamily(FunnelVariants):
+    """The family's largest basins: exact funnels of `loops`."""
 
     share: np.ndarray
     """Shape (pendulums,): λ of the largest average cross-section."""
     loops: ClosedLoops
     """With the V of that λ for each pendulum."""
-    funnels: Funnels
-    with_margin: Funnels
-    negative_control: Funnels
-    """`funnels`, `with_margin`, `negative_control`: the exact funnels of `loops`, smaller and wrong ones
-    (`funnel.funnel_variants`)."""
 
 
 def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:
@@ -111,15 +106,18 @@ def best_of_family(
     shares : list of float
         λ to try.
     margin, negative_control : float
-        As for `funnel.funnel_variants`.
+        As for `funnel_variants`.
     """
     count = len(loops.pendulums.labels)
-    every = loops.chosen(np.tile(np.arange(count), len(shares)))
+    every = loops.select(np.tile(np.arange(count), len(shares)))
     members = with_lyapunov_function(every, np.repeat(shares, count))
-    variants = funnel_variants(members, terminal_level, margin, negative_control)
-    largest = variants[0].mean_area.reshape(len(shares), count).argmax(axis=0)
+    found = funnel_variants(members, terminal_level, margin, negative_control)
+    largest = found.exact.mean_area.reshape(len(shares), count).argmax(axis=0)
     index = largest * count + np.arange(count)
-    best = members.chosen(index)
+    best = members.select(index)
     duration, cost = best.pendulums.duration, best.cost[::2]
-    funnels = [Funnels("best of family", duration, cost, item.level[:, index]) for item in variants]
-    return BestOfFamily(np.array(shares)[largest], best, *funnels)
+    funnels = [
+        Funnels("best of family", duration, cost, item.level[:, index])
+        for item in (found.exact, found.with_margin, found.negative_control)
+    ]
+    return BestOfFamily(*funnels, share=np.array(shares)[largest], loops=best)

@@ -135,7 +135,7 @@ def _dynamics(loops: ClosedLoops, disturbance: Callable | None):
     """Return the rate of the state, of (point, state), and stiffness and damping of the linear loop."""
     pendulums = loops.pendulums
     angle_gain, velocity_gain = np.moveaxis(loops.gains, -1, 0)
-    a21, a22, _ = pendulums.linearised(pendulums.angle)
+    a21, a22, _ = pendulums.linearisation(pendulums.angle)
     inertia = pendulums.inertia
     stiffness, damping = a21 - angle_gain / inertia, a22 - velocity_gain / inertia
     # The loop is its linear part less gravity·(sin(θ0 + e) − sin θ0 − e·cos θ0): of one sine, in place, it takes half the time.

@@ -7,7 +7,7 @@ which u0 and K were computed. With r = m/m_true the error obeys the nominal equa
 
 (gravity and ℓ²: g/ℓ does not depend on the mass). It is affine in r, so that the largest V̇ over all masses is
 that of the lightest or the heaviest. With a wrong mass the reference itself is no solution, Δω̇ ≠ 0 at x̄ = 0:
-where the goal set is too small for that, there is no basin, and `LimitedFunnels.reason` says so.
+where the goal set is too small for that, there is no basin, and `SaturatedFunnels.reason` says so.
 """
 
 from __future__ import annotations
@@ -17,7 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.lifting.stability.funnel.exact_funnel import LARGEST_SEMI_AXIS, Funnels, integrate_backward
+from lumbar.lifting.stability.funnel.exact_funnel import (
+    LARGEST_SEMI_AXIS,
+    Funnels,
+    FunnelVariants,
+    integrate_backward,
+)
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, remainder
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, normal_axes
 
@@ -83,18 +88,14 @@ class SaturationReference:
 
 
 @dataclass(frozen=True)
-class SaturatedFunnels:
-    """Largest funnels under `Saturation`, and what is needed to check them."""
+class SaturatedFunnels(FunnelVariants):
+    """The same under `Saturation`; meaningful where `has_basin`."""
 
-    exact: Funnels
-    with_margin: Funnels
-    negative_control: Funnels
-    """`exact`, `with_margin`, `negative_control`: as `funnel.funnel_variants` returns; meaningful where `held`."""
     reason: tuple[str, ...]
     """Why there is no basin; empty where there is one."""
 
     @property
-    def held(self) -> np.ndarray:
+    def has_basin(self) -> np.ndarray:
         """Whether there is a basin, shape (pendulums,)."""
         return np.array([not text for text in self.reason])
 
@@ -133,7 +134,7 @@ def saturated_funnels(
     terminal_level : float
         ρ(T).
     margin, negative_control : float
-        As for `funnel.funnel_variants`.
+        As for `funnel_variants`.
     """
     reference = reference_of(loops.pendulums, saturation.bias)
     floor = np.log(terminal_level * LEAST_LEVEL)

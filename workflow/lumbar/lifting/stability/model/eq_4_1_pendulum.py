@@ -12,6 +12,7 @@ in which h holds everything that the linearisation (Eq. 4.3) leaves out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,7 @@ class Pendulums:
     """Shape (points, pendulums): θ0 in rad on an even grid from t = 0 to T: the knots and the points halfway between them.
     """
 
-    def linearised(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def linearisation(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return a21, a22 and b2 of A = [[0, 1], [a21, a22]] and B = [0, b2] (Eq. 4.3)."""
         return (
             -self.gravity_torque * np.cos(angle) / self.inertia,
@@ -50,16 +51,20 @@ class Pendulums:
 
 
 def gather(
-    trajectories: list[Trajectory], signs: list[str], damping: list[float], gravity: float, knots: int
+    trajectories: Sequence[Trajectory],
+    sign: str | Sequence[str],
+    damping: float | np.ndarray,
+    gravity: float,
+    knots: int,
 ) -> Pendulums:
     """Put trajectories on one grid, scaled to their length.
 
     Parameters
     ----------
-    signs : list of {"hanging", "inverted"}
-        One per trajectory.
-    damping : list of float
-        b in N·m·s/rad, one per trajectory.
+    sign : {"hanging", "inverted"} or sequence of them
+        Of all trajectories, or one per trajectory; `damping` likewise.
+    damping : float or numpy.ndarray
+        b in N·m·s/rad.
     gravity : float
         Gravitational acceleration in m/s².
     knots : int
@@ -67,6 +72,7 @@ def gather(
     """
     from scipy.interpolate import CubicSpline
 
+    signs = [sign] * len(trajectories) if isinstance(sign, str) else sign
     phase = np.linspace(0.0, 1.0, 2 * knots - 1)
     mass, length = (
         np.array([getattr(item, name) for item in trajectories]) for name in ("mass_kg", "length_m")
@@ -77,7 +83,7 @@ def gather(
     return Pendulums(
         labels=tuple(f"{item.label} ({sign})" for item, sign in zip(trajectories, signs, strict=True)),
         inertia=mass * length**2,
-        damping=np.asarray(damping, dtype=float),
+        damping=np.full(len(trajectories), damping, dtype=float),
         gravity_torque=np.array([SIGNS[sign] for sign in signs]) * mass * gravity * length,
         duration=np.array([item.duration for item in trajectories]),
         angle=np.stack(angle, axis=1),

@@ -1,11 +1,14 @@
-"""Finite-horizon linear-quadratic regulator: the differential Riccati equation (Eq. 4.2), many pendulums at once.
+"""Pendulums under their finite-horizon linear-quadratic regulator (Eqs 4.2 to 4.4), many at once.
 
-A symmetric 2×2 matrix is held as its three entries (s11, s12, s22) along the last axis.
+The differential Riccati equation gives the cost-to-go S, S the feedback K = R⁻¹BᵀS; `ClosedLoops` holds both, and how V =
+x̄ᵀSx̄ changes along the loop in the coordinates in which the ellipse V = ρ is a circle. A symmetric 2×2 matrix is held as
+its three entries (s11, s12, s22) along the last axis.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -94,7 +97,7 @@ def decay_matrix(pendulums: Pendulums, weights: Weights, cost: np.ndarray) -> np
 
 def riccati_rate(pendulums: Pendulums, weights: Weights, angle: np.ndarray, cost: np.ndarray) -> np.ndarray:
     """Return −Ṡ = Q − SBR⁻¹BᵀS + SA + AᵀS (Eq. 4.2), shape (pendulums, 3)."""
-    a21, a22, b2 = pendulums.linearised(angle)
+    a21, a22, b2 = pendulums.linearisation(angle)
     s11, s12, s22 = np.moveaxis(cost, -1, 0)
     control = b2**2 / weights.control
     rate = np.stack(
@@ -273,13 +276,14 @@ class ClosedLoops:
         form = normal_form(self.pendulums, self.pendulums.angle, self.cost, self.decay)
         return tuple(vars(form).values())
 
-    def chosen(self, index: np.ndarray) -> ClosedLoops:
+    def select(self, index: np.ndarray) -> ClosedLoops:
         """Return the loops of these pendulums, which may repeat."""
         given, weights = self.pendulums, self.weights
-        pendulums = Pendulums(
-            tuple(given.labels[number] for number in index),
-            *(part[index] for part in (given.inertia, given.damping, given.gravity_torque, given.duration)),
-            given.angle[:, index],
+        arrays = ("inertia", "damping", "gravity_torque", "duration", "angle")
+        pendulums = replace(
+            given,
+            labels=tuple(given.labels[number] for number in index),
+            **{name: getattr(given, name)[..., index] for name in arrays},
         )
         own = Weights(
             *(
@@ -308,11 +312,10 @@ def weights_of(settings: StabilitySettings) -> Weights:
     return check_weights(regulator.state_weight, regulator.control_weight, regulator.terminal_weight)
 
 
-def close_loops(trajectories: list[Trajectory], sign: str, settings: StabilitySettings) -> ClosedLoops:
-    """Put the trajectories under the regulator of the configuration."""
-    pendulum = settings.pendulum
-    damping = [pendulum.damping_N_m_s] * len(trajectories)
-    pendulums = gather(
-        trajectories, [sign] * len(trajectories), damping, pendulum.gravity_m_s2, settings.knots
-    )
+def close_loops(
+    trajectories: Sequence[Trajectory], sign: str | Sequence[str], settings: StabilitySettings
+) -> ClosedLoops:
+    """Put the trajectories under the regulator of the configuration; `sign` as of `gather`."""
+    given = settings.pendulum
+    pendulums = gather(trajectories, sign, given.damping_N_m_s, given.gravity_m_s2, settings.knots)
     return regulate(pendulums, weights_of(settings))

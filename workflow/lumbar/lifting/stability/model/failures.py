@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
@@ -31,38 +31,54 @@ COLUMNS = {
 }
 
 
-def all_or_each(
-    function: Callable, trajectories: list[Trajectory], *arguments, basin: str
-) -> tuple[list[tuple[list[Trajectory], Any]], list[Failure]]:
-    """Call ``function(trajectories, *arguments)``; where that fails, once for each trajectory by itself.
+@dataclass
+class Attempt:
+    """A context in which to compute the basins of some trajectories; entering it gives them."""
+
+    trajectories: list[Trajectory]
+    error: NumericalError | None = None
+    """Why there is no result."""
+
+    def __enter__(self) -> list[Trajectory]:
+        return self.trajectories
+
+    def __exit__(self, kind, error, traceback) -> bool:
+        self.error = error if isinstance(error, NumericalError) else None
+        return self.error is not None
+
+
+def attempts(trajectories: list[Trajectory], basin: str, failures: list[Failure]) -> Iterator[Attempt]:
+    """Yield an attempt at all trajectories at once and, where one of them has no result, one at each by itself.
+
+    The integration takes as many steps for one basin as for a hundred.
 
     Parameters
     ----------
-    function : callable
-        Of a list of trajectories and `arguments`; raises `NumericalError` where one of them has no result.
-    *arguments
-        Handed on.
     basin : str
         What is computed, for `Failure.basin`.
-
-    Returns
-    -------
-    results : list of (list of Trajectory, Any)
-        Trajectories and what `function` returned for them: all in one, or one by one without those that failed.
     failures : list of Failure
+        Grows by those that fail by themselves.
+
+    Examples
+    --------
+    >>> areas, failures = {}, []
+    >>> for attempt in attempts(["thorax", "pelvis"], "exact", failures):
+    ...     with attempt as items:
+    ...         areas |= dict.fromkeys(items, 0.5)
+    >>> areas
+    {'thorax': 0.5, 'pelvis': 0.5}
     """
     if not trajectories:
-        return [], []
-    try:
-        return [(trajectories, function(trajectories, *arguments))], []
-    except NumericalError:
-        results, failures = [], []
+        return
+    together = Attempt(trajectories)
+    yield together
+    if together.error is None:
+        return
     for item in trajectories:
-        try:
-            results.append(([item], function([item], *arguments)))
-        except NumericalError as error:
-            failures.append(Failure.of(item, basin, str(error)))
-    return results, failures
+        alone = Attempt([item])
+        yield alone
+        if alone.error is not None:
+            failures.append(Failure.of(item, basin, str(alone.error)))
 
 
 def failures_frame(failures: list[Failure]) -> pd.DataFrame:
@@ -72,7 +88,7 @@ def failures_frame(failures: list[Failure]) -> pd.DataFrame:
     return pd.DataFrame([asdict(item) for item in failures], columns=list(COLUMNS))
 
 
-def joined(frames: list[pd.DataFrame]) -> pd.DataFrame:
+def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
     """Join the same table of several lifts; one without rows decides no type."""
     import pandas as pd
 

@@ -1,4 +1,8 @@
-"""Reference trajectories: the pendulum states of one COM in one plane, checked before they are used."""
+"""From the pendulum states of one lift to its reference trajectories, under the choices that Eq. 4.1 and its text leave open.
+
+A `Convention` is one such set of choices, `THESIS` the thesis's own. Trajectories are checked before they are used; the
+unsound ones are named as a `Failure`.
+"""
 
 from __future__ import annotations
 
@@ -77,6 +81,11 @@ def in_unit_time(trajectory: Trajectory) -> Trajectory:
         angular_acceleration=trajectory.angular_acceleration * duration**2,
         clock="unit",
     )
+
+
+def at_rest(trajectory: Trajectory) -> Trajectory:
+    """Return the null control: the same pendulum for as long, standing still at θ0 = 0."""
+    return replace(trajectory, angle=np.zeros_like(trajectory.angle))
 
 
 def find_problems(trajectory: Trajectory) -> Problems:

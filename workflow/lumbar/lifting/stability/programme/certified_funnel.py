@@ -4,7 +4,7 @@ Between two knots ρ̇/ρ is one number r, ln ρ is linear, and the condition �
 at the middle of the interval (an error of second order in the spacing). ρ̇ is a variable and ρ(T) is fixed, so
 that going backward each interval is a small bilinear problem in (r, L, ρ) of its own, solved by alternation:
 
-1. ρ at the middle fixed: the programme of `circle_programme` finds L and the smallest certified r, which is
+1. ρ at the middle fixed: the programme of `sum_of_squares` finds L and the smallest certified r, which is
    the margin form, γ = ρ̇/ρ − r being maximised;
 2. L and r fixed: ρ follows from r, ρ(t) = ρ(t + Δt)·exp(−r·Δt).
 
@@ -123,16 +123,7 @@ def certified_funnels(
         for alternation in range(1, MOST_ALTERNATIONS + 1):
             level = np.exp(log_level[interval + 1] - 0.5 * step * guess)
             _require_basin(loops, level, terminal_level, saturation)
-            cases = saturation_cases(
-                loops.pendulums,
-                form,
-                loops.cost[point],
-                loops.gains[point],
-                level,
-                (reference.torque[point], reference.velocity[point]),
-                saturation,
-                degree,
-            )
+            cases = saturation_cases(loops, point, level, saturation, reference, degree)
             certified = np.array(
                 [
                     max(_certified_rate(programme, case, label) for case in own)

@@ -206,16 +206,7 @@ def _multiplier_step(
     for knot in range(len(level)):
         trial, wanted = level[knot].copy(), set(range(len(labels)))
         for _ in range(MOST_DECREASES):
-            cases = saturation_cases(
-                at_knots.pendulums,
-                at_knots.form(knot),
-                at_knots.cost[knot],
-                at_knots.gains[knot],
-                trial,
-                (reference.torque[knot], reference.velocity[knot]),
-                saturation,
-                certificate.degree,
-            )
+            cases = saturation_cases(at_knots, knot, trial, saturation, reference, certificate.degree)
             for index in sorted(wanted):
                 solved = [
                     certificate.solve(case.coefficients, labels[index], case.side) for case in cases[index]

@@ -1,7 +1,7 @@
 """Eqs 4.5–4.7 as one writes them on paper, through cvxpy, and the check of the fast programmes against them.
 
 Everything is stated anew in the error x̄ = (e, ω) itself, from the equation of motion on, and shares nothing with the
-normal coordinates, the harmonics and the hand-assembled programmes that compute the basins (`circle_programme`).
+normal coordinates, the harmonics and the hand-assembled programmes that compute the basins (`sum_of_squares`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
-from lumbar.lifting.stability.model.failures import all_or_each
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
 from lumbar.lifting.stability.programme.polynomials import growth_polynomial, monomials
 from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
@@ -176,7 +176,7 @@ def _assign(parameters: Polynomial, values: Polynomial) -> None:
 
 
 def rate_differences(loops: ClosedLoops, level: np.ndarray, degree: int, knots: list[int]) -> np.ndarray:
-    """Return the largest difference of the rates that `circle_programme` and Eq. 4.6 in cvxpy certify, in 1/s.
+    """Return the largest difference of the rates that `sum_of_squares` and Eq. 4.6 in cvxpy certify, in 1/s.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def _matrix(entries: np.ndarray) -> np.ndarray:
 CHECK = "sum_of_squares, Eq. 4.6 in cvxpy"
 
 
-def cross_checked(
+def cross_check(
     boa: pd.DataFrame, trajectories: list[Trajectory], settings: StabilitySettings
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Fill ``sos_cvxpy_difference`` of the rows with the method sum_of_squares.
@@ -230,10 +230,16 @@ def cross_checked(
     rows = boa["method"] == "sum_of_squares"
     if "cvxpy" not in settings.checks or not rows.any():
         return boa, []
-    results, failures = all_or_each(_differences, trajectories, settings, basin=CHECK)
-    found = {
-        item.label: value for items, values in results for item, value in zip(items, values, strict=True)
-    }
+    found: dict[str, float] = {}
+    failures: list[Failure] = []
+    fewer = replace(settings, knots=settings.limits.knots)
+    for attempt in attempts(trajectories, CHECK, failures):
+        with attempt as items:
+            loops = close_loops(items, settings.pendulum.sign, fewer)
+            level = exact_funnels(loops, settings.goal_level).level
+            knots = [0, loops.knots // 2]
+            differences = rate_differences(loops, level, settings.sum_of_squares.degree, knots)
+            found |= {item.label: value for item, value in zip(items, differences, strict=True)}
     failures += [
         Failure.of(
             item,
@@ -247,10 +253,3 @@ def cross_checked(
         lambda row: f"{row['subject']} {row['box_mass_kg']:g} kg, {row['com']}, {row['plane']}", axis=1
     )
     return boa.assign(sos_cvxpy_difference=labels.map(found).where(rows)), failures
-
-
-def _differences(items: list[Trajectory], settings: StabilitySettings) -> np.ndarray:
-    fewer = replace(settings, knots=settings.limits.knots)
-    loops = close_loops(items, settings.pendulum.sign, fewer)
-    level = exact_funnels(loops, settings.goal_level).level
-    return rate_differences(loops, level, settings.sum_of_squares.degree, [0, loops.knots // 2])

@@ -1,6 +1,15 @@
-"""Polynomials in the normal coordinates z of `invariance`: V̇/ρ with the sine's Taylor polynomial.
+"""V̇/ρ as polynomials in normal coordinates z (`exact_funnel`), for the methods that certify polynomials.
 
-A polynomial is the vector of its coefficients over `monomials`, by rising total degree.
+A polynomial is the vector of its coefficients over `monomials`, by rising total degree; the sine is its Taylor polynomial.
+
+Under limits (`saturation`) the torque is one of three affine laws, u = −U, u = w or u = U with w = u0 − K·x̄, each where w
+lies on its side of ±U. For each law V̇ is affine in m/m_true, so that it is largest for one of the two extreme masses.
+Every such case is the nominal polynomial of V̇/ρ plus
+
+    2·√(s22/ρ)·z2·Δω̇(z),   Δω̇ affine in z,
+
+on the arc of the circle where an affine function of z, its `side`, is not negative. Certificates for all cases
+are one for the loop with limits.
 """
 
 from __future__ import annotations
@@ -12,9 +21,9 @@ from math import factorial
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.saturation import Saturation
+from lumbar.lifting.stability.funnel.saturation import Saturation, SaturationReference
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums
-from lumbar.lifting.stability.model.eq_4_2_regulator import NormalForm, normal_axes
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, NormalForm, normal_axes
 
 
 def monomials(degree: int) -> list[tuple[int, int]]:
@@ -210,38 +219,31 @@ class Case:
 
 
 def saturation_cases(
-    pendulums: Pendulums,
-    form: NormalForm,
-    cost: np.ndarray,
-    gains: np.ndarray,
+    loops: ClosedLoops,
+    point: int,
     level: np.ndarray,
-    reference: tuple[np.ndarray, np.ndarray],
     saturation: Saturation,
+    reference: SaturationReference,
     degree: int,
 ) -> list[list[Case]]:
-    """Return the cases of every pendulum at one moment.
+    """Return the cases of every pendulum at one point of the grid, with the sine's Taylor polynomial of a degree.
 
     Parameters
     ----------
-    cost, gains : numpy.ndarray, shapes (pendulums, 3) and (pendulums, 2)
-        S and K.
     level : numpy.ndarray, shape (pendulums,)
         ρ.
-    reference : tuple of numpy.ndarray, shape (pendulums,)
-        u0 and θ̇0.
-    degree : int
-        Of the sine's Taylor polynomial.
     """
+    form, cost, gains = loops.form(point), loops.cost[point], loops.gains[point]
     nominal = growth_polynomial(form, level, degree)
     if not saturation.active:
         return [[Case(row)] for row in nominal]
-    torque, velocity = reference
+    torque, velocity = reference.torque[point], reference.velocity[point]
     a, p, q = (np.sqrt(level) * axis for axis in normal_axes(cost))
-    b = pendulums.damping
+    b = loops.pendulums.damping
     wanted = np.stack([torque, -(gains[:, 0] * a + gains[:, 1] * p), -gains[:, 1] * q], axis=-1)
     drag = b[:, None] * np.stack([velocity, p, q], axis=-1)
     index = [monomials(degree + 1).index(exponents) for exponents in ((0, 1), (1, 1), (0, 2))]
-    weight = 2 * np.sqrt(cost[:, 2] / level) / pendulums.inertia
+    weight = 2 * np.sqrt(cost[:, 2] / level) / loops.pendulums.inertia
     result: list[list[Case]] = [[] for _ in range(len(nominal))]
     for law, sides in _laws(wanted, saturation.torque):
         changes = []

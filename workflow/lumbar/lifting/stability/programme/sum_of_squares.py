@@ -1,12 +1,23 @@
-"""Sum-of-squares programmes for Clarabel, and the one of Eqs 4.5 and 4.6 with its multiplier written out.
+"""The sum-of-squares programme of one knot (Eqs 4.5 and 4.6, ρ̇ a variable), in two equivalent forms for Clarabel.
 
-At one knot, in the normal coordinates of `invariance`, with h expanded to a Taylor polynomial v(z) of V̇/ρ:
+In normal coordinates (`exact_funnel`), with v(z) the polynomial of V̇/ρ and d the sine's Taylor degree,
 
-    minimise r  subject to  r − v(z) − L(z)·(1 − |z|²)  is a sum of squares,   L free of degree d − 1
+    minimise r  subject to  r − v(z) − L(z)·(1 − |z|²) = b(z)ᵀG·b(z),   G ⪰ 0,   L free of degree d − 1
 
-The thesis's alternation needs L and uses this programme; `certified_funnel` needs r alone and uses the smaller,
-equivalent one of `circle_programme`. Where a law holds only on one side g(z) ≥ 0 of a line (`saturation_cases`), the
-S-procedure subtracts g(z)·σ(z), σ a sum of squares of degree d − 1. A status other than "solved" is never a result.
+says that V̇/ρ ≤ r on V = ρ; with ρ̇/ρ given it is the margin form, γ = ρ̇/ρ − r is maximised. The thesis's alternation
+needs L: `Certificate` has it written out. `certified_funnel` needs r alone, and only what both sides are *on the circle*
+matters then: `CircleProgramme` works in the quotient ring of polynomials modulo 1 − |z|², whose basis are the circular
+harmonics 1, cos kφ, sin kφ. That leaves d + 2 times fewer unknowns and, the harmonics being orthogonal, well-conditioned
+programmes; a non-negative trigonometric polynomial is a sum of squares (Fejér, Riesz), so nothing is lost.
+
+Where a law holds only on the arc on which an affine function g(z) is not negative (`polynomials.Case`), the S-procedure
+subtracts g(z)·σ(z), σ a sum of squares of degree d − 1; on the circle
+
+    r − v(z) = b(z)ᵀG·b(z) + g(z)·c(z)ᵀH·c(z)   on |z| = 1,   G, H ⪰ 0
+
+with the harmonics of half the odd orders in c, cos φ/2, sin φ/2, cos 3φ/2, …, whose products have whole ones. Nothing is
+lost here either (Dumitrescu, Positive Trigonometric Polynomials, 2017, section 1.4). A status other than "solved" is never
+a result.
 """
 
 from __future__ import annotations
