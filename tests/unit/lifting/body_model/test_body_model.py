@@ -22,7 +22,7 @@ from lumbar.lifting.movement.pendulum_states import pendulum_states
 from lumbar.lifting.movement.segments import WINTER
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.lifting import BodyModelSettings
+from lumbar.settings.lifting import BodyModelSettings, BoxSettings, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.twin.lifting_recordings import true_movement
 from predicted_markers import predicted_marker
@@ -116,7 +116,10 @@ def test_centres_of_mass_lie_within_their_interval(fitted, movement):
 def test_basin_areas_have_an_interval_that_holds_the_true_one(fitted, movement, events):
     times = {"lift_off": events.lift_off, "deposit_start": events.deposit_start, "release": events.release}
     found = {name: Event(time, "declared", "of the twin") for name, time in times.items()}
-    conditions = Conditions(WINTER, 78.0, 23.0, "by_mass", False, "mid_ankle", 0.0, found, 60)
+    lifting = LiftingSettings(
+        pivot="mid_ankle", points=60, box=BoxSettings(share="by_mass", in_position=False)
+    )
+    conditions = Conditions(WINTER, 78.0, 23.0, 0.0, found, lifting)
     pendulums = model_pendulums(fitted, conditions, fitted.draws(10, 1))
     pivot = (movement.markers["L_ANKLE"] + movement.markers["R_ANKLE"]) / 2
     true = {}

@@ -23,16 +23,9 @@ if TYPE_CHECKING:
 
 SEED = 0
 COLUMNS = (
-    *(
-        "com",
-        "plane",
-        "time_s",
-        "angle_rad",
-        "angle_sd_rad",
-        "angular_velocity_rad_s",
-        "angular_velocity_sd_rad_s",
-    ),
-    *("angular_acceleration_rad_s2", "length_m", "length_sd_m", "length_rate_m_s"),
+    *("com", "plane", "time_s", "angle_rad", "angle_sd_rad"),
+    *("angular_velocity_rad_s", "angular_velocity_sd_rad_s", "angular_acceleration_rad_s2"),
+    *("length_m", "length_sd_m", "length_rate_m_s"),
 )
 """Of the model's pendulum states."""
 MARKERS = ("marker", "part", "sd_mm", "correlation", "share_left_out", "remark")
@@ -54,16 +47,9 @@ class ModelledLift:
         for (com, plane), states in self.pendulums.states.items():
             sd = self.pendulums.sd(com, plane)
             values = (
-                *(
-                    com,
-                    plane,
-                    states.time,
-                    states.angle,
-                    sd.angle,
-                    states.angular_velocity,
-                    sd.angular_velocity,
-                ),
-                *(states.angular_acceleration, states.length, sd.length, states.length_rate),
+                *(com, plane, states.time, states.angle, sd.angle),
+                *(states.angular_velocity, sd.angular_velocity, states.angular_acceleration),
+                *(states.length, sd.length, states.length_rate),
             )
             frames.append(pd.DataFrame(dict(zip(COLUMNS, values, strict=True))))
         return pd.concat(frames[1:] or frames, ignore_index=True)
@@ -117,14 +103,6 @@ def model_of_lift(
     time, nodes = at_nodes(recording, how.rate_Hz)
     found = fit(build(time, nodes, subject.height_m, subject.sex, held_frames(time, lift.events)))
     conditions = Conditions(
-        table=lift.table,
-        body_mass=subject.mass_kg,
-        box_mass=trial.box_mass_kg,
-        share=settings.box.share,
-        in_position=settings.box.in_position,
-        pivot=settings.pivot,
-        heading=lift.heading,
-        events=lift.events,
-        points=settings.points,
+        lift.table, subject.mass_kg, trial.box_mass_kg, lift.heading, lift.events, settings
     )
     return ModelledLift(found, model_pendulums(found, conditions, found.draws(how.draws, SEED)))

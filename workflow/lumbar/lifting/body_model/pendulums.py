@@ -29,6 +29,7 @@ from lumbar.lifting.stability.model.trajectories import Trajectory, find_problem
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.stability import StabilitySettings
 
 Planar = dict[tuple[str, str], PendulumStates]
@@ -42,17 +43,11 @@ class Conditions:
     body_mass: float
     box_mass: float
     """`body_mass`, `box_mass`: kilograms."""
-    share: str
-    """How the box is shared among the centres of mass."""
-    in_position: bool
-    """Whether the box counts to the place of a centre of mass."""
-    pivot: str
-    """One of `lumbar.lifting.movement.pendulum_states.PIVOTS`."""
     heading: float
     """Radians by which the axes are turned."""
     events: Mapping[str, Event]
-    points: int
-    """Length of the states."""
+    settings: LiftingSettings
+    """Pivot, how the box counts, and length of the states."""
 
 
 @dataclass(frozen=True)
@@ -101,25 +96,17 @@ def _states(
     fit: BodyFit, unknowns: Unknowns, conditions: Conditions
 ) -> tuple[Planar, dict[str, tuple[float, float]]]:
     recording, points = model_recording(fit, unknowns), model_points(fit, unknowns)
-    events = dict(conditions.events)
-    centres = centres_of_mass(
-        recording,
-        points,
-        conditions.table,
-        conditions.body_mass,
-        conditions.box_mass,
-        conditions.share,
-        events,
-    )
-    pivot = pivot_trajectory(replace(recording, source="body model"), points, conditions.pivot)
+    events, settings = dict(conditions.events), conditions.settings
+    masses = conditions.body_mass, conditions.box_mass
+    centres = centres_of_mass(recording, points, conditions.table, *masses, settings.box.share, events)
+    pivot = pivot_trajectory(replace(recording, source="body model"), points, settings.pivot)
     start, stop = events["deposit_start"].time_s, events["release"].time_s
     states: Planar = {}
     for com, centre in centres.items():
-        position = centre.position_with_box if conditions.in_position else centre.position
+        position = centre.position_with_box if settings.box.in_position else centre.position
         relative = turn(position - pivot, conditions.heading)
-        planar = pendulum_states(
-            recording.time, relative, start, stop, conditions.points, f"body model, {com}"
-        )
+        name = f"body model, {com}"
+        planar = pendulum_states(recording.time, relative, start, stop, settings.points, name)
         states |= {(com, plane): values for plane, values in planar.items()}
     return states, {com: (centre.mass_kg, centre.mass_with_box_kg) for com, centre in centres.items()}
 

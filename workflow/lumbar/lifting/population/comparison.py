@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from lumbar.base.errors import InputError
 from lumbar.lifting.population.contrast import (
     Contrast,
@@ -26,6 +24,7 @@ from lumbar.lifting.population.variance_components import (
     PersonMeans,
     VarianceComponents,
     change_components,
+    pair_up,
     variance_components,
 )
 
@@ -143,16 +142,12 @@ def compare_people(
 def _compare(values: tuple, paired: bool, sides: tuple[str, str], seed: list[int], resamples: int):
     if paired:
         contrast = within_persons(*values, name=sides[0])
-        bootstrap = cluster_bootstrap(_changes(*values), None, seed, resamples)
+        first, second = pair_up(*values)
+        bootstrap = cluster_bootstrap(first.mean - second.mean, None, seed, resamples)
         return contrast, change_components(*values), bootstrap
     components = variance_components(list(values))
     contrast = between_groups(*values, components.variance_ratio, names=sides)
     return contrast, components, cluster_bootstrap(*(side.mean for side in values), seed, resamples)
-
-
-def _changes(first: PersonMeans, second: PersonMeans) -> np.ndarray:
-    means = [dict(zip(side.persons, side.mean, strict=True)) for side in (first, second)]
-    return np.array([means[0][person] - means[1][person] for person in means[0] if person in means[1]])
 
 
 def _pairs(rows: pd.DataFrame, groups: tuple[str, str]) -> Iterator[tuple]:
