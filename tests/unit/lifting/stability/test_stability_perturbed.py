@@ -13,7 +13,7 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
     PHASE_POINTS,
     Trial,
     compare_trials,
-    funnel_of,
+    funnels_of,
     inside_by_weight,
     mean_trajectory,
     relative_value,
@@ -63,7 +63,7 @@ def test_unperturbed_trials_are_compared_with_the_others(trials):
 
 def test_value_is_the_quadratic_form(trials):
     mean = mean_trajectory(trials[:4], SETTINGS)
-    funnel = funnel_of(mean, STABILITY)
+    funnel = funnels_of([mean], STABILITY.pendulum.sign, STABILITY)[0]
     edge = replace(trials[0], angle=mean.angle + 0.1, angular_velocity=mean.angular_velocity)
     value = relative_value(edge, mean, funnel)
     # At the end the ellipse is the goal set: ±0.1 rad.

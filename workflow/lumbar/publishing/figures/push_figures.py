@@ -12,7 +12,7 @@ from lumbar.lifting.pushes.roc import curve
 from lumbar.lifting.stability.comparison.perturbed_trials import (
     PHASE_POINTS,
     Trial,
-    funnel_of,
+    funnels_of,
     mean_trajectory,
     references,
     values_of,
@@ -141,7 +141,7 @@ def trials_figure(
     """
     unperturbed = [trial for trial in trials if trial.group == "unperturbed"]
     mean = mean_trajectory(unperturbed, settings)
-    funnel = funnel_of(mean, stability)
+    funnel = funnels_of([mean], stability.pendulum.sign, stability)[0]
     figure, (plane, values, counts) = new_figure(DOUBLE_COLUMN, 3.0, ncols=3)
     root = np.sqrt(funnel.level[:, 0])
     a, p, q = (root * axis[:, 0] for axis in normal_axes(funnel.cost))

@@ -141,11 +141,6 @@ def mean_trajectory(trials: list[Trial], settings: PerturbationsSettings) -> Tra
     return mean
 
 
-def funnel_of(mean: Trajectory, stability: StabilitySettings) -> Funnels:
-    """Return the exact funnel of a mean movement, with a knot at every phase point."""
-    return funnels_of([mean], stability.pendulum.sign, stability)[0]
-
-
 def funnels_of(means: list[Trajectory], sign: str, stability: StabilitySettings) -> list[Funnels]:
     """Return the exact funnels of mean movements, computed together."""
     loops = close_loops(means, sign, replace(stability, knots=PHASE_POINTS))
