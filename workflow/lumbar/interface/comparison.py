@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from lumbar.tables.table import Table
     from lumbar.tissue.diagnosis.finding import Finding
-    from lumbar.tissue.diagnosis.residuals.locate import Simulated
+    from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 
 
 def compare(
@@ -86,7 +86,9 @@ def locate(
     return Locations(*_on_records(records, model, train, settings, data))
 
 
-def _on_records(records, model, train, settings, data) -> tuple[FittedModel, list[Simulated], str, tuple]:
+def _on_records(
+    records, model, train, settings, data
+) -> tuple[FittedModel, list[ResidualReport], str, tuple]:
     from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
     from lumbar.tissue.diagnosis.fitting.preparation import prepare
     from lumbar.tissue.diagnosis.fitting.session import in_session
@@ -112,7 +114,7 @@ class OnRecords(ABC):
     """A model beside every record, which is found by its name."""
 
     model: FittedModel
-    simulated: list[Simulated]
+    simulated: list[ResidualReport]
     data: str
     findings: tuple[Finding, ...] = ()
     """Records that were too long or too fast, and what was used of them."""
@@ -125,10 +127,10 @@ class OnRecords(ABC):
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self.model.name} on {len(self)} records>"
 
-    def __iter__(self) -> Iterator[Simulated]:
+    def __iter__(self) -> Iterator[ResidualReport]:
         return iter(self.simulated)
 
-    def __getitem__(self, name: str) -> Simulated:
+    def __getitem__(self, name: str) -> ResidualReport:
         """What was found on the record of this name."""
         found = next((item for item in self.simulated if item.record.name == name), None)
         if found is None:

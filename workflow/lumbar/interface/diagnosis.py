@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lumbar.publishing.explorer.page import ExplorerPage
     from lumbar.tissue.diagnosis.evidence.evidence import Evidence
     from lumbar.tissue.diagnosis.law.proposal import Proposal
-    from lumbar.tissue.diagnosis.residuals.locate import Simulated
+    from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
     from lumbar.tissue.diagnosis.selection.verdict import Verdict
     from lumbar.tissue.models.fitted_model import FittedModel
     from lumbar.tissue.models.form import Effect
@@ -162,7 +162,7 @@ class Diagnosis:
         )
 
     @cached_property
-    def base_on_records(self) -> list[Simulated]:
+    def base_on_records(self) -> list[ResidualReport]:
         """The base model beside every record, and where it fails."""
         from lumbar.tissue.diagnosis.residuals.locate import compare_and_locate
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lumbar.interface.comparison import Comparisons, Locations
     from lumbar.tissue.diagnosis.finding import Finding
     from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-    from lumbar.tissue.diagnosis.residuals.locate import Simulated
+    from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
     from lumbar.tissue.diagnosis.selection.candidate import Candidate
     from lumbar.tissue.models.fitted_model import FittedModel
 
@@ -126,7 +126,7 @@ class Refinement:
         return Locations(self.model, self._on_records, self.data, self.findings)
 
     @cached_property
-    def _on_records(self) -> list[Simulated]:
+    def _on_records(self) -> list[ResidualReport]:
         from lumbar.tissue.diagnosis.residuals.locate import compare_and_locate
 
         seen, fit = self.experiment, self.path[-1].fit

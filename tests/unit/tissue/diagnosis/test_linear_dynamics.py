@@ -22,7 +22,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
-from lumbar.tissue.diagnosis.linear.higher_order import linear_dynamics
+from lumbar.tissue.diagnosis.linear.linear_dynamics import linear_dynamics
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, slope_forces
 from lumbar.tissue.diagnosis.selection.candidate import evaluate, unseen_improvement
 from lumbar.tissue.models.bases import BASES

@@ -22,7 +22,7 @@ from lumbar import cli
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
-from lumbar.tissue.diagnosis.linear.frequency_response import distortion_power, nonlinear_share
+from lumbar.tissue.diagnosis.linear.linear_dynamics import distortion_power, nonlinear_share
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.residuals.compare import (
     RESAMPLES,

@@ -22,7 +22,7 @@ from lumbar.publishing.explorer.shown import (
 )
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, excitation_csv, separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import EXCITATION, Evidence
-from lumbar.tissue.diagnosis.residuals.locate import Simulated
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import model_name
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, headline
@@ -57,7 +57,7 @@ class ExplorerPage:
     verdict: Verdict
     evidence: Evidence
     catalogue: dict[str, Effect]
-    base_on_records: list[Simulated]
+    base_on_records: list[ResidualReport]
     """The base model on every record, for what is told of where it fails."""
     data: str
     """Where the data come from."""
@@ -188,7 +188,7 @@ class ExplorerPage:
         return one_file(drawn(self.fill), PAGE, self.variables())
 
 
-def told(model: ShownModel, located: Sequence[Simulated]) -> dict[str, Any]:
+def told(model: ShownModel, located: Sequence[ResidualReport]) -> dict[str, Any]:
     """Return what the page's script knows of a model."""
     return {
         "label": model.label,

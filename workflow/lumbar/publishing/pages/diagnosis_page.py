@@ -21,7 +21,7 @@ from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, undecided
 from lumbar.tissue.diagnosis.evidence.ties import ALIKE
 from lumbar.tissue.diagnosis.law.proposal import Proposal
-from lumbar.tissue.diagnosis.residuals.locate import Simulated, least_explained
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_explained
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
@@ -239,7 +239,7 @@ def _remains(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
 
 def draw_pictures(
     diagnosis: Verdict,
-    simulated: list[Simulated],
+    simulated: list[ResidualReport],
     catalogue: dict[str, Effect],
     folder: Path,
     data: str,
@@ -249,7 +249,7 @@ def draw_pictures(
 
     Parameters
     ----------
-    simulated : list of Simulated
+    simulated : list of ResidualReport
         The base model on every record.
 
     Returns

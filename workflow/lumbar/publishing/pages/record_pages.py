@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.publishing.pages.html import document, figure, heading, listing, paragraph, table
-from lumbar.tissue.diagnosis.residuals.locate import Simulated
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 
 
-def comparison_page(simulated: list[Simulated], model: str, data: str, pictures: dict[str, Path]) -> str:
+def comparison_page(simulated: list[ResidualReport], model: str, data: str, pictures: dict[str, Path]) -> str:
     """Return the page of a comparison.
 
     Parameters
@@ -34,7 +34,7 @@ def comparison_page(simulated: list[Simulated], model: str, data: str, pictures:
     return document(f"The {model} model against every record", data, blocks)
 
 
-def comparison_blocks(simulated: list[Simulated]) -> list[str]:
+def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
     """Sentences and figures of merit of every record."""
     unit = simulated[0].comparison.unit
     rows = [
@@ -52,7 +52,7 @@ def comparison_blocks(simulated: list[Simulated]) -> list[str]:
     return [listing(item.comparison.sentence for item in simulated), table(head, rows)]
 
 
-def location_page(simulated: list[Simulated], model: str, data: str, pictures: dict[str, Path]) -> str:
+def location_page(simulated: list[ResidualReport], model: str, data: str, pictures: dict[str, Path]) -> str:
     """Return the page that says and shows where a model fails; parameters as for `comparison_page`."""
     blocks = []
     for item in simulated:

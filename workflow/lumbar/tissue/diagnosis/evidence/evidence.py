@@ -24,7 +24,7 @@ from lumbar.tissue.diagnosis.evidence.ties import (
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.residuals.locate import Simulated, compare_and_locate
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 class Evidence:
     """Evidence beside a diagnosis."""
 
-    remaining: list[Simulated]
+    remaining: list[ResidualReport]
     """The selected model on every record: where it still fails."""
     ties: Ties | None
     """None where nothing was selected."""

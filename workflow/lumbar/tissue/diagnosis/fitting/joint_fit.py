@@ -99,10 +99,10 @@ def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) 
     free = np.linalg.solve(normal, right)
     if all(sign * value >= 0 for sign, value in zip(signs, free, strict=True)):
         return free / size
-    return _constrained(normal, right, signs, free) / size
+    return _solve_with_signs(normal, right, signs, free) / size
 
 
-def _constrained(
+def _solve_with_signs(
     normal: np.ndarray, right: np.ndarray, signs: tuple[int, ...], free: np.ndarray
 ) -> np.ndarray:
     """Least squares with sign constraints, from the solution without them."""
@@ -175,10 +175,10 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
         The same one wherever the same is asked for.
     """
     going_on()
-    return data.compute_once((structure, start.tobytes()), lambda: _fitted(structure, data, start))
+    return data.compute_once((structure, start.tobytes()), lambda: _search(structure, data, start))
 
 
-def _fitted(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
+def _search(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     if not len(start):
         return _at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
     low, high = shape_bounds(structure, data, start)
@@ -345,10 +345,10 @@ def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.nda
     The model's own nonlinear parameters are kept; linear ones are solved for together (parallel and input forms) or kept (output
     forms, which only transform the force).
     """
-    return data.compute_once((previous, form), lambda: _screened(previous, form, data))
+    return data.compute_once((previous, form), lambda: _errors_of_starts(previous, form, data))
 
 
-def _screened(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:
+def _errors_of_starts(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:
     residual = data.force - previous.simulate(data.motion)
     structure = previous.structure.with_form(form)
     found = []

@@ -49,7 +49,7 @@ def with_past(records: Sequence[Record]) -> dict[str, tuple[Record, int]]:
             past = replace(record, time=np.arange(len(record)) * records[0].sampling_time)
         else:
             pause = float(record.time[0] - records[index - 1].time[-1]) if clocked else 0.0
-            past, begins = _joined(past, record, pause, step, longest)
+            past, begins = _append(past, record, pause, step, longest)
         found[record.name] = (
             replace(past, name=record.name, source=record.source, period=record.period),
             begins,
@@ -92,7 +92,7 @@ def _check_alike(records: Sequence[Record]) -> None:
             )
 
 
-def _joined(past: Record, record: Record, pause: float, step: float, longest: float) -> tuple[Record, int]:
+def _append(past: Record, record: Record, pause: float, step: float, longest: float) -> tuple[Record, int]:
     """What came before and a record, with what was not recorded in between; and where the record begins."""
     if pause > longest:
         raise InputError(

@@ -276,7 +276,7 @@ def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
     centred = [item - mean for item in scores]
     times = correlation_times(centred)
     bandwidth = min(_BANDWIDTH * float(times.max()), float(size))
-    middle = sum(_windowed(item, bandwidth) for item in centred)
+    middle = sum(_bartlett_sum(item, bandwidth) for item in centred)
     share = bandwidth / size
     critical = 1.96 + 2.9694 * share + 0.416 * share**2 - 0.5324 * share**3
     effective = max(1 - 2 * float(times.sum()) / size, _LEAST_EFFECTIVE)
@@ -309,7 +309,7 @@ def _autocorrelation(series: Sequence[np.ndarray], lags: int) -> np.ndarray:
     return total / np.where(total[0] > 0, total[0], 1.0)
 
 
-def _windowed(scores: np.ndarray, bandwidth: float) -> np.ndarray:
+def _bartlett_sum(scores: np.ndarray, bandwidth: float) -> np.ndarray:
     """Σ w(k) Γ(k) with Bartlett's weights, in the frequency domain, where they are never negative."""
     from scipy.fft import next_fast_len, rfft
 

@@ -10,7 +10,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.linear.higher_order import LinearDynamics, linear_dynamics, rational_of_order
+from lumbar.tissue.diagnosis.linear.linear_dynamics import LinearDynamics, linear_dynamics, rational_of_order
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.models.bases import Base

@@ -79,7 +79,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
         Of kind ``direction`` or ``sign``; its sentence ends with the lines to put into the study's YAML.
     """
     pairs = [
-        _compared(record.own(record.motion.position), record.own(record.force))
+        _pair(record.own(record.motion.position), record.own(record.force))
         for record in (*experiment.training.records, *experiment.tests)
     ]
     layout = layout or TissueSettings().layout
@@ -120,7 +120,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
     return None
 
 
-def _compared(position: np.ndarray, force: np.ndarray) -> _Pair:
+def _pair(position: np.ndarray, force: np.ndarray) -> _Pair:
     steps = np.abs(np.diff(position))
     jump, follows = (float(np.abs(np.diff(signal)).max() / np.ptp(signal)) for signal in (position, force))
     edges = [spectral_edge(signal - signal.mean(), _BAND_POWER) for signal in (position, force)]

@@ -190,7 +190,7 @@ def relocated_poles(data: FitData, order: int, low: float, high: float, held: bo
     for _ in range(_ITERATIONS):
         poles = np.clip(np.abs(poles), 1e-2 * low, 1e2 * high) * np.exp(1j * np.angle(poles))
         shaped = Poles.of(poles)
-        poles = _relocated(data, shaped, held)
+        poles = _relocate(data, shaped, held)
         if not np.isfinite(poles).all():
             break
         found.append(Poles.of(poles))
@@ -203,7 +203,7 @@ def _starting_poles(order: int, low: float, high: float) -> np.ndarray:
     return np.concatenate([-sizes[: order % 2], pairs, pairs.conj()])
 
 
-def _relocated(data: FitData, poles: Poles, held: bool) -> np.ndarray:
+def _relocate(data: FitData, poles: Poles, held: bool) -> np.ndarray:
     """Zeros of σ = 1 + Σ kᵢ/(s − pᵢ) such that σ F is a numerator over the same poles."""
     state, inputs = _real_form(poles)
     filtered = _filtered_forces(data, poles)

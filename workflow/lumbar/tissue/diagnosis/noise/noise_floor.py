@@ -171,7 +171,7 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
         rms=float(np.sqrt(variance)),
         low=float(np.sqrt(low)),
         high=float(np.sqrt(high)),
-        structured=_described(parts, bursts, variance, mean_period, record),
+        structured=_descriptions(parts, bursts, variance, mean_period, record),
         structured_rms=float(np.hypot(together.rms(variance), bursts.rms if bursts else 0.0)),
         input_driven_rms=input_driven,
         spectrum=_density(power, folding.samples, record.sampling_time),
@@ -191,7 +191,7 @@ def _without_input_deviations(
     cause = folded - folded.mean(axis=0)
     if np.std(cause) <= _INPUT_REPEATS_EXACTLY * np.std(folded):
         return deviations, 0.0
-    columns = [_relaxed(cause, samples) for samples in (0, 1, 4, 16, 64) if samples < folding.samples / 4]
+    columns = [_low_pass(cause, samples) for samples in (0, 1, 4, 16, 64) if samples < folding.samples / 4]
     regressors = np.column_stack([column.ravel() for column in (np.gradient(cause, axis=1), *columns)])
     regressors /= np.maximum(regressors.std(axis=0), 1e-300)
     fitted = regressors @ np.linalg.lstsq(regressors, deviations.ravel(), rcond=1e-8)[0]
@@ -203,7 +203,7 @@ def _without_input_deviations(
     return rest, float(np.sqrt(np.mean(fitted**2)))
 
 
-def _relaxed(rows: np.ndarray, samples: int) -> np.ndarray:
+def _low_pass(rows: np.ndarray, samples: int) -> np.ndarray:
     """Rows through a first-order low-pass of this time constant, circularly; unchanged for 0."""
     if samples == 0:
         return rows
@@ -248,7 +248,7 @@ def _density(power: np.ndarray, samples: int, sampling_time: float) -> tuple[np.
     return np.fft.rfftfreq(samples, sampling_time), density
 
 
-def _described(
+def _descriptions(
     parts: list[Part], bursts: Bursts | None, variance: float, mean_period: np.ndarray, record: Record
 ) -> tuple[tuple[str, float], ...]:
     unit, step = record.channels["output"].unit, record.sampling_time
@@ -331,13 +331,13 @@ def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:
         return None
     per_row = degrees / noise.size
     halves = noise[::2], noise[1::2]
-    quietest = [_spread(rows) <= np.quantile(_spread(rows), _QUIET) for rows in halves]
+    quietest = [_local_variance(rows) <= np.quantile(_local_variance(rows), _QUIET) for rows in halves]
     # Phases are chosen in some periods and measured in the others: the least of many spreads is no noise level.
     measured = [other[:, phases] for other, phases in zip(halves[::-1], quietest, strict=True)]
     variance = float(
         sum(np.sum(item**2) for item in measured) / (per_row * sum(item.size for item in measured))
     )
-    quiet = _spread(noise) <= _LOUD * variance * per_row
+    quiet = _local_variance(noise) <= _LOUD * variance * per_row
     if variance <= 0 or not _last(noise, quiet):
         return None
     excess = float(np.mean(noise**2)) / per_row - variance
@@ -375,7 +375,7 @@ def _ranks(values: np.ndarray) -> np.ndarray:
     return (np.cumsum(counts) - (counts - 1) / 2)[place]
 
 
-def _spread(rows: np.ndarray) -> np.ndarray:
+def _local_variance(rows: np.ndarray) -> np.ndarray:
     """Mean square over the periods, averaged over neighbouring phases; shape (samples,)."""
     reach = _NEIGHBOURS // 2
     around = np.pad(np.mean(rows**2, axis=0), reach, mode="wrap")
@@ -384,7 +384,7 @@ def _spread(rows: np.ndarray) -> np.ndarray:
 
 def _last(noise: np.ndarray, quiet: np.ndarray) -> bool:
     """Whether large deviations last longer than the noise remembers."""
-    quietest = _spread(noise) <= np.quantile(_spread(noise), _QUIET)
+    quietest = _local_variance(noise) <= np.quantile(_local_variance(noise), _QUIET)
     of_noise = _neighbours(noise, quietest[1:] & quietest[:-1])
     return _neighbours(noise, ~quiet[1:] & ~quiet[:-1]) > of_noise + _LASTING * (1 - of_noise)
 

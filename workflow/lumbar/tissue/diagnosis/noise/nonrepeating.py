@@ -129,20 +129,20 @@ class _LineSearch:
         known = {part.kind for part in self.parts}
         fine_level = self._level()
         level = fine_level[:: len(self.rest)]
-        whitened = self._whitened(self.rest, level)
+        whitened = self._whiten(self.rest, level)
         best, best_energy = None, 0.0
         for kind in self.shapes.keys() - known:
-            energy, degrees = self._explained(kind, whitened, level)
+            energy, degrees = self._energy(kind, whitened, level)
             if excess(energy, degrees) > SIGNIFICANT and energy - degrees > best_energy:
                 best, best_energy = Part(kind, np.zeros_like(self.rest), degrees), energy - degrees
         spectrum = self._spectrum_between_lines(self._power(self.rest) / fine_level)
         for line in self._line_candidates(spectrum):
-            waves = self._whitened(_sinusoids(self.rest.shape, line.frequency, line.harmonics), level)
+            waves = self._whiten(_sinusoids(self.rest.shape, line.frequency, line.harmonics), level)
             basis = _orthonormal(waves.reshape(len(waves), -1).T)
             energy = float(np.sum((whitened.ravel() @ basis) ** 2)) - line.degrees
             if energy > best_energy:
                 best, best_energy = line, energy
-        if _stands_out(self._tamed(whitened), self.free_rows) and (
+        if _stands_out(self._clip(whitened), self.free_rows) and (
             _energy_of_largest(whitened, self.free_rows) > _UNNAMED_ADVANTAGE * best_energy
         ):
             best = Part(OTHER, np.zeros_like(self.rest), self.rest.shape[1])
@@ -192,12 +192,12 @@ class _LineSearch:
         level = smooth_power(np.insert(power[between], 0, 0.0), 1.0, bins_per_line=periods - 1)[1:]
         return np.exp(np.interp(bins, between, np.log(level)))
 
-    def _whitened(self, rows: np.ndarray, level: np.ndarray) -> np.ndarray:
+    def _whiten(self, rows: np.ndarray, level: np.ndarray) -> np.ndarray:
         """Tapered rows (along the last axis) through a filter that makes their noise white, of variance 1."""
         transform = np.fft.rfft(rows * self.taper, axis=-1) / np.sqrt(level)
         return np.fft.irfft(transform, rows.shape[-1], axis=-1)
 
-    def _tamed(self, whitened: np.ndarray) -> np.ndarray:
+    def _clip(self, whitened: np.ndarray) -> np.ndarray:
         """Whitened rows, wild samples cut: a few of them make their period a direction of its own.
 
         A change of the response fills many samples and stays far above the noise when each is cut.
@@ -206,13 +206,13 @@ class _LineSearch:
         limit = _WILD * scale * self.taper
         return np.clip(whitened, -limit, limit)
 
-    def _explained(self, kind: str, whitened: np.ndarray, level: np.ndarray) -> tuple[float, int]:
+    def _energy(self, kind: str, whitened: np.ndarray, level: np.ndarray) -> tuple[float, int]:
         """Energy that a kind of part explains of the whitened rest, and its degrees of freedom."""
         if kind == DRIFT:
             drifts = self.shapes[DRIFT]
-            basis = _orthonormal(self._whitened(drifts, level).reshape(len(drifts), -1).T)
+            basis = _orthonormal(self._whiten(drifts, level).reshape(len(drifts), -1).T)
             return float(np.sum((whitened.ravel() @ basis) ** 2)), basis.shape[1]
-        basis = _orthonormal(self._whitened(self.shapes[kind].T, level).T)
+        basis = _orthonormal(self._whiten(self.shapes[kind].T, level).T)
         return float(np.sum((whitened @ basis) ** 2)), basis.shape[1] * self.free_rows
 
     def _spectrum_between_lines(self, power: np.ndarray) -> np.ndarray:

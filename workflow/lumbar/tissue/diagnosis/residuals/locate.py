@@ -44,83 +44,52 @@ _RANKED = ("time", "position and velocity", "depth", "reversals", "linear dynami
 """Views whose shares compete; that of the spectrum is about all of a repeating error."""
 
 
-@dataclass(frozen=True, eq=False)
-class Simulated:
-    """A record beside a model's free run, and what is seen of the error."""
-
-    record: Record
-    values: np.ndarray
-    """Shape (samples,): free run."""
-    comparison: Comparison
-    location: Location
-
-
-def compare_and_locate(
-    records: Sequence[Record],
-    fit: Fit,
-    floor: NoiseFloor | None,
-    floor_from: str,
-    seed: int,
-    surface: float = 0.0,
-    session: bool = False,
-) -> list[Simulated]:
-    """Simulate a fit on every record, compare it, and see where it fails.
+def locate(
+    record: Record,
+    simulated: np.ndarray,
+    floor: NoiseFloor | None = None,
+    floor_from: str = "",
+) -> Location:
+    """See where a free-run simulation fails.
 
     Parameters
     ----------
-    records : list of Record
-    floor, floor_from, seed
-        As for `residual_reports`.
-    surface : float
-        Position that the fit counts positions from.
-    session : bool
-        Whether the records were cut from one session, in their order.
+    simulated : numpy.ndarray, shape (samples,)
+        Free run over the whole record.
+    floor : NoiseFloor, optional
+        Noise of this record, or of another one with the same set-up.
+    floor_from : str
+        Name of the record that `floor` comes from; default this one.
+
+    Raises
+    ------
+    InputError
+        If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
     """
-    seen = [for_base(record, fit.structure.base) for record in records]
-    return residual_reports(seen, simulation(seen, fit, surface, session), floor, floor_from, seed)
+    residual = residual_of(record, simulated, floor, floor_from)
+    found = [view(residual) for view in VIEWS]
+    return Location(record.name, residual, {view.name: view for view in found})
 
 
-def simulation(
-    records: Sequence[Record], fit: Fit, surface: float = 0.0, session: bool = False
-) -> Callable[[Record], np.ndarray]:
-    """A fit's free run as a function of the record; `records` as the fit's base asks for them, else as above."""
-
-    def simulate(record: Record) -> np.ndarray:
-        return fit.simulate(Motion.of(record, offset=surface))
-
-    return in_session(records, simulate) if session else simulate
-
-
-def residual_reports(
-    records: list[Record],
-    simulate: Callable[[Record], np.ndarray],
-    floor: NoiseFloor | None,
-    floor_from: str,
-    seed: int,
-) -> list[Simulated]:
-    """Simulate any model on every record, compare it, and see where it fails.
-
-    Parameters
-    ----------
-    simulate : callable
-        From a record to the model's free run, shape (samples,).
-    floor : NoiseFloor or None
-        Noise floor of the record named `floor_from`.
-    seed : int
-        Seed of the intervals.
-    """
-    found = []
-    for number, record in enumerate(track(records, "records compared and located")):
-        values = simulate(record)
-        source = "" if record.name == floor_from else floor_from
-        comparison = compare_record(record, values, floor, source, seed=seed + number)
-        found.append(Simulated(record, values, comparison, locate(record, values, floor, source)))
-    return found
-
-
-def least_explained(simulated: list[Simulated]) -> Simulated:
-    """The record of whose output the model explains the smallest share."""
-    return min(simulated, key=lambda item: item.comparison.vaf.value)
+def residual_of(
+    record: Record, simulated: np.ndarray, floor: NoiseFloor | None = None, floor_from: str = ""
+) -> Residual:
+    """What a simulation leaves of a record, from the settling time on; arguments and errors as of `locate`."""
+    first = settling_samples(record, simulated, SETTLING)
+    own_floor = floor is not None and floor_from in ("", record.name)
+    folding = _counted_folding(fold_periods(record, floor.period), first) if own_floor else None
+    return Residual(
+        values=(record["output"] - simulated)[first:],
+        time=record.time[first:] - record.time[0],
+        position=record["input"][first:],
+        velocity=steady_velocity(record["input"], record.sampling_time)[first:],
+        sampling_time=record.sampling_time,
+        unit=record.channels["output"].unit,
+        position_unit=record.channels["input"].unit,
+        moved=record.channels["input"].quantity,
+        floor=floor,
+        folding=folding,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,52 +149,83 @@ class Location:
         return [self.headline, *(view.sentence for view in self.views.values())]
 
 
-def locate(
-    record: Record,
-    simulated: np.ndarray,
-    floor: NoiseFloor | None = None,
-    floor_from: str = "",
-) -> Location:
-    """See where a free-run simulation fails.
+def compare_and_locate(
+    records: Sequence[Record],
+    fit: Fit,
+    floor: NoiseFloor | None,
+    floor_from: str,
+    seed: int,
+    surface: float = 0.0,
+    session: bool = False,
+) -> list[ResidualReport]:
+    """Simulate a fit on every record, compare it, and see where it fails.
 
     Parameters
     ----------
-    simulated : numpy.ndarray, shape (samples,)
-        Free run over the whole record.
-    floor : NoiseFloor, optional
-        Noise of this record, or of another one with the same set-up.
-    floor_from : str
-        Name of the record that `floor` comes from; default this one.
-
-    Raises
-    ------
-    InputError
-        If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
+    records : list of Record
+    floor, floor_from, seed
+        As for `residual_reports`.
+    surface : float
+        Position that the fit counts positions from.
+    session : bool
+        Whether the records were cut from one session, in their order.
     """
-    residual = residual_of(record, simulated, floor, floor_from)
-    found = [view(residual) for view in VIEWS]
-    return Location(record.name, residual, {view.name: view for view in found})
+    seen = [for_base(record, fit.structure.base) for record in records]
+    return residual_reports(seen, simulation(seen, fit, surface, session), floor, floor_from, seed)
 
 
-def residual_of(
-    record: Record, simulated: np.ndarray, floor: NoiseFloor | None = None, floor_from: str = ""
-) -> Residual:
-    """What a simulation leaves of a record, from the settling time on; arguments and errors as of `locate`."""
-    first = settling_samples(record, simulated, SETTLING)
-    own_floor = floor is not None and floor_from in ("", record.name)
-    folding = _counted_folding(fold_periods(record, floor.period), first) if own_floor else None
-    return Residual(
-        values=(record["output"] - simulated)[first:],
-        time=record.time[first:] - record.time[0],
-        position=record["input"][first:],
-        velocity=steady_velocity(record["input"], record.sampling_time)[first:],
-        sampling_time=record.sampling_time,
-        unit=record.channels["output"].unit,
-        position_unit=record.channels["input"].unit,
-        moved=record.channels["input"].quantity,
-        floor=floor,
-        folding=folding,
-    )
+def simulation(
+    records: Sequence[Record], fit: Fit, surface: float = 0.0, session: bool = False
+) -> Callable[[Record], np.ndarray]:
+    """A fit's free run as a function of the record; `records` as the fit's base asks for them, else as above."""
+
+    def simulate(record: Record) -> np.ndarray:
+        return fit.simulate(Motion.of(record, offset=surface))
+
+    return in_session(records, simulate) if session else simulate
+
+
+def residual_reports(
+    records: list[Record],
+    simulate: Callable[[Record], np.ndarray],
+    floor: NoiseFloor | None,
+    floor_from: str,
+    seed: int,
+) -> list[ResidualReport]:
+    """Simulate any model on every record, compare it, and see where it fails.
+
+    Parameters
+    ----------
+    simulate : callable
+        From a record to the model's free run, shape (samples,).
+    floor : NoiseFloor or None
+        Noise floor of the record named `floor_from`.
+    seed : int
+        Seed of the intervals.
+    """
+    found = []
+    for number, record in enumerate(track(records, "records compared and located")):
+        values = simulate(record)
+        source = "" if record.name == floor_from else floor_from
+        comparison = compare_record(record, values, floor, source, seed=seed + number)
+        found.append(ResidualReport(record, values, comparison, locate(record, values, floor, source)))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualReport:
+    """A record beside a model's free run, and what is seen of the error."""
+
+    record: Record
+    values: np.ndarray
+    """Shape (samples,): free run."""
+    comparison: Comparison
+    location: Location
+
+
+def least_explained(simulated: list[ResidualReport]) -> ResidualReport:
+    """The record of whose output the model explains the smallest share."""
+    return min(simulated, key=lambda item: item.comparison.vaf.value)
 
 
 def _counted_folding(folding: Folding, first: int) -> Folding | None:

@@ -54,11 +54,7 @@ def depth_view(residual: Residual) -> View:
         )
     else:
         sentence = f"Over depth: the mean error does not depend on position ({probability(average.p_value)})."
-    return View("depth", _counted(average), average.p_value, sentence, table)
-
-
-def _counted(average) -> float:
-    return average.share if average.p_value < SIGNIFICANT else 0.0
+    return View("depth", average.significant_share, average.p_value, sentence, table)
 
 
 def _means(values: np.ndarray, groups: np.ndarray, count: int) -> np.ndarray:
@@ -127,7 +123,7 @@ def map_view(residual: Residual) -> View:
             f"{residual.base_words} ({probability(average.p_value)}){parity}; {_largest(residual, table)}; {rest} history, "
             "time or faster dynamics."
         )
-    return View("position and velocity", _counted(average), average.p_value, sentence, table, numbers)
+    return View("position and velocity", average.significant_share, average.p_value, sentence, table, numbers)
 
 
 def no_cell_stands_out(view: View) -> bool:
@@ -248,7 +244,7 @@ def reversal_view(residual: Residual) -> View:
             f"them{': a force opposed to the motion, or memory of it, is not modelled as it is' if opposed else ''}."
         )
     numbers = {"reversals": int(turns.size), "change": change, "change_deviation": deviation}
-    return View("reversals", _counted(average), average.p_value, sentence, table, numbers)
+    return View("reversals", average.significant_share, average.p_value, sentence, table, numbers)
 
 
 def _since_reversal(residual: Residual, turns: np.ndarray, directions: np.ndarray):

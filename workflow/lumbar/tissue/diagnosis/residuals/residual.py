@@ -37,6 +37,11 @@ class Average:
     p_value: float
     """Probability of such means from noise alone."""
 
+    @property
+    def significant_share(self) -> float:
+        """`share` where the means are significant, else 0."""
+        return self.share if self.p_value < SIGNIFICANT else 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class Residual:

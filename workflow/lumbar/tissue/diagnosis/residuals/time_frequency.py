@@ -54,7 +54,7 @@ def time_view(residual: Residual) -> View:
     if residual.folding is None:
         significant = average.p_value < SIGNIFICANT
         level = (
-            f"the mean error changes from window to window by more than noise would: {_counted(average.share)} of the "
+            f"the mean error changes from window to window by more than noise would: {_share_words(average.share)} of the "
             f"{residual.base_words}"
             if significant
             else "the mean error of the windows is no more than chance"
@@ -63,8 +63,7 @@ def time_view(residual: Residual) -> View:
             f"Along time: {spread}, {trend}; {level}. Without a repeating input time cannot be told from what the input "
             "does at that time."
         )
-        share = average.share if significant else 0.0
-        return View("time", share, average.p_value, sentence, table, numbers)
+        return View("time", average.significant_share, average.p_value, sentence, table, numbers)
     share, p_value = _not_repeating(residual)
     numbers |= {"not_repeating_share": share}
     change = slope * (residual.time[-1] - residual.time[0])
@@ -84,7 +83,7 @@ def time_view(residual: Residual) -> View:
     return View("time", share if p_value < SIGNIFICANT else 0.0, p_value, sentence, table, numbers)
 
 
-def _counted(share: float) -> str:
+def _share_words(share: float) -> str:
     return percent(share) if share > 0 else "no more than of any smooth error, 0 %"
 
 

@@ -10,7 +10,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
-from lumbar.tissue.diagnosis.linear.frequency_response import nonlinear_share
+from lumbar.tissue.diagnosis.linear.linear_dynamics import nonlinear_share
 from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate
 from lumbar.tissue.diagnosis.selection.findings import linear_alternative, linear_finding, offsets

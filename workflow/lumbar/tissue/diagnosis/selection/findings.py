@@ -8,7 +8,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import zero_interval
-from lumbar.tissue.diagnosis.linear.higher_order import linear_dynamics
+from lumbar.tissue.diagnosis.linear.linear_dynamics import linear_dynamics
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, unseen_improvement
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.diagnosis.selection.verdict import Verdict

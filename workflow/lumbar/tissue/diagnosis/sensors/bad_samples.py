@@ -245,7 +245,7 @@ def find_dropped(record: Record) -> Repair | None:
     cured[windows] = misfit[windows] / np.maximum(least, 1e-3 * usual)
     lost = (cured[windows] > _CURED) & (best <= _MOST_TOGETHER)
     lost &= cured[windows] >= maximum_filter1d(cured, 2 * half - 1)[windows]
-    return _put_in(record, windows[lost] + half - 1, best[lost]) if lost.any() else None
+    return _insert(record, windows[lost] + half - 1, best[lost]) if lost.any() else None
 
 
 def _across(missing: int) -> np.ndarray:
@@ -256,7 +256,7 @@ def _across(missing: int) -> np.ndarray:
     return np.linalg.qr(np.vander(places, _POINTS, increasing=True))[0][:, _DEGREE + 1 :].T
 
 
-def _put_in(record: Record, places: np.ndarray, missing: np.ndarray) -> Repair:
+def _insert(record: Record, places: np.ndarray, missing: np.ndarray) -> Repair:
     """Put so many missing samples in after each of these places."""
     from scipy.interpolate import make_interp_spline
 

@@ -127,7 +127,7 @@ def _is_skew(growth: np.ndarray, spectra: dict[str, np.ndarray]) -> bool:
     """Whether the rate of change alone explains what grows, and nothing else does as well."""
     others = ("force", "position", "speed")
     explanations = [("rate",), *combinations(others, 1), *combinations(others, 2)]
-    left = {names: _left(growth, [spectra[name] for name in names]) for names in explanations}
+    left = {names: _squared_rest(growth, [spectra[name] for name in names]) for names in explanations}
     rate = left.pop(("rate",))
     explained = float(growth @ growth) - rate
     single = min(value for names, value in left.items() if len(names) == 1)
@@ -141,7 +141,7 @@ def _is_skew(growth: np.ndarray, spectra: dict[str, np.ndarray]) -> bool:
     )
 
 
-def _left(growth: np.ndarray, columns: list[np.ndarray]) -> float:
+def _squared_rest(growth: np.ndarray, columns: list[np.ndarray]) -> float:
     columns = np.column_stack(columns)
     return float(np.sum((growth - columns @ np.linalg.lstsq(columns, growth, rcond=None)[0]) ** 2))
 

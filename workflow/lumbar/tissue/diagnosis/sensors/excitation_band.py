@@ -76,8 +76,8 @@ def within_band(values: np.ndarray, sampling_time: float, edge: float) -> np.nda
     reach = min(len(values) - 1, int(_REACH / (edge * sampling_time)) + 1)
     mean = values.mean()
     rest = values - mean
-    before = _continued(rest[reach::-1], sampling_time, edge)[::-1]
-    after = _continued(rest[-reach - 1 :], sampling_time, edge)
+    before = _continuation(rest[reach::-1], sampling_time, edge)[::-1]
+    after = _continuation(rest[-reach - 1 :], sampling_time, edge)
     extended = np.concatenate([before, rest, after])
     length = next_fast_len(len(extended), real=True)
     spectrum = rfft(extended, length)
@@ -85,7 +85,7 @@ def within_band(values: np.ndarray, sampling_time: float, edge: float) -> np.nda
     return mean + irfft(spectrum, length)[len(before) : len(before) + len(values)]
 
 
-def _continued(end: np.ndarray, sampling_time: float, edge: float) -> np.ndarray:
+def _continuation(end: np.ndarray, sampling_time: float, edge: float) -> np.ndarray:
     """What follows the end of a signal, for as long again, and fades to zero: shape (samples - 1,)."""
     size = len(end)
     harmonics = max(int(2 * size * sampling_time * edge), 1) + 1

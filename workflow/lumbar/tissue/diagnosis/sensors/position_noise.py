@@ -177,7 +177,7 @@ def _roughness(record: Record) -> Roughness | None:
         return None
     smooth = within_band(values, step, edge)
     rough, speed = values - smooth, np.gradient(smooth, step)
-    usual = _spread(rough)
+    usual = _robust_deviation(rough)
     if usual <= _LEAST * np.std(values) or np.sqrt(np.mean(rough**2)) > _CONCENTRATED * usual:
         return None
     noise, jitter = _noise_and_jitter(rough, speed, step, edge)
@@ -186,7 +186,7 @@ def _roughness(record: Record) -> Roughness | None:
     return found if _matters(found, record) else None
 
 
-def _spread(values: np.ndarray) -> float:
+def _robust_deviation(values: np.ndarray) -> float:
     return _MAD * float(np.median(np.abs(values)))
 
 
@@ -198,7 +198,7 @@ def _noise_and_jitter(rough: np.ndarray, speed: np.ndarray, step: float, edge: f
     share, power = float(taps.sum()), np.maximum(fftconvolve(speed**2, taps, "same"), 0.0)
     order = np.argsort(power)
     groups = [group for group in np.array_split(order, _BINS) if group.size]
-    found = np.array([_spread(rough[group]) ** 2 for group in groups])
+    found = np.array([_robust_deviation(rough[group]) ** 2 for group in groups])
     found = np.maximum(found, 1e-12 * found.max())
     moved = np.array([power[group].mean() for group in groups])
     weight = 0.5 * share * _EFFICIENCY * len(rough) / len(groups)
@@ -246,7 +246,9 @@ def _matters(found: Roughness, record: Record) -> bool:
         return True
     force, step = record["output"], record.sampling_time
     share = float(np.sum(_response_beyond(step, found.edge) ** 2))
-    return _gain_at_edge(found, force) * found.moves > _MATTERS * _spread(found.answer) / np.sqrt(share)
+    return _gain_at_edge(found, force) * found.moves > _MATTERS * _robust_deviation(found.answer) / np.sqrt(
+        share
+    )
 
 
 def _gain_at_edge(found: Roughness, force: np.ndarray) -> float:

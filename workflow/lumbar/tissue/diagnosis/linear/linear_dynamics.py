@@ -1,4 +1,4 @@
-"""The best linear time-invariant model from position to force, of an order that the training record asks for.
+"""The best linear time-invariant model from position to force, and how much of what a model leaves no such model explains.
 
 What such a model explains needs no nonlinear effect. Two kinds are tried, each beside a constant (a sensor's zero), a
 spring, a dashpot and a mass:
@@ -18,11 +18,15 @@ from functools import lru_cache
 
 import numpy as np
 
+from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.decimation import decimate
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
-from lumbar.tissue.diagnosis.fitting.joint_fit import solve_linear
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, solve_linear
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
+from lumbar.tissue.diagnosis.noise.periods import Folding, fold_periods
+from lumbar.tissue.diagnosis.residuals.time_frequency import excited_lines
 from lumbar.tissue.models.motion import JoinedMotions, Motion, is_held
 
 ORDERS = (1, 2, 3, 4, 6)
@@ -46,6 +50,11 @@ _LINE_WIDTH = 2.0
 """(ΣS)²/ΣS² of one sine through Hann's window."""
 _SMALLEST = 1e-12
 """Share of the force's power below which an error is rounding."""
+_NEIGHBOURHOOD = 9
+"""Neighbouring excited lines over which the response is taken as a parabola."""
+_DEGREES = 3
+_ABOVE_NOISE = 2.0
+"""Power of a residual in that of its noise, below which it holds too little to be divided."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +97,7 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
     The test records have no say. Long records are fitted at a lower rate; errors are those at the full one.
     """
     data = decimate(experiment.training)
-    best = _chosen(list(_candidates(data)), data)
+    best = _lowest_criterion(list(_candidates(data)), data)
     whitened = best.whitened_errors(experiment.training)
     return replace(
         best,
@@ -100,11 +109,11 @@ def linear_dynamics(experiment: Experiment) -> LinearDynamics:
 
 def rational_of_order(data: FitData, order: int) -> LinearDynamics:
     """Fit an output-error model of so many free poles and free residues to a record."""
-    static = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), is_held(data.motion))
+    static = _solve("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), is_held(data.motion))
     return _rational(data, order, static)
 
 
-def _chosen(candidates: list[LinearDynamics], data: FitData) -> LinearDynamics:
+def _lowest_criterion(candidates: list[LinearDynamics], data: FitData) -> LinearDynamics:
     """The candidate of the lowest information criterion (Schwarz, Ann. Statist. 6 (1978) 461-464).
 
     What a model of any order leaves of a nonlinear force is coloured, often a few lines: it holds fewer independent errors
@@ -141,9 +150,9 @@ def _independent_share(errors: np.ndarray) -> float:
 def _candidates(data: FitData) -> Iterator[LinearDynamics]:
     held = is_held(data.motion)
     yield _prony(data, held)
-    best = lower = _solved("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), held)
+    best = lower = _solve("rational", data, Poles(np.zeros(0), np.zeros((0, 2))), held)
     yield best
-    yield from (_solved("rational", data, replace(best.poles, direct=direct), held) for direct in (2, 3))
+    yield from (_solve("rational", data, replace(best.poles, direct=direct), held) for direct in (2, 3))
     lines = _excited_lines(data)
     for order in (order for order in ORDERS if order == 1 or order < lines):
         fitted = _on_all(data, lambda part, order=order, lower=lower: _rational(part, order, lower))
@@ -151,7 +160,7 @@ def _candidates(data: FitData) -> Iterator[LinearDynamics]:
         if order == 1:
             yield _on_all(data, lambda part, fitted=fitted: _without_derivatives(part, fitted))
         if order == _DELAYED_ORDER and not held:
-            yield _on_all(data, lambda part, fitted=fitted: _delayed(part, fitted))
+            yield _on_all(data, lambda part, fitted=fitted: _with_delay(part, fitted))
         if order > 2 and fitted.squared_error > _WORTHWHILE * best.squared_error:
             break
         lower = fitted
@@ -174,7 +183,7 @@ def _on_all(data: FitData, fit: Callable[[FitData], LinearDynamics]) -> LinearDy
         return fit(data)
     settling = data.length - data.size
     found = fit(data.split((settling + _LONG) / data.length)[0])
-    return _solved(found.kind, data, found.poles, found.held)
+    return _solve(found.kind, data, found.poles, found.held)
 
 
 def _rates_seen(data: FitData) -> tuple[float, float]:
@@ -200,24 +209,24 @@ def _rational(data: FitData, order: int, lower: LinearDynamics) -> LinearDynamic
     more = np.geomspace(low, high, order - lower.order + 2)[1:-1]
     starts = relocated_poles(data, order, low, high, lower.held)[-2:]
     starts.append(Poles.of(np.concatenate([lower.poles.to_array(), -more])))
-    found = [_solved("rational", data, poles, lower.held) for poles in starts]
-    return _refined(data, min(found, key=lambda item: item.squared_error))
+    found = [_solve("rational", data, poles, lower.held) for poles in starts]
+    return _refine(data, min(found, key=lambda item: item.squared_error))
 
 
 def _without_derivatives(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
     """The same poles beside constant and spring only, refined: of one pole it is the Kelvin–Boltzmann model."""
-    return _refined(data, _solved("rational", data, replace(fitted.poles, direct=2), fitted.held))
+    return _refine(data, _solve("rational", data, replace(fitted.poles, direct=2), fitted.held))
 
 
-def _delayed(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
+def _with_delay(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
     """The same poles behind a pure delay, both refined."""
     step = data.motion.sampling_time
     delays = [delay * step for delay in _DELAYS if delay * step < _LONGEST_DELAY]
-    found = [_solved("delayed", data, replace(fitted.poles, delay=delay), fitted.held) for delay in delays]
-    return _refined(data, min(found, key=lambda item: item.squared_error))
+    found = [_solve("delayed", data, replace(fitted.poles, delay=delay), fitted.held) for delay in delays]
+    return _refine(data, min(found, key=lambda item: item.squared_error))
 
 
-def _refined(data: FitData, start: LinearDynamics) -> LinearDynamics:
+def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
     """Search poles and delay, linear parameters solved for at each."""
     from scipy.optimize import least_squares
 
@@ -245,7 +254,7 @@ def _refined(data: FitData, start: LinearDynamics) -> LinearDynamics:
     found = least_squares(
         error, np.clip(vector, *bounds), jacobian, bounds=bounds, xtol=1e-5, ftol=1e-5, max_nfev=_EVALUATIONS
     )
-    refined = _solved(start.kind, data, start.poles.with_vector(found.x), start.held)
+    refined = _solve(start.kind, data, start.poles.with_vector(found.x), start.held)
     return min(refined, start, key=lambda item: item.squared_error)
 
 
@@ -267,7 +276,7 @@ def _solution(design: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.nda
     return basis @ (basis.T @ (design.T @ force)), basis
 
 
-def _solved(kind: str, data: FitData, poles: Poles, held: bool) -> LinearDynamics:
+def _solve(kind: str, data: FitData, poles: Poles, held: bool) -> LinearDynamics:
     columns = forces(data.motion, poles, held)
     return _model(kind, data, poles, held, _solution(data.whiten(columns), data.whiten(data.force))[0])
 
@@ -276,3 +285,84 @@ def _model(kind: str, data: FitData, poles: Poles, held: bool, linear: np.ndarra
     found = LinearDynamics(kind, poles, held, linear, np.exp(poles.to_vector()), np.inf)
     error, force = found.whitened_errors(data), data.whiten(data.force)
     return replace(found, squared_error=max(float(error @ error), _SMALLEST * float(force @ force)))
+
+
+def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float | None:
+    """Share of a model's repeating error, its noise aside, that no linear model can explain.
+
+    In the steady state a linear tissue answers a periodic motion at the lines of that motion only, and there with a frequency
+    response that is smooth from line to line. What the mean period holds beside that is nonlinear distortion (Pintelon and
+    Schoukens, System Identification: A Frequency Domain Approach, 2012, chapters 4 and 7: best linear approximation, local
+    polynomial method). A nonlinear force also shifts the linear approximation: its distortion is less than all it does.
+
+    Returns
+    -------
+    float or None
+        From 0 to 1, a lower bound; None where no training record repeats, where it excites too few lines to compare
+        neighbours, or where the model leaves hardly more than noise.
+    """
+    floor = experiment.floor
+    if floor is None:
+        return None
+    data = _record(experiment)
+    folding = _folding(data, floor)
+    error = data.force - fit.simulate(data.motion)
+    position, force, error = (
+        folding.fold(data.own(signal)).mean(axis=0) for signal in (data.motion.position, data.force, error)
+    )
+    excited = excited_lines(position)
+    if len(excited) < 2 * _NEIGHBOURHOOD:
+        return None
+    noise = _noise_power(floor, folding)
+    left = np.abs(np.fft.rfft(error)[1:]) ** 2
+    if left.sum() < _ABOVE_NOISE * noise.sum():
+        return None
+    distortion = distortion_power(np.fft.rfft(position), np.fft.rfft(force), excited)[1:]
+    share = (distortion.sum() - noise.sum()) / (left.sum() - noise.sum())
+    return float(np.clip(share, 0.0, 1.0))
+
+
+def distortion_power(inputs: np.ndarray, outputs: np.ndarray, excited: np.ndarray) -> np.ndarray:
+    """Power at every line of an output's spectrum that the best linear approximation does not explain, noise included.
+
+    Parameters
+    ----------
+    inputs, outputs : numpy.ndarray of complex, shape (lines,)
+        Spectra of a mean period.
+    excited : numpy.ndarray of int
+        Lines of the input, at least `_NEIGHBOURHOOD`.
+
+    Returns
+    -------
+    numpy.ndarray, shape (lines,)
+        Squared magnitude in the unit of the spectrum; at excited lines the estimate from their neighbourhood.
+    """
+    power = np.abs(outputs) ** 2
+    for index, line in enumerate(excited):
+        first = min(max(index - _NEIGHBOURHOOD // 2, 0), len(excited) - _NEIGHBOURHOOD)
+        near = excited[first : first + _NEIGHBOURHOOD]
+        distance = (near - line) / max(near[-1] - near[0], 1)
+        columns = inputs[near, None] * distance[:, None] ** np.arange(_DEGREES)
+        fitted = columns @ np.linalg.lstsq(columns, outputs[near], rcond=1e-12)[0]
+        power[line] = np.sum(np.abs(outputs[near] - fitted) ** 2) / (_NEIGHBOURHOOD - _DEGREES)
+    return power
+
+
+def _record(experiment: Experiment) -> FitData:
+    """Training record that the noise floor was taken from."""
+    return next(item for item in experiment.training.records if item.name == experiment.floor_from)
+
+
+def _folding(data: FitData, floor: NoiseFloor) -> Folding:
+    channels = {
+        "input": Channel(data.own(data.motion.position), "position", ""),
+        "output": Channel(data.own(data.force), "force", ""),
+    }
+    return fold_periods(Record(data.name, data.own(data.motion.time), channels), floor.period)
+
+
+def _noise_power(floor: NoiseFloor, folding: Folding) -> np.ndarray:
+    """Expected squared magnitude of the noise at the lines of the mean period's spectrum, from line 1 on."""
+    frequency = np.fft.rfftfreq(folding.samples, floor.sampling_time)[1:]
+    density = floor.density(frequency) / 2  # two-sided
+    return density * folding.samples / floor.sampling_time / len(folding.rows)
