@@ -46,9 +46,9 @@ test-portable: environment ## tests, results and verdicts under other processors
 	python benchmarks/portable/run.py
 
 # Both suites run to their end; the status tells whether an answer is another one than recorded.
-acceptance: environment ## records whose truth is known, public and hard ones: a judgement each, and docs/acceptance.md: minutes
-	python tests/real_records/run.py --markdown docs/acceptance.md; real=$$?; \
-	python tests/hard_effects/run.py --markdown docs/acceptance.md && exit $$real
+acceptance: environment ## records whose truth is known, public and hard ones: a judgement each, and docs/tissue/acceptance.md: minutes
+	python tests/real_records/run.py --markdown docs/tissue/acceptance.md; real=$$?; \
+	python tests/hard_effects/run.py --markdown docs/tissue/acceptance.md && exit $$real
 
 report: results ## results/<study>/report.html: every table and figure beside the thesis's, one page, works offline
 	snakemake --cores 1 $(CONFIGFILE) report
@@ -75,7 +75,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python benchmarks/runtime.py
 	python benchmarks/browser.py
 	python benchmarks/pendulum.py
-	python benchmarks/calibration.py --markdown docs/acceptance.md
+	python benchmarks/calibration.py --markdown docs/tissue/acceptance.md
 	python benchmarks/hidden_effects/run.py --processes $(CORES)
 
 lint: environment ## what the continuous integration checks before the tests
@@ -95,6 +95,7 @@ docs: environment ## renew the references of configuration keys, effects, equati
 	python docs/generate/effects_reference.py
 	python docs/generate/equation_index.py
 	python docs/generate/gallery.py
+	python docs/generate/house.py
 
 SITE := build/docs-venv
 # An environment of its own, from the newest versions that pyproject.toml allows: .venv stays the lock's.

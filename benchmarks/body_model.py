@@ -2,7 +2,7 @@
 
     python benchmarks/body_model.py [people hidden centre t12 areas] [--seeds 8] [--shared ../shared]
 
-Prints the tables of docs/body_model.md. `people` takes about 6 CPU-seconds per person and condition, the others together
+Prints the tables of docs/lifting/body_model.md. `people` takes about 6 CPU-seconds per person and condition, the others together
 four minutes. Rules bridge every gap by a spline here, however long, where they would leave it open by default.
 """
 

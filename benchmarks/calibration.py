@@ -1,6 +1,6 @@
 """Whether the diagnosis' probabilities and intervals are what they say, on simulated tissue tests whose truth is known.
 
-    python benchmarks/calibration.py [--count 17] [--markdown docs/acceptance.md]
+    python benchmarks/calibration.py [--count 17] [--markdown docs/tissue/acceptance.md]
 
 Linear tissues under noise and sensor faults: the p-value of the best effect that is not there, and whether one is named.
 Tissues with one effect, fitted in its own form: whether the 95 % intervals hold the true values. Writes every single result to

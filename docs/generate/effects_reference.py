@@ -172,4 +172,4 @@ def write_reference(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_reference(Path(__file__).resolve().parents[1])
+    write_reference(Path(__file__).resolve().parents[1] / "tissue")

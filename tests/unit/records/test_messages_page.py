@@ -107,7 +107,7 @@ FILES = {
 
 
 def messages(project):
-    page = (project / "docs" / "marker_files.md").read_text(encoding="utf-8")
+    page = (project / "docs" / "lifting" / "marker_files.md").read_text(encoding="utf-8")
     section = page.split("## Your file says …\n")[1]
     return re.findall(r"^\| `(.+?)` \|", section, flags=re.MULTILINE)
 

@@ -48,7 +48,7 @@ MOMENT_COLUMNS = columns(
     input=("angle_rad", "rad", "angle"),  # from the vertical
     output=("moment_Nm", "N m", "moment"),  # at the pivot, positive with the angle
 ) | {
-    # Further columns, where they were recorded, let the diagnosis try more effects (docs/pendulum_moment.md).
+    # Further columns, where they were recorded, let the diagnosis try more effects (docs/tissue/pendulum_moment.md).
     "box_held": ColumnSettings("box_held", "1", "share of the box held", optional=True),
     "length": ColumnSettings("length_m", "m", "length", optional=True),
     "pivot_acceleration_x": ColumnSettings(

@@ -166,7 +166,7 @@ def test_every_kind_of_finding_is_explained(project):
     ]
     text = "".join(path.read_text(encoding="utf-8") for path in sources)
     kinds = set(re.findall(r'clock\.finding\(\s*"([a-z ]+)"', text))
-    page = (project / "docs" / "quality.md").read_text(encoding="utf-8")
+    page = (project / "docs" / "lifting" / "quality.md").read_text(encoding="utf-8")
     explained = r"^\| `([a-z ]+)` \| (?:error|left|proposed|noted)[^|]*\| [^|]+\| [^|]+\|$"
     assert kinds == set(re.findall(explained, page, re.MULTILINE))
 

@@ -165,7 +165,7 @@ def test_an_effect_of_the_users_own(tmp_path):
 def test_the_pages_of_the_catalogues_say_what_the_definitions_say(project, system, name):
     from generate.effects_reference import effects_page
 
-    page = project / "docs" / f"{name}.md"
+    page = project / "docs" / "tissue" / f"{name}.md"
     text = page.read_text(encoding="utf-8")
     assert text == effects_page(system), "run make docs"
     for effect, definition in CATALOGUES[system].items():

@@ -242,13 +242,13 @@ def test_the_page_names_all_signals_functions_and_keys(project):
     from lumbar.tissue.models.motion import SIGNALS
     from lumbar.tissue.models.parameter import SCALES
 
-    page = (project / "docs" / "own_effect.md").read_text(encoding="utf-8")
+    page = (project / "docs" / "tissue" / "own_effect.md").read_text(encoding="utf-8")
     keys = {*notation._EFFECT_KEYS, *notation._FORM_KEYS, *notation._NONLINEAR_KEYS, "sign"} - {"name"}
     for name in (*SIGNALS, *OPERANDS, *SCALES, *keys):
         assert re.search(rf"`{name}[`:(]", page), name
 
 
 def test_the_pages_example_is_read(project, tmp_path):
-    page = (project / "docs" / "own_effect.md").read_text(encoding="utf-8")
+    page = (project / "docs" / "tissue" / "own_effect.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
     assert catalogue_with([written(tmp_path, example)])["own_friction"].forms[0].state

@@ -43,7 +43,7 @@ _DEFINITIONS = {
     "longest_gap_s": "Longest stretch in which a marker was not seen; 0 where all always were.",
     "estimated": "Standard markers that the file does not hold and a rule fills.",
     "left_out": "Stretches of a marker left out because they cannot be a body's.",
-    "findings": "What was found, with marker and time; each kind is explained in docs/quality.md.",
+    "findings": "What was found, with marker and time; each kind is explained in docs/lifting/quality.md.",
     "not_checked": "What the file's markers did not allow to check; why stands in quality.json.",
 }
 
@@ -53,7 +53,7 @@ class Finding:
     """One finding."""
 
     kind: str
-    """E.g. ``"frozen"``; docs/quality.md explains each."""
+    """E.g. ``"frozen"``; docs/lifting/quality.md explains each."""
     outcome: str
     """``"error"``, ``"left out"``, ``"proposed"`` or ``"noted"``."""
     markers: tuple[str, ...]

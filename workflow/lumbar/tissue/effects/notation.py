@@ -1,6 +1,6 @@
 """The notation of effects: one effect in a YAML file, as equations, the catalogue's own and a user's alike.
 
-``docs/own_effect.md`` says what a file holds. Files of the catalogue may name `lumbar.tissue.effects.hooks` besides, which
+``docs/tissue/own_effect.md`` says what a file holds. Files of the catalogue may name `lumbar.tissue.effects.hooks` besides, which
 are code; a user's cannot.
 """
 
