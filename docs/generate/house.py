@@ -41,12 +41,17 @@ def arrows() -> set[tuple[tuple[str, ...], tuple[str, ...]]]:
 
 def _drawn(pairs: set[tuple[str, str]]) -> list[tuple[str, str]]:
     """Arrows that no way over another room replaces, sorted."""
-    below = {room: {other for one, other in pairs if one == room} for room in {room for pair in pairs for room in pair}}
+    below = {
+        room: {other for one, other in pairs if one == room}
+        for room in {room for pair in pairs for room in pair}
+    }
 
     def reached(room: str) -> set[str]:
         return set().union(*({other} | reached(other) for other in below[room]))
 
-    return sorted((one, other) for one, other in pairs if not any(other in reached(way) for way in below[one] - {other}))
+    return sorted(
+        (one, other) for one, other in pairs if not any(other in reached(way) for way in below[one] - {other})
+    )
 
 
 def picture() -> str:
@@ -55,7 +60,11 @@ def picture() -> str:
     outer = {(one[0], other[0]) for one, other in every if one[0] != other[0]}
     lines = ["```mermaid", "flowchart TD"]
     for wing in ("tissue", "lifting"):
-        inner = {(one[1], other[1]) for one, other in every if one[0] == other[0] == wing and len(one) == len(other) == 2}
+        inner = {
+            (one[1], other[1])
+            for one, other in every
+            if one[0] == other[0] == wing and len(one) == len(other) == 2
+        }
         alone = sorted(path.parent.name for path in (LIBRARY / wing).glob("*/__init__.py"))
         alone = [room for room in alone if not any(room in pair for pair in inner)]
         lines += [f"  subgraph {wing}", *(f"    {wing}.{room}" for room in alone)]

@@ -11,5 +11,10 @@ def test_the_picture_is_up_to_date():
 
 def test_the_wings_are_apart_and_stand_on_the_records():
     rooms = {(one[0], other[0]) for one, other in arrows()}
-    assert {("tissue", "records"), ("lifting", "records"), ("interface", "tissue"), ("interface", "lifting")} <= rooms
+    assert {
+        ("tissue", "records"),
+        ("lifting", "records"),
+        ("interface", "tissue"),
+        ("interface", "lifting"),
+    } <= rooms
     assert not {("tissue", "lifting"), ("lifting", "tissue")} & rooms

@@ -231,7 +231,7 @@ def test_what_is_no_file_of_models_is_refused(content, words):
 
 
 def test_the_file_in_the_documentation_is_one(project):
-    text = (project / "docs" / "architecture.md").read_text(encoding="utf-8")
+    text = (project / "docs" / "contracts.md").read_text(encoding="utf-8")
     example = text[text.index('{"schema": "lumbar.models/2"') :].split("```")[0]
     assert [model.name for model in read_models(json.loads(example), CATALOGUES)] == ["KB", "LE+drift"]
 
