@@ -25,7 +25,7 @@ from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit"))
 from pendulum_experiments import EFFECTS, make_pendulum_experiment
-from pendulum_records import records_of
+from pendulum_experiments import records_of
 
 MEASURABLE = ("hand_load", "variable_length", "moving_pivot")
 """Effects of which further columns can be recorded."""

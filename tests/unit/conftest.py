@@ -120,6 +120,6 @@ def run(capsys):
 @pytest.fixture(scope="module")
 def functions(zig_cache, tmp_path_factory):
     """Elementary functions as the C code of FMUs computes them."""
-    from portable_functions import portable_functions
+    from c_programs import portable_functions
 
     return portable_functions(tmp_path_factory.mktemp("math"), zig_cache)

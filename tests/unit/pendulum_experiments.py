@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lumbar.records.record import Channel, Record
 from lumbar.twin.hip_moment import AT_REST, Mass, Signal, Swing, acceleration, constant, rate
 
 EFFECTS = ("hand_load", "passive_stiffness", "coulomb_friction", "variable_length", "moving_pivot", "drag")
@@ -234,3 +235,26 @@ _DRAWN = dict(
         strict=True,
     )
 )
+
+
+ROLES = {
+    "angle_rad": ("input", "angle", "rad"),
+    "moment_Nm": ("output", "moment", "N m"),
+    "box_held": ("box_held", "share of the box held", "1"),
+    "length_m": ("length", "length", "m"),
+    "pivot_acceleration_x_m_s2": ("pivot_acceleration_x", "acceleration", "m/s²"),
+    "pivot_acceleration_z_m_s2": ("pivot_acceleration_z", "acceleration", "m/s²"),
+}
+
+
+def records_of(tables: dict) -> list[Record]:
+    """Return records from their columns by name, as `pendulum_experiments` makes them."""
+    records = []
+    for name, columns in tables.items():
+        channels = {
+            ROLES[key][0]: Channel(values, *ROLES[key][1:])
+            for key, values in columns.items()
+            if key != "time_s"
+        }
+        records.append(Record(name, columns["time_s"], channels, name))
+    return records

@@ -7,7 +7,7 @@ import ezc3d
 import numpy as np
 import pytest
 from c3d_builder import DEC, INTEL, MIPS, build_c3d
-from marker_gaps import missing_share
+from lifting_cases import missing_share
 
 from lumbar.base.errors import InputError
 from lumbar.records.c3d_file import analog_channels, read_analog, read_c3d, read_coordinates

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from c3d_builder import build_c3d
-from marker_gaps import missing_share
+from lifting_cases import missing_share
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.quality.body import read_upright

@@ -25,6 +25,8 @@ from run.job_resources import measured
 from run.job_starts import lift_limit
 from run.killed_jobs import remove_half_written
 
+WORKFLOW = Path(__file__).resolve().parents[3] / "workflow"
+
 
 @pytest.fixture
 def job(tmp_path, monkeypatch, capsys):
@@ -136,7 +138,6 @@ def test_a_file_that_the_system_refuses_is_told_by_the_command(tmp_path):
     assert not [path for path in out.rglob("*") if path.is_file()]
 
 
-WORKFLOW = Path(__file__).resolve().parents[3] / "workflow"
 JOB = """
 import os, sys, time
 from pathlib import Path

@@ -97,7 +97,7 @@ def test_a_trial_the_twin_does_not_know_is_refused(twin, tmp_path):
 
 def test_the_default_study_weighs_the_box(twin, tmp_path):
     """Diagnosed as a study would: the twin's truth is read by the assertions only."""
-    from pendulum_records import records_of
+    from pendulum_experiments import records_of
 
     from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
     from lumbar.tissue.diagnosis.selection.diagnose import diagnose
@@ -129,7 +129,7 @@ def test_the_default_study_weighs_the_box(twin, tmp_path):
 
 def test_a_study_elsewhere_weighs_the_box_by_its_own_gravity(twin, tmp_path):
     """On Mars: the effects, the file of the model and what is read from it have the study's gravity."""
-    from pendulum_records import records_of
+    from pendulum_experiments import records_of
 
     names, mars = ["paced", "fast"], 3.71
     trials = {}

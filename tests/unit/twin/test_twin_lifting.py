@@ -9,7 +9,7 @@ import c3d
 import ezc3d
 import numpy as np
 import pytest
-from marker_gaps import missing_share
+from lifting_cases import missing_share
 
 from lumbar.base.errors import InputError
 from lumbar.records.c3d_file import read_c3d

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from recorded_athlete import ATHLETE
+from lifting_cases import ATHLETE
 
 from lumbar.interface.movement import measure_movement
 from lumbar.interface.person import Lift, lift

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lifting_cases import perturbation_settings
 from scipy.signal import sosfreqz
-from trial_cases import perturbation_settings
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.cleaning import (

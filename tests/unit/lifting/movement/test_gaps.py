@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from marker_gaps import missing_share
+from lifting_cases import missing_share
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.gaps import (

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded_athlete import ATHLETE
+from lifting_cases import ATHLETE
 
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.movement.plate_check import check_against_plates, plate_check

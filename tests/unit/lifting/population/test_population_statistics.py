@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
-from orthodont import BOYS, GIRLS
 from scipy import optimize, stats
 from statsmodels.stats.power import TTestIndPower, TTestPower
 
+import lumbar
 from lumbar.base.errors import InputError
 from lumbar.lifting.population.contrast import (
     between_groups,
@@ -17,6 +18,7 @@ from lumbar.lifting.population.contrast import (
 )
 from lumbar.lifting.population.sample_size import detectable_difference, persons_needed, power
 from lumbar.lifting.population.variance_components import PersonMeans, change_components, variance_components
+from lumbar.settings.population import PopulationSettings
 from simulated_people import UNEQUAL, draw_group, draw_pair
 
 
@@ -176,3 +178,97 @@ def test_power_is_what_simulated_studies_find():
         for _ in range(600)
     ]
     assert np.mean(found) == pytest.approx(power(1.0, np.sqrt(0.5 + 0.5 / 3), persons), abs=0.04)
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Two measures of 5 experts and 4 novices with two boxes, two trials each: one differs, one does not."""
+    rng, rows = np.random.default_rng(1), []
+    for group, count, margin in (("expert", 5, 40.0), ("novice", 4, 20.0)):
+        for person in range(count):
+            own = rng.normal(margin, 4)
+            for mass in (15, 23):
+                for _ in range(2):
+                    key = (f"{group}_{person}", group, mass)
+                    rows.append((*key, "margin", own - (mass - 15) / 2 + rng.normal(0, 2), "mm", "higher"))
+                    rows.append((*key, "moment", 300 - own + rng.normal(0, 2), "N·m", "lower"))
+                    rows.append((*key, "sway", rng.normal(10, 3), "mm", "lower"))
+    columns = ["person", "group", "box_mass_kg", "measure", "value", "unit", "safer"]
+    frame = pd.DataFrame(rows, columns=columns).assign(plane="all")
+    frame.loc[frame.index[0], "value"] = np.nan
+    return frame
+
+
+@pytest.fixture(scope="module")
+def compared(table):
+    return lumbar.compare_groups(table)
+
+
+def test_the_safer_side_follows_from_the_measure(compared):
+    frame = compared.table.frame.set_index(["comparison", "box_mass_kg", "measure"]).sort_index()
+    for box in ("15", "23"):
+        assert (frame.loc[("expert_vs_novice", box), "safer"] == ["expert", "expert", "not decided"]).all()
+        assert frame.loc[("expert_vs_novice", box, "moment"), "difference"] < 0
+    assert frame.loc[("decrease_in_mass_expert", "15 vs 23", "margin"), "safer"] == "15 kg"
+    assert frame.loc[("decrease_in_mass_expert", "15 vs 23", "margin"), "df"] == 4
+    first = frame.loc[("expert_vs_novice", "15", "margin")]
+    assert first["persons"] == "5 + 4" and first["trials"] == "9 + 8"
+    assert "1 trials without a value" in first["remark"]
+    assert (frame["p_holm"] >= frame["p"]).all()
+
+
+def test_planning_says_how_many_persons(table, compared):
+    frame = compared.planning.frame
+    margin = frame[(frame["measure"] == "margin") & (frame["comparison"] == "expert_vs_novice")].iloc[0]
+    scatter = {"person_sd": margin["person_sd"], "trial_sd": margin["trial_sd"]}
+    for trials in (1, 3, 5):
+        name = f"persons_with_{trials}_trial{'s' * (trials > 1)}"
+        assert margin[name] == lumbar.sample_size(margin["sought"], trials=trials, **scatter)
+    wanted = PopulationSettings(detect={"margin": 3.0})
+    assert lumbar.compare_groups(table, settings=wanted).planning.frame["sought"].iloc[0] == 3.0
+    with pytest.raises(InputError, match="no measure gait; measures: margin, moment, sway"):
+        _ = lumbar.compare_groups(table, settings=PopulationSettings(detect={"gait": 1.0})).planning
+
+
+def test_picture_has_the_safer_group_on_its_side(compared):
+    axes = compared.figure().axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["margin", "moment", "sway"]
+    effects = [line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 1]
+    assert (
+        len(effects) == 6 and min(effects[:4]) > 0
+    )  # the expert is safer in margin and moment, with either box
+
+
+def test_too_few_people_are_named_and_not_tested(table):
+    few = lumbar.compare_groups(table[table["person"].isin(["expert_0", "expert_1", "novice_0"])])
+    between = few.table.frame[few.table.frame["comparison"] == "expert_vs_novice"]
+    assert between["p"].isna().all() and (between["safer"] == "cannot be told").all()
+    assert "2 persons (expert), 1 person (novice), at least 3" in between["remark"].iloc[0]
+    assert "Nothing can be compared" in few.figure().get_suptitle()
+
+
+def test_wrong_tables_are_refused(table, tmp_path):
+    with pytest.raises(InputError, match="no columns person"):
+        lumbar.compare_groups(table.drop(columns="person"))
+    with pytest.raises(InputError, match="nobody is labelled 'trained'"):
+        lumbar.compare_groups(table, groups=("trained", "novice"))
+    with pytest.raises(InputError, match="expert_0: a person of 2 groups"):
+        lumbar.compare_groups(pd.concat([table, table.head(1).assign(group="novice")]))
+    (tmp_path / "broken.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match=r"broken\.csv: not a table"):
+        lumbar.compare_groups(tmp_path / "broken.csv")
+    with pytest.raises(InputError, match="trials 0"):
+        lumbar.sample_size(1.0, person_sd=1.0, trials=0)
+
+
+GIRLS = (
+    *((21, 20, 21.5, 23), (21, 21.5, 24, 25.5), (20.5, 24, 24.5, 26), (23.5, 24.5, 25, 26.5)),
+    *((21.5, 23, 22.5, 23.5), (20, 21, 21, 22.5), (21.5, 22.5, 23, 25), (23, 23, 23.5, 24)),
+    *((20, 21, 22, 21.5), (16.5, 19, 19, 19.5), (24.5, 25, 28, 28)),
+)
+BOYS = (
+    *((26, 25, 29, 31), (21.5, 22.5, 23, 26.5), (23, 22.5, 24, 27.5), (25.5, 27.5, 26.5, 27)),
+    *((20, 23.5, 22.5, 26), (24.5, 25.5, 27, 28.5), (22, 22, 24.5, 26.5), (24, 21.5, 24.5, 25.5)),
+    *((23, 20.5, 31, 26), (27.5, 28, 31, 31.5), (23, 23, 23.5, 25), (21.5, 23.5, 24, 28)),
+    *((17, 24.5, 26, 29.5), (22.5, 25.5, 25.5, 26), (23, 24.5, 26, 30), (22, 21.5, 23.5, 25)),
+)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from push_cases import deposit
+from lifting_cases import deposit
 from scipy.integrate import solve_ivp
 
 from lumbar.lifting.pushes.body import (

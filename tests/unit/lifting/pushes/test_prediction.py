@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from push_cases import deposit
+from lifting_cases import deposit
 from scipy.stats import mannwhitneyu
 
 from lumbar.base.errors import InputError

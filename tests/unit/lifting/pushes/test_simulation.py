@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from push_cases import deposit, scene_of
+from lifting_cases import deposit, scene_of
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 

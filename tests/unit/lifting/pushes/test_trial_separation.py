@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of, perturbation_settings
 from scipy.stats import mannwhitneyu
-from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
-from trial_cases import perturbation_settings
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.pushes.trial_separation import (

@@ -8,7 +8,7 @@ from html import unescape
 import numpy as np
 import pandas as pd
 import pytest
-from stability_cases import minimum_jerk
+from lifting_cases import minimum_jerk
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.stability.basins import CHECK_COLUMNS, COLUMNS, areas_table, basins_of_lift

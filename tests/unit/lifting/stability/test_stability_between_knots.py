@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
+from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import boundary_growth, funnel_variants

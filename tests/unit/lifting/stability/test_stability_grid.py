@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from stability_cases import minimum_jerk
+from lifting_cases import minimum_jerk
 from test_stability_areas import SETTINGS, lift, states_and_facts
 
 from lumbar.base.errors import NumericalError

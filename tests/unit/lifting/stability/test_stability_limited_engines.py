@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stability_cases import WEIGHTS, minimum_jerk, pendulums_of
+from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels

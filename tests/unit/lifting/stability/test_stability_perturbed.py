@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from stability_cases import minimum_jerk
-from trial_cases import perturbation_settings
+from lifting_cases import minimum_jerk, perturbation_settings
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.stability.comparison.perturbed_trials import (

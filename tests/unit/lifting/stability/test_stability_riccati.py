@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stability_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
+from lifting_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque, remainder

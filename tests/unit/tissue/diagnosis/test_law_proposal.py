@@ -6,33 +6,22 @@ import json
 from dataclasses import replace
 from types import SimpleNamespace
 
-import law_experiments
 import numpy as np
 import pytest
 import yaml
-from law_experiments import (
-    NOISE,
-    STEP,
-    cogging,
-    depth_friction,
-    experiment,
-    lateral,
-    nothing,
-    record,
-    records,
-    sines,
-)
+from scipy.signal import lfilter
 
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.interface.diagnosis import Diagnosis
 from lumbar.interface.proposed_law import ProposedLaw
-from lumbar.records.record import Record
+from lumbar.records.record import Channel, Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.law.law_form import form_of
 from lumbar.tissue.diagnosis.law.proposal import (
     effect_text,
@@ -53,11 +42,78 @@ from lumbar.tissue.diagnosis.law.validation import (
     stays_bounded,
     thinned,
 )
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 from lumbar.tissue.diagnosis.selection.verdict import headline
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.notation import load_effects
+from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
+
+STEP, TAU, NOISE = 0.01, 0.15, 0.02
+
+
+def sines(seconds: float, seed: int, size: float = 4.0, even: bool = True) -> np.ndarray:
+    """Position of a multisine up to 4 Hz with a period of 5 s, or of lines that never repeat."""
+    random = np.random.default_rng(seed)
+    lines = np.arange(1, 21) * 0.2 if even else random.uniform(0.1, 4, 25)
+    time = np.arange(round(seconds / STEP)) * STEP
+    found = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 2 * np.pi, len(lines))) @ lines**-0.6
+    return size * found / np.abs(found).max()
+
+
+def tissue(position: np.ndarray) -> np.ndarray:
+    """Force of a spring beside a Maxwell branch, at rest when it begins."""
+    decay = np.exp(-STEP / TAU)
+    increments = np.diff(position, prepend=position[0])
+    return 0.5 * position + 0.8 * lfilter([TAU / STEP * (1 - decay)], [1, -decay], increments)
+
+
+def record(name: str, position: np.ndarray, added, seed: int) -> Record:
+    """A record with noise; `added` is a function of position and velocity."""
+    velocity = np.gradient(position, STEP, edge_order=2)
+    noise = NOISE * np.random.default_rng(seed).standard_normal(len(position))
+    force = tissue(position) + added(position, velocity) + noise
+    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
+    return Record(name, np.arange(len(position)) * STEP, channels)
+
+
+def records(added, seed: int = 0) -> list[Record]:
+    """A long record that repeats and two short ones that do not."""
+    return [
+        record("long", sines(20, seed), added, seed + 1),
+        record("first", sines(8, seed + 2, even=False), added, seed + 3),
+        record("second", sines(8, seed + 4, even=False), added, seed + 5),
+    ]
+
+
+def experiment(added, seed: int = 0) -> tuple[Experiment, Candidate]:
+    """The records prepared, and the base fitted to them."""
+    prepared = prepare(records(added, seed))
+    return prepared, evaluate(fit_base(Structure(BASES["KB"]), prepared.training), prepared)
+
+
+def nothing(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """No force."""
+    return np.zeros_like(position)
+
+
+def lateral(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Cross-talk of an axis that moves on its own, over the same 5 s."""
+    time = np.arange(len(position)) * STEP
+    return 0.3 * np.cos(2 * np.pi * np.outer(time, [0.4, 1.0, 1.8, 2.6]) + [0.3, 1.1, 4.0, 2.2]).sum(axis=1)
+
+
+def depth_friction(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Dry friction that grows with the depth of a needle."""
+    return 0.25 * np.maximum(position, 0) * np.tanh(velocity / 2.0)
+
+
+def cogging(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Magnets every 2.5 mm."""
+    return 0.3 * np.sin(2 * np.pi * position / 2.5 + 0.4)
+
 
 FEW = (
     "friction",
@@ -281,7 +337,7 @@ def test_a_law_is_looked_for_where_one_effect_more_still_leaves_much(diagnosed, 
 
 
 def test_terms_are_chosen_at_a_lower_rate_and_the_law_is_fitted_to_every_sample(monkeypatch):
-    monkeypatch.setattr(law_experiments, "STEP", 0.001)
+    monkeypatch.setattr(f"{__name__}.STEP", 0.001)
     prepared, base = experiment(cogging)
     lower = thinned(prepared)
     assert lower.training.motion.sampling_time == pytest.approx(0.003)

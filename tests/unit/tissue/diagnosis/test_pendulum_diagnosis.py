@@ -8,8 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from pendulum_experiments import EFFECTS, make_pendulum_experiment
-from pendulum_records import records_of
+from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Channel

@@ -1,16 +1,24 @@
-"""Passivity: published closed forms, a sum over aliases, hands that use every gap, and passive fits."""
+"""Passivity and the loop with a hand: published closed forms, poles, a numerical integration, and passive fits."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
-from loop_draws import drawn_model
+from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 from tissue_fits import COEFFICIENTS
 
-from lumbar.tissue.haptics.closed_loop import SampledModel
+from lumbar.settings.runtime import DeviceSettings
+from lumbar.tissue.haptics.closed_loop import (
+    SampledModel,
+    largest_pole,
+    largest_stable_gain,
+    loop_response,
+    propagation,
+)
 from lumbar.tissue.haptics.passive_fit import (
     Branches,
     DeviceCondition,
@@ -20,6 +28,7 @@ from lumbar.tissue.haptics.passive_fit import (
 )
 from lumbar.tissue.haptics.passive_models import takes_energy
 from lumbar.tissue.haptics.passivity import damping_at, required_damping
+from lumbar.tissue.haptics.simulation import difference_equation, encoder_ripple, simulate
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction, undiscretise
 
@@ -192,3 +201,119 @@ def test_random_networks_take_energy():
         times = np.exp(rng.uniform(np.log(0.002), np.log(5.0), 3))
         network = Branches(tuple(rng.uniform(0.1, 3.0, 4)), (np.inf, *times))
         assert takes_energy(network.transfer_function(PERIOD))
+
+
+STYLUS = DeviceSettings()
+
+
+def test_device_and_hand_move_as_integrated():
+    device = DeviceSettings(hand_mass_kg=0.1, hand_damping_N_s_m=2.0)
+    transition, by_force = propagation(device, 0.013)
+
+    def motion(_, state):
+        return [state[1], (3.0 - 300.0 * state[0] - 7.5 * state[1]) / 0.35]
+
+    integrated = solve_ivp(motion, (0, 0.013), [0.002, -0.1], rtol=1e-12, atol=1e-15).y[:, -1]
+    np.testing.assert_allclose(transition @ [0.002, -0.1] + 3.0 * by_force, integrated, rtol=1e-9)
+
+
+@pytest.mark.parametrize("average", [1, 3])
+def test_largest_gain_is_that_of_python_control(average):
+    model = SampledModel(
+        "KB", 1000.0 * np.convolve([4.638, -4.0663], np.ones(average) / average), np.array([1, -0.4074]), 0.01
+    )
+    plant = control.sample_system(control.tf([1], [0.25, 5.5, 300.0]), 0.01, "zoh")
+    length = max(len(model.numerator), len(model.denominator))
+    tissue = control.tf(
+        *(np.pad(p, (0, length - len(p))) for p in (model.numerator, model.denominator)), 0.01
+    )
+    margins, *_ = control.stability_margins(plant * tissue, returnall=True)
+    assert largest_stable_gain(model, STYLUS)[0] == pytest.approx(min(margins), rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_pole_reaches_the_unit_circle_at_the_largest_gain_and_none_before(seed):
+    rng = np.random.default_rng([seed, 3])
+    model, device = drawn_model(rng), drawn_device(rng)
+    gain, frequency = largest_stable_gain(model, device)
+    for share in np.linspace(0.02, 0.98, 40):
+        assert abs(largest_pole(model, device, share * gain)) < 1
+    pole = largest_pole(model, device, gain)
+    assert abs(pole) == pytest.approx(1.0, abs=1e-7)
+    assert np.angle(pole) == pytest.approx(2 * np.pi * frequency * model.sampling_time, abs=1e-3)
+    assert abs(largest_pole(model, device, 1.02 * gain)) > 1
+
+
+def test_poles_solve_the_loop_s_characteristic_equation():
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        model, device = drawn_model(rng), drawn_device(rng)
+        pole = largest_pole(model, device, 0.7)
+        # The loop's response holds at any z: angles may be complex.
+        assert 1 + 0.7 * loop_response(model, device)(-1j * np.log(pole)) == pytest.approx(0, abs=1e-6)
+
+
+def test_an_unstable_model_has_no_stable_gain():
+    assert largest_stable_gain(SampledModel("", np.ones(1), np.array([1, -1.1]), 0.01), STYLUS) == (0.0, 0.0)
+
+
+@pytest.mark.statistical
+def test_simulations_agree_with_the_analysis_and_the_stable_side_never_oscillates():
+    """100 draws of model, device, hand and rate on both sides of the largest gain, encoder and force limit included."""
+    rng = np.random.default_rng(5)
+    wrong, stable_ones, draws = [], 0, 0
+    while draws < 100:
+        model, device = drawn_model(rng), drawn_device(rng)
+        share = np.exp(rng.uniform(np.log(0.25), np.log(4.0)))
+        model = replace(model, numerator=share * largest_stable_gain(model, device)[0] * model.numerator)
+        growth = abs(np.log(abs(largest_pole(model, device))))
+        if growth * 500 < np.log(1e4):
+            continue  # within 500 samples it neither grows nor decays
+        stable = largest_stable_gain(model, device)[0] > 1
+        draws, stable_ones = draws + 1, stable_ones + stable
+        run = simulate(
+            difference_equation(model),
+            model.sampling_time,
+            device,
+            15.0,
+            delay=model.delay,
+            ripple=encoder_ripple(model, device) if stable else 0.0,
+            duration=0.5 + 2 * np.log(1e4) / growth * model.sampling_time,
+        )
+        if run.oscillates == stable:
+            wrong.append((model, device, run.peak_to_peak, run.ripple))
+    assert wrong == []
+    assert 30 < stable_ones < 70
+
+
+def drawn_device(rng: np.random.Generator) -> DeviceSettings:
+    """A stylus and a hand; the servo is as fast as the model."""
+    return DeviceSettings(
+        mass_kg=float(rng.uniform(0.05, 1.0)),
+        damping_N_s_m=float(np.exp(rng.uniform(np.log(0.5), np.log(20.0)))),
+        hand_stiffness_N_m=float(np.exp(rng.uniform(np.log(50.0), np.log(2000.0)))),
+        hand_damping_N_s_m=float(rng.uniform(0.0, 5.0)),
+        hand_mass_kg=float(rng.choice([0.0, rng.uniform(0.0, 0.5)])),
+        encoder_um=float(rng.choice([1.0, 10.0, 50.0])),
+    )
+
+
+def drawn_model(rng: np.random.Generator) -> SampledModel:
+    """A stable model of order 0 to 4 with average and delay, soft to stiff."""
+    order = int(rng.integers(0, 5))
+    poles = rng.uniform(-0.5, 0.97, order).astype(complex)
+    if order >= 2 and rng.random() < 0.3:
+        poles[:2] = rng.uniform(0.2, 0.9) * np.exp(np.array([1j, -1j]) * rng.uniform(0.1, 3.0))
+    denominator = np.atleast_1d(np.real(np.poly(poles)))
+    zeros = rng.uniform(-0.8, 1.0, int(rng.integers(0, order + 1)))
+    numerator = np.convolve(np.poly(zeros), np.ones(average := int(rng.integers(1, 5))) / average)
+    numerator = np.concatenate([np.zeros(int(rng.integers(0, 2))), np.atleast_1d(numerator)])
+    period = float(1.0 / np.exp(rng.uniform(np.log(50.0), np.log(2000.0))))
+    stiffness = (
+        np.exp(rng.uniform(np.log(0.02), np.log(3.0))) / period
+    )  # about what damping of 1 N·s/m asks for
+    size = np.abs(
+        SampledModel("", numerator, denominator, period).response(np.linspace(0.01, np.pi, 200))
+    ).max()
+    model = SampledModel("drawn", stiffness / size * numerator, denominator, period)
+    return model.late(float(rng.choice([0.0, rng.uniform(0.0, 1.5) * period])))

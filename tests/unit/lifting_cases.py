@@ -1,0 +1,131 @@
+"""Lifts, trials, pushes and pendulums that several tests share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lumbar.lifting.pushes import contest
+from lumbar.lifting.pushes.motion import DepositMotion
+from lumbar.lifting.pushes.simulation import Scene, Traits
+from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
+from lumbar.lifting.stability.model.eq_4_2_regulator import check_weights
+from lumbar.lifting.stability.model.trajectories import Trajectory
+from lumbar.records.markers import MarkerRecording
+from lumbar.settings.plain import typed
+from lumbar.settings.pushes import PerturbationsSettings, PushesSettings
+
+GRAVITY = 9.81
+WEIGHTS = check_weights([[1.0, 0.0], [0.0, 0.1]], 1e-3, [[100.0, 0.0], [0.0, 10.0]])
+
+
+def minimum_jerk(
+    start=0.4,
+    end=0.05,
+    duration=1.5,
+    mass=33.0,
+    length=1.1,
+    samples=400,
+    subject="expert",
+    box=23.0,
+    com="abdomen",
+    plane="flexion_extension",
+) -> Trajectory:
+    """Move smoothly from one angle to another (Flash and Hogan's minimum-jerk polynomial)."""
+    time = np.linspace(0.0, duration, samples)
+    s, way = time / duration, end - start
+    return Trajectory(
+        subject=subject,
+        experience=subject,
+        box_mass_kg=box,
+        com=com,
+        plane=plane,
+        pivot="mid_ankle",
+        time=time,
+        angle=start + way * (10 * s**3 - 15 * s**4 + 6 * s**5),
+        angular_velocity=way / duration * 30 * (s**2 - 2 * s**3 + s**4),
+        angular_acceleration=way / duration**2 * 60 * (s - 3 * s**2 + 2 * s**3),
+        mass_kg=mass,
+        length_m=length,
+    )
+
+
+def pendulums_of(items, sign, damping=1.0, gravity=GRAVITY, knots=401) -> Pendulums:
+    """Gather trajectories of one sign and damping."""
+    return gather(items, [sign] * len(items), [damping] * len(items), gravity, knots)
+
+
+ATHLETE = {
+    "MANUBRIUM": "STRN",
+    "XIPHOID": "XIPH",
+    "L5": "SACROL",
+    "SACRUM": {"mean": ["LPSI", "RPSI"]},
+    **{f"{side}_HIP": {"from": f"{side}ASI", "offset_m": [0, 0, -0.1]} for side in "LR"},
+    **{
+        f"{side}_{name}": {"mean": [side + label for label in labels]}
+        for side in "LR"
+        for name, labels in {
+            "SHOULDER": ["ACR"],
+            "WRIST": ["WRR", "WRU"],
+            "ELBOW": ["CUBL", "CUBM"],
+            "KNEE": ["KNEL", "KNEM"],
+            "ANKLE": ["MALL", "MALM"],
+        }.items()
+    },
+}
+
+
+def perturbation_settings(**more) -> PerturbationsSettings:
+    """A trunk between sacrum and C7 in the sagittal plane."""
+    return typed(
+        PerturbationsSettings,
+        {
+            "subject": "S0",
+            "body_mass_kg": 70.0,
+            "mass_share": 0.678,
+            "centre_share": 0.626,
+            "pivot": ["SACRUM"],
+            "top": ["C7"],
+            "plane": "flexion_extension",
+            "unperturbed": ("a", "b", "c"),
+            "perturbed": ("d",),
+            **more,
+        },
+    )
+
+
+START, STOP = np.deg2rad([2.0, 4.0, 150.0]), np.deg2rad([0.0, 25.0, 155.0])
+
+
+def deposit(subject="a", mass=75.0, box=15.0, duration=1.2, foot=0.2) -> DepositMotion:
+    """Lean forward with least jerk while the arms reach out."""
+    time = np.linspace(0.0, duration, 121)
+    s, way = time / duration, (STOP - START)[:, None]
+    return DepositMotion(
+        subject=subject,
+        lift=f"{subject}_{box:g}kg",
+        mass_kg=mass,
+        height_m=1.75,
+        box_mass_kg=box,
+        time=time,
+        angle=START[:, None] + way * (10 * s**3 - 15 * s**4 + 6 * s**5),
+        rate=way / duration * 30 * (s**2 - 2 * s**3 + s**4),
+        acceleration=way / duration**2 * 60 * (s - 3 * s**2 + 2 * s**3),
+        lengths=np.array([0.86, 0.5, 0.55]),
+        trunk_centre=0.4,
+        ankle_height_m=0.04,
+        heel_m=0.065,
+        toe_m=foot,
+    )
+
+
+def scene_of(motions, settings=None) -> Scene:
+    """Everybody as the settings say, without personal spread."""
+    settings = settings or PushesSettings()
+    one = np.ones(len(motions))
+    traits = Traits(one, one, one, settings.controller.delay_s * one)
+    return contest.scene_of(motions, settings, traits)
+
+
+def missing_share(recording: MarkerRecording) -> float:
+    """Share of samples in which a marker was not seen, over all markers."""
+    return float(np.mean([np.isnan(points[:, 0]).mean() for points in recording.positions.values()]))
