@@ -24,6 +24,7 @@ from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 
 LONGEST_S = 10
+"""Of the processor's time: a busy machine makes no reader slow."""
 _LABELS = ["ann:C7", "ann:SACR", "ann:LTOE", "*4"]
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?")
 _WORDS = [
@@ -210,14 +211,14 @@ class Outcome:
 def read_changed(folder: Path, count: int, seed: int) -> Outcome:
     """Read `count` changed files; those that fail stay in `folder`."""
     outcome = Outcome()
-    signal.signal(signal.SIGALRM, _too_long)
+    signal.signal(signal.SIGPROF, _too_long)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         for number, (name, content) in enumerate(_changed_files(count, seed)):
             path = folder / f"{number}_{name}"
             path.write_bytes(content)
-            start = time.perf_counter()
-            signal.alarm(LONGEST_S)
+            start = time.process_time()
+            signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
             try:
                 _read(path)
             except InputError as error:
@@ -231,8 +232,8 @@ def read_changed(folder: Path, count: int, seed: int) -> Outcome:
             else:
                 outcome.read[path.suffix] += 1
             finally:
-                signal.alarm(0)
-                outcome.longest_s = max(outcome.longest_s, time.perf_counter() - start)
+                signal.setitimer(signal.ITIMER_PROF, 0)
+                outcome.longest_s = max(outcome.longest_s, time.process_time() - start)
             path.unlink()
     outcome.largest_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return outcome
