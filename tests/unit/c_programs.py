@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import lumbar.tissue.fmu.c
 from lumbar.tissue.fmu.build.compiler import TARGETS, compile_library
@@ -17,6 +18,9 @@ from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.sources import c_files, source_files
 from lumbar.tissue.models.evaluation import NUMPY
 
+ON_LINUX = pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
+)
 _DOUBLE = ctypes.POINTER(ctypes.c_double)
 _NUMBERS = itertools.count()
 

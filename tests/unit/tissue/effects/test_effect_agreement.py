@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 import string
-import sys
 
 import numpy as np
 import pytest
 import sympy
-from c_programs import NEGLIGIBLE, CModel
+from c_programs import NEGLIGIBLE, ON_LINUX, CModel
 from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry
 from runtime_models import exported, random_motion
 from sympy.core.function import AppliedUndef
@@ -101,9 +100,6 @@ def constant_of(text: str) -> tuple[str, float]:
     return name, float(value)
 
 
-on_x86_64_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux"
-)
 FORMS = {form.key: form for effect in TISSUE.values() for form in effect.forms}
 EVERY_FORM = {
     form.key: form
@@ -196,7 +192,7 @@ def _states(state, motion, values, functions) -> dict[str, np.ndarray]:
     return dict(zip(state.names, found, strict=True))
 
 
-@on_x86_64_linux
+@ON_LINUX
 @pytest.mark.parametrize("structure", STRUCTURES, ids="+".join)
 def test_c_code_is_its_expression_bit_for_bit(structure, functions, zig_cache, c_folder):
     model = exported(effect_entry(*structure))
@@ -209,7 +205,7 @@ def test_c_code_is_its_expression_bit_for_bit(structure, functions, zig_cache, c
     np.testing.assert_allclose(found, plain, rtol=0, atol=1e-12 * max(1.0, np.abs(plain).max()))
 
 
-@on_x86_64_linux
+@ON_LINUX
 @pytest.mark.parametrize("structure", WITH_HAND_WRITTEN, ids="+".join)
 def test_c_code_by_hand_is_the_catalogues_simulation(structure, zig_cache, c_folder):
     """Both are written by hand, in different ways: NumPy from reversal to reversal, C sample by sample."""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import sys
 from html import unescape
 
 import numpy as np
 import pytest
-from c_programs import CModel
+from c_programs import ON_LINUX, CModel
 from effect_entries import entry_of_effects
 from periodic_records import multisine, noise, record, relaxing_force
 from runtime_models import SETTINGS, TARGET, models_json, selected
@@ -97,7 +96,7 @@ def test_a_refined_model_is_simulated_from_its_entry(ribbed):
     assert np.std(error[len(error) // 2 :]) < 0.03
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux")
+@ON_LINUX
 @pytest.mark.parametrize(
     ("text", "name", "linear", "nonlinear"),
     [

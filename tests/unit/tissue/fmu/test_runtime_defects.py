@@ -6,20 +6,18 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import warnings
 import zipfile
 from pathlib import Path
 
 import pytest
+from c_programs import ON_LINUX
 
 from lumbar.tissue.fmu.build.package import write_fmu
 from lumbar.tissue.fmu.check.file_check import check_file
 from lumbar.tissue.fmu.check.lint import lint_fmu
 
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
-)
+pytestmark = ON_LINUX
 DESCRIPTION = "modelDescription.xml"
 BINARY = {2: "binaries/linux64/KB.so", 3: "binaries/x86_64-linux/KB.so"}
 VDMCHECK = os.environ.get("VDMCHECK2", "")

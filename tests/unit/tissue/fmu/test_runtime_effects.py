@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 
 import numpy as np
 import pytest
+from c_programs import ON_LINUX
 from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry, entry_of_effects, parameter
 from runtime_models import TARGET, exported, random_motion
 
@@ -20,12 +20,8 @@ from lumbar.tissue.fmu.check.fmu_check import check_fmus
 from lumbar.tissue.models import bases as base_models
 from lumbar.tissue.models.fitted_model import FittedModel
 
-on_x86_64_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
-)
 
-
-@on_x86_64_linux
+@ON_LINUX
 @pytest.mark.usefixtures("without_plots")
 def test_finished_fmus_give_these_forces_in_both_versions(zig_cache, tmp_path):
     """Through fmpy: FMI 3.0 at once, FMI 2.0 one sample late; schema and lint find nothing."""
@@ -36,7 +32,7 @@ def test_finished_fmus_give_these_forces_in_both_versions(zig_cache, tmp_path):
         assert check.largest_output > 0.1
 
 
-@on_x86_64_linux
+@ON_LINUX
 def test_elementary_functions_are_those_of_the_c_library(functions):
     """To two units in the last place, against Python's math (the platform's C library)."""
     generator = np.random.default_rng(1)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 import xml.etree.ElementTree as ElementTree
 import zipfile
 
 import fmpy
 import numpy as np
 import pytest
+from c_programs import ON_LINUX
 from effect_entries import effect_entry
 from runtime_models import RANGE, SETTINGS, about, entry, exported, models_json, selected
 
@@ -146,9 +146,7 @@ def test_data_with_the_other_sign_are_no_purpose():
     assert "its file does not say" in range_text(model)
 
 
-@pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the FMUs are built for x86_64 Linux: use such a machine"
-)
+@ON_LINUX
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_client_reads_who_made_it_and_what_it_holds_for(version, fmu_folder):
     path = fmu_folder / f"KB_fmi{version}.fmu"

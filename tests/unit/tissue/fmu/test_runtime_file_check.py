@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from c_programs import ON_LINUX
 from test_runtime_defects import BINARY, DESCRIPTION, binary, contents, edited
 
 import lumbar
@@ -22,9 +22,7 @@ from lumbar.tissue.fmu.check.file_check import check_file, check_files
 from lumbar.tissue.fmu.check.instance import UnzippedFmu
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
 
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
-)
+pytestmark = ON_LINUX
 PAGE = "documentation/index.html"
 NUMBERS = "sources/model_data.h"
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 
 import fmpy
 import pytest
+from c_programs import ON_LINUX
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
@@ -34,10 +34,7 @@ from lumbar.tissue.fmu.build.package import export_fmus, write_fmu
 from lumbar.tissue.fmu.check.file_check import check_file, checked
 from study_settings import changed
 
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"),
-    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
-)
+pytestmark = ON_LINUX
 
 
 LINEAR_AND_NOT = ("HO", "KB+coulomb_friction")

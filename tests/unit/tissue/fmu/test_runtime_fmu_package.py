@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import shutil
 import subprocess
-import sys
 import zipfile
 from contextlib import nullcontext
 
 import fmpy
 import numpy as np
 import pytest
-from c_programs import write_sources, zig_cc
+from c_programs import ON_LINUX, write_sources, zig_cc
 from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import SETTINGS, TARGET, entry, models_json, selected
 
@@ -23,10 +22,7 @@ from lumbar.tissue.fmu.build.package import compile_model, export_fmus, write_fm
 from lumbar.tissue.fmu.check.fmu_check import simulate_fmu
 from study_settings import changed
 
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"),
-    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
-)
+pytestmark = ON_LINUX
 
 
 def test_names_are_escaped_everywhere(fmu_folder):

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from c_programs import ON_LINUX
 from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put, selected
 
 from lumbar.base.errors import InputError
@@ -22,10 +23,7 @@ from lumbar.tissue.fmu.check.playing import played
 from lumbar.tissue.fmu.check.reference_stimulus import push
 from study_settings import changed
 
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"),
-    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
-)
+pytestmark = ON_LINUX
 
 
 def written_out(model, fmu_positions):
@@ -243,13 +241,6 @@ def test_fmpys_own_search_finds_the_same_next_events():
     assert found == [own(inputs, time) for time in times]
 
 
-needs_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"),
-    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
-)
-
-
-@needs_linux
 def test_table_says_when_the_feedthrough_acts(fmu_models, fmu_folder, tmp_path):
     table = check_table(check_fmus(fmu_models, fmu_folder, 100, 3), "synthetic twin", 3)
     found = dict(zip(table.frame["file"], table.frame["feedthrough"], strict=True))
@@ -260,7 +251,6 @@ def test_table_says_when_the_feedthrough_acts(fmu_models, fmu_folder, tmp_path):
     assert "Data: synthetic twin" in (tmp_path / "fmu_check.html").read_text(encoding="utf-8")
 
 
-@needs_linux
 def test_figure_has_units_and_is_the_same_at_every_run(fmu_models, fmu_folder, tmp_path):
     for name in ("first", "second"):
         played = push(fmu_models, fmu_folder)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from c_programs import CModel, loader_program
+from c_programs import ON_LINUX, CModel, loader_program
 from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import (
     ENERGY,
@@ -33,9 +32,7 @@ from lumbar.tissue.fmu.check.fmu_check import check_fmus, simulate_fmu
 from study_settings import changed
 
 pytestmark = [
-    pytest.mark.skipif(
-        not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
-    ),
+    ON_LINUX,
     pytest.mark.usefixtures("without_plots"),
 ]
 DEVICE = changed(

@@ -7,11 +7,11 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+from c_programs import ON_LINUX
 from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import POSITION, SETTINGS, TARGET, get, models_json, put, selected
 
@@ -28,10 +28,7 @@ HERE = Path(__file__).parents[3] / "importers"
 EFFECTS = effect_entry(*COMBINATIONS[1])
 NAMES = ["IL", "MW", "KB", "HO", "KB+coulomb_friction", EFFECTS["name"]]
 STEP = "0.01"
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"),
-    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
-)
+pytestmark = ON_LINUX
 with_python = pytest.mark.skipif(not PYTHON.exists(), reason=f"no libcosim and Ecos: {GET_IMPORTERS}")
 with_java = pytest.mark.skipif(
     not (FOLDER / "jars").is_dir() or shutil.which("java") is None,

@@ -6,21 +6,18 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from c_programs import loader_program, zig_cc
+from c_programs import ON_LINUX, loader_program, zig_cc
 from runtime_models import RANGE
 
 from lumbar.tissue.fmu.build.compiler import TARGETS
 from running import PROJECT
 
-pytestmark = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
-)
+pytestmark = ON_LINUX
 LOADERS = PROJECT / "examples" / "haptic_runtime"
 STUBS = PROJECT / "tests" / "loaders"
 UNITY = LOADERS / "unity"

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-import sys
 
 import numpy as np
 import pytest
-from c_programs import CModel
+from c_programs import ON_LINUX, CModel
 from effect_entries import entry_of_effects
 from runtime_models import SETTINGS, TARGET, models_json, selected
 
@@ -17,9 +16,6 @@ from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.check.fmu_check import check_fmus
 from study_settings import changed
 
-on_x86_64_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux: use such a machine"
-)
 WRITTEN = """
 import numpy as np
 from scipy.signal import lfilter
@@ -69,7 +65,7 @@ def held_to_its_simulation(model, folder, cache) -> None:
         assert check.largest_output > 0.1
 
 
-@on_x86_64_linux
+@ON_LINUX
 @pytest.mark.parametrize(("form", "amplitude", "nonlinear"), [("sphere", 0.7, []), ("power", 0.4, [1.7])])
 @pytest.mark.usefixtures("without_plots")
 def test_the_example_becomes_an_fmu(form, amplitude, nonlinear, project, zig_cache, tmp_path):
@@ -82,7 +78,7 @@ def test_the_example_becomes_an_fmu(form, amplitude, nonlinear, project, zig_cac
     np.testing.assert_allclose(model.dynamics.response(depth) - bare, added, atol=1e-14)
 
 
-@on_x86_64_linux
+@ON_LINUX
 @pytest.mark.parametrize("rate", [None, 1000])
 @pytest.mark.usefixtures("without_plots")
 def test_effects_with_memory_at_every_place_become_an_fmu(rate, zig_cache, tmp_path):
@@ -140,7 +136,7 @@ def test_what_the_file_lacks_is_named(old, new, words, tmp_path):
         exported(catalogue, *effects)
 
 
-@on_x86_64_linux
+@ON_LINUX
 @pytest.mark.usefixtures("without_plots")
 def test_c_code_that_says_something_else_than_the_simulation_is_refused(zig_cache, tmp_path):
     catalogue = rewritten(tmp_path, "creep_stiffness * (next[1] / next[0])", "creep_stiffness * next[1]")

@@ -6,14 +6,13 @@ import os
 import shutil
 import struct
 import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
-from c_programs import loader_program, write_sources
+from c_programs import ON_LINUX, loader_program, write_sources
 from effect_entries import FIVE_EFFECTS, effect_entry
 from runtime_models import SETTINGS, entry, models_json, selected
 
@@ -32,9 +31,6 @@ WINE = (
 QEMU = shutil.which("qemu-aarch64")
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 STEPS = 1_000_000
-on_linux = pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
-)
 with_wine = pytest.mark.skipif(WINE is None, reason="no Wine: apt-get install wine64")
 with_qemu = pytest.mark.skipif(
     QEMU is None or not ARM_LIBRARIES.is_dir(),
@@ -86,7 +82,7 @@ def run_client(build: dict, target: str, mode: str, name: str, *arguments, befor
     return done.stdout.strip()
 
 
-@on_linux
+@ON_LINUX
 @with_wine
 @pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
 def test_forces_on_windows_are_those_on_linux(name, platform_fmus):
@@ -95,7 +91,7 @@ def test_forces_on_windows_are_those_on_linux(name, platform_fmus):
     assert run_client(windows, "x86_64-windows", "hash", name, STEPS, before=[WINE]) == linux
 
 
-@on_linux
+@ON_LINUX
 @with_qemu
 @pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
 def test_forces_on_arm_are_those_on_intel(name, platform_fmus):
@@ -105,7 +101,7 @@ def test_forces_on_arm_are_those_on_intel(name, platform_fmus):
     assert run_client(arm, "aarch64-linux", "hash", name, STEPS, before=emulated) == linux
 
 
-@on_linux
+@ON_LINUX
 @pytest.mark.parametrize("step", ["0.01", "0.001"])
 def test_no_sample_of_ten_million_is_mistimed(step, platform_fmus):
     """A client that sums up steps of 10 ms and 1 ms; a sample is mistimed where the force is another's."""
@@ -113,13 +109,13 @@ def test_no_sample_of_ten_million_is_mistimed(step, platform_fmus):
     assert run_client(build, "x86_64-linux", "mistimed", "gain", 10_000_000, step) == "0"
 
 
-@on_linux
+@ON_LINUX
 @pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
 def test_eight_instances_in_threads_are_alike(name, platform_fmus):
     assert run_client(platform_fmus("x86_64-linux"), "x86_64-linux", "threads", name, 50_000) == "0"
 
 
-@on_linux
+@ON_LINUX
 @with_wine
 def test_five_platforms_fit_into_180_kilobytes(zig_cache, tmp_path):
     """A linear model, and the most effects that a diagnosis adds at the rate of a haptic loop."""
@@ -185,7 +181,7 @@ SANITIZED = ["-std=c99", "-g", "-O1", "-Wall", "-Wextra", "-Werror"]
 SANITIZED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
 
-@on_linux
+@ON_LINUX
 @pytest.mark.skipif(
     shutil.which("gcc") is None, reason="no gcc with sanitizers: apt-get install gcc libc6-dev"
 )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 import zipfile
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from c_programs import ON_LINUX
 from effect_entries import effect_entry
 from runtime_models import SETTINGS, entry, models_json, selected
 from scipy.signal import lfilter
@@ -26,10 +26,6 @@ from lumbar.tissue.haptics.passivity import lowest_rates
 from lumbar.tissue.haptics.rendered_model import direction, exported_at, rendered
 from study_settings import changed
 
-LINUX = pytest.mark.skipif(
-    not sys.platform.startswith("linux"),
-    reason="the FMUs hold binaries for x86_64 Linux only: use such a machine",
-)
 STYLUS = RuntimeSettings().device
 
 
@@ -98,7 +94,7 @@ def test_side_by_side_stand_the_loop_that_oscillates_and_the_mended_one():
     assert sorted(values[0] for values in limits) == [-15.0, 15.0]
 
 
-@LINUX
+@ON_LINUX
 @pytest.mark.parametrize("name", ["IL", "KB", "HO"])
 def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models):
     """From what the library answers alone: damping, gain, and the loop with the library in it."""
@@ -113,7 +109,7 @@ def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models):
     np.testing.assert_allclose(found.run.samples[:20], run_loop(expected, STYLUS).samples[:20], atol=1e-9)
 
 
-@LINUX
+@ON_LINUX
 def test_an_fmu_of_the_older_standard_is_refused(run, fmu_folder):
     status, _, err = run("render", fmu_folder / "KB_fmi2.fmu")
     assert status == 1
@@ -121,7 +117,7 @@ def test_an_fmu_of_the_older_standard_is_refused(run, fmu_folder):
     assert "no such file" in run("render", fmu_folder / "none.fmu")[2]
 
 
-@LINUX
+@ON_LINUX
 def test_a_model_with_effects_is_linearised_and_its_fmu_simulated(zig_cache):
     """Without effects the linearisation is the transfer function; a hardening spring is stiffer at depth."""
     from lumbar.tissue.effects.catalogue import CATALOGUES
@@ -139,7 +135,7 @@ def test_a_model_with_effects_is_linearised_and_its_fmu_simulated(zig_cache):
     assert found.run.samples.max() > 0
 
 
-@LINUX
+@ON_LINUX
 def test_the_bound_of_the_fmu_calms_a_loop_that_the_analysis_calls_unstable(zig_cache):
     """Simulated with the library: half of the device's damping given to it, 30 N peak to peak become less than a step's."""
     given = changed(SETTINGS, device_damping=2.75, compiler_cache=str(zig_cache))
@@ -174,7 +170,7 @@ def test_export_refuses_what_is_unstable_where_the_study_says_so(capsys):
     assert capsys.readouterr().err == ""
 
 
-@LINUX
+@ON_LINUX
 def test_export_of_a_file_of_passive_models(run, tmp_path, zig_cache):
     """From records to an FMU that is passive on the device: what `identify --passive` writes, `export` takes."""
     from lumbar.base.files import write_json

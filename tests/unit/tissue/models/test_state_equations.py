@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
-from c_programs import CModel
+from c_programs import ON_LINUX, CModel
 from runtime_models import SETTINGS
 from scipy.integrate import solve_ivp
 
@@ -188,7 +186,7 @@ def effect_of(texts: dict, values: dict) -> Effect:
     )
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the C code is run on x86_64 Linux")
+@ON_LINUX
 @pytest.mark.parametrize("case", [*CASES, *NONLINEAR])
 def test_c_takes_the_same_steps(case, zig_cache, tmp_path):
     texts, _, values = {**CASES, **NONLINEAR}[case]
