@@ -24,8 +24,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit"))
-from pendulum_experiments import EFFECTS, make_pendulum_experiment
-from pendulum_experiments import records_of
+from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 
 MEASURABLE = ("hand_load", "variable_length", "moving_pivot")
 """Effects of which further columns can be recorded."""
