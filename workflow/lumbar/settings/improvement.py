@@ -85,7 +85,7 @@ class ImprovementSettings:
         "Files of effects of your own, relative to the project: equations in YAML, or Python, which is run as code.",
         default=(),
     )
-    most_effects: int = key("Most effects a diagnosis adds.", default=3, ge=1, le=5)
+    most_effects: int = key("Most effects a diagnosis adds.", default=3, within="[1, 5]")
     propose_law: bool = key(
         "Where effects of the catalogue leave something of a tissue test, look for a short formula for it; takes seconds to two "
         "minutes.",

@@ -16,13 +16,21 @@ SEED = 2023
 Kind = TypeVar("Kind")
 
 
-def required(meaning: str, *, unit: str | None = None, **limits) -> Any:
+def required(meaning: str, *, unit: str | None = None, within: str = "", **limits) -> Any:
     """Return a key that has no default; parameters as of `key`."""
     extra = {"json_schema_extra": {"unit": unit}} if unit else {}
-    return field(metadata={"description": meaning, **extra, **limits})
+    return field(metadata={"description": meaning, **extra, **_ends(within), **limits})
 
 
-def key(meaning: str, *, default: Any, unit: str | None = None, **limits) -> Any:
+def _ends(interval: str) -> dict[str, int | float]:
+    """Limits of an interval such as ``"(0, 1]"``, by their names in Pydantic."""
+    if not interval:
+        return {}
+    low, high = (float(end) if set(end) & set(".e") else int(end) for end in interval[1:-1].split(", "))
+    return {"ge" if interval[0] == "[" else "gt": low, "le" if interval[-1] == "]" else "lt": high}
+
+
+def key(meaning: str, *, default: Any, unit: str | None = None, within: str = "", **limits) -> Any:
     """Return a key of a section.
 
     Parameters
@@ -33,10 +41,12 @@ def key(meaning: str, *, default: Any, unit: str | None = None, **limits) -> Any
         What holds where a configuration says nothing. By its name type checkers know that the key may be left out.
     unit : str, optional
         Of the value.
+    within : str
+        Interval of its limits, e.g. ``"(0, 1]"``.
     **limits
-        Constraints of ``pydantic.Field``: ``ge``, ``gt``, ``le``, ``lt``, ``pattern``, ``min_length``, …
+        Other constraints of ``pydantic.Field``: ``ge`` or ``gt`` alone, ``pattern``, ``min_length``, …
     """
-    metadata = required(meaning, unit=unit, **limits).metadata
+    metadata = required(meaning, unit=unit, within=within, **limits).metadata
     if isinstance(default, dict):
         return field(default_factory=lambda: dict(default), metadata=metadata)
     return field(default=default, metadata=metadata)

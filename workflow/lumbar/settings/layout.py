@@ -58,7 +58,7 @@ class PointBetween:
 
     between: tuple[Alias, Alias] = required("The two markers, e.g. [C7, SACRUM].")
     share: float = required(
-        "Share of the way from the first to the second: 0 is the first, 1 the second.", ge=-1, le=2
+        "Share of the way from the first to the second: 0 is the first, 1 the second.", within="[-1, 2]"
     )
 
 
@@ -88,8 +88,7 @@ class MarkerLayout:
     scale: float = key(
         "Factor on the coordinates where the unit that a file states is wrong, e.g. 0.1.",
         default=1.0,
-        gt=0,
-        le=10000,
+        within="(0, 10000]",
     )
     up: Axis = key("Axis of the file that points up.", default="+z")
     forward: Axis = key(

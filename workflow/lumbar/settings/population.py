@@ -17,19 +17,18 @@ class PopulationSettings:
         "Difference that a study to be planned shall see, in percent of the second mean; for measures that detect does not "
         "name.",
         default=10.0,
-        gt=0,
-        le=1000,
+        within="(0, 1000]",
     )
     detect: dict[str, Positive] = key(
         "The same by measure, in the measure's unit, e.g. {margin_of_stability: 0.01}.", default={}
     )
-    power: float = key("Probability to see it.", default=0.8, gt=0.05, lt=1)
+    power: float = key("Probability to see it.", default=0.8, within="(0.05, 1)")
     significance: float = key(
-        "Level of the two-sided test that a study is planned for.", default=0.05, gt=0, lt=0.5
+        "Level of the two-sided test that a study is planned for.", default=0.05, within="(0, 0.5)"
     )
     planned_trials: Annotated[tuple[Count, ...], UNIQUE] = key(
         "Numbers of trials of each person for which the table says how many persons are needed.",
         default=(1, 3, 5),
         min_length=1,
     )
-    resamples: int = key("Samples of the cluster bootstrap.", default=2000, ge=200, le=100000)
+    resamples: int = key("Samples of the cluster bootstrap.", default=2000, within="[200, 100000]")

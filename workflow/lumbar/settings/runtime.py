@@ -36,8 +36,7 @@ class DeviceSettings:
         "Time from reading the encoder to the force at the motor: computing, bus, amplifier.",
         default=0.0,
         unit="ms",
-        ge=0,
-        le=1000,
+        within="[0, 1000]",
     )
     encoder_um: float = key(
         "Resolution of the position that the device reads; 0 is exact.", default=30.0, unit="µm", ge=0
@@ -82,8 +81,7 @@ class RuntimeSettings:
         "1 kHz loop, as the thesis has three of its 100 Hz loop: 30 ms with rate_Hz: null.",
         default=3.0,
         unit="ms",
-        ge=0,
-        le=1000,
+        within="[0, 1000]",
     )
     output_limit: float = key(
         "Largest magnitude of the output in its own unit, N in the thesis: what the device may "
@@ -115,15 +113,13 @@ class RuntimeSettings:
         "force such that device and FMU together never give out more energy than they took in, whatever the hand does. Half "
         "of the device's damping leaves the other half to calm what goes on. null is no bound.",
         default=None,
-        gt=0,
-        le=1000,
+        within="(0, 1000]",
     )
     energy_reserve: float = key(
         "Most energy, in J, that counts as taken in where device_damping is given: what was dissipated long ago buys no "
         "oscillation now. It must cover what the tissue stores at the largest force.",
         default=0.2,
-        gt=0,
-        le=1000,
+        within="(0, 1000]",
     )
     targets: Annotated[tuple[Platform, ...], UNIQUE] = key(
         "Platforms the FMUs hold binaries for; host is this machine's. The compiler builds what it "
@@ -146,6 +142,6 @@ class RuntimeSettings:
         min_length=1,
     )
     check_samples: int = key(
-        "Samples each FMU is simulated for when it is checked.", default=1000, ge=100, le=100000
+        "Samples each FMU is simulated for when it is checked.", default=1000, within="[100, 100000]"
     )
     device: DeviceSettings = section(default_factory=DeviceSettings)

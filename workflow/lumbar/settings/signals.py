@@ -30,7 +30,7 @@ class WelchSettings:
     segment_s: float = key(
         "Length of a segment; frequency lines lie 1/segment_s Hz apart.", default=10.24, unit="s", gt=0
     )
-    overlap: float = key("Share of a segment in common with the next.", default=0.5, ge=0, le=0.95)
+    overlap: float = key("Share of a segment in common with the next.", default=0.5, within="[0, 0.95]")
     window: Literal["hann", "hamming", "blackman", "boxcar", "bartlett", "flattop"] = key(
         "Window of every segment.", default="hann"
     )
@@ -46,16 +46,14 @@ class BandwidthSettings:
     power_share: float = key(
         "Rule power_share: the bandwidth is the frequency below which this share of the band's power lies.",
         default=0.95,
-        ge=0.5,
-        le=0.999,
+        within="[0.5, 0.999]",
     )
     level_dB: float = key(
         "Rule level: the bandwidth is the last frequency at which the density is above this level "
         "under its peak.",
         default=-20.0,
         unit="dB",
-        ge=-60,
-        le=-1,
+        within="[-60, -1]",
     )
     maximum_Hz: float = key(
         "Upper end of the analysis band. Tremor (8 to 12 Hz) and measuring noise above it do not "
@@ -64,9 +62,9 @@ class BandwidthSettings:
         unit="Hz",
         gt=0,
     )
-    confidence: float = key("Confidence of the intervals.", default=0.95, ge=0.5, le=0.999)
+    confidence: float = key("Confidence of the intervals.", default=0.95, within="[0.5, 0.999]")
     resamples: int = key(
-        "Bootstrap resamples of surgeons, then of their trials.", default=2000, ge=200, le=100000
+        "Bootstrap resamples of surgeons, then of their trials.", default=2000, within="[200, 100000]"
     )
 
 
@@ -109,7 +107,7 @@ class AmplitudeSettings:
     measure: Literal["rms", "peak"] = key(
         "Whether value_mm is the root mean square or the peak.", default="rms"
     )
-    value_mm: float = key("Amplitude.", default=2.0, unit="mm", gt=0, le=1000)
+    value_mm: float = key("Amplitude.", default=2.0, unit="mm", within="(0, 1000]")
 
 
 @settings
@@ -120,10 +118,9 @@ class MultisineSettings:
         "Period, a whole number of samples; lines lie 1/period_s Hz apart.",
         default=10.0,
         unit="s",
-        gt=0,
-        le=1000,
+        within="(0, 1000]",
     )
-    periods: int = key("Periods played; the first is left out as transient.", default=10, ge=2, le=1000)
+    periods: int = key("Periods played; the first is left out as transient.", default=10, within="[2, 1000]")
     grid: Literal["full", "odd"] = key(
         "full: every line (thesis); odd: odd lines, some left out, so that power on the others shows "
         "nonlinearity.",
@@ -132,8 +129,7 @@ class MultisineSettings:
     detection_group: int = key(
         "Odd grid: one line, drawn at random, of this many consecutive odd lines is left out.",
         default=4,
-        ge=2,
-        le=20,
+        within="[2, 20]",
     )
     phases: Literal["schroeder", "clipped", "zero"] = key(
         "schroeder (thesis), clipped (lowest crest factor, by iterated clipping) or zero (an impulse "
@@ -141,7 +137,9 @@ class MultisineSettings:
         default="schroeder",
     )
     amplitude_exponent: float = key(
-        "Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1.", default=0.0, ge=-4, le=4
+        "Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1.",
+        default=0.0,
+        within="[-4, 4]",
     )
 
 
@@ -149,13 +147,12 @@ class MultisineSettings:
 class NoiseSettings:
     """Band-limited Gaussian noise."""
 
-    duration_s: float = key("Duration.", default=10.0, unit="s", gt=0, le=10000)
+    duration_s: float = key("Duration.", default=10.0, unit="s", within="(0, 10000]")
     filter_order: int = key(
         "Order of the Butterworth low-pass, run forward and backward; -3 dB lies at the upper end of "
         "the band.",
         default=8,
-        ge=1,
-        le=20,
+        within="[1, 20]",
     )
 
 
@@ -163,7 +160,7 @@ class NoiseSettings:
 class ChirpSettings:
     """Linear chirp of Eq. 3.2."""
 
-    duration_s: float = key("Duration.", default=10.0, unit="s", gt=0, le=10000)
+    duration_s: float = key("Duration.", default=10.0, unit="s", within="(0, 10000]")
     lowest_Hz: float = key(
         "Frequency at which the sweep begins; it ends at the upper end of the band.",
         default=0.0,
@@ -194,17 +191,15 @@ class SignalsSettings:
     band_factor: float = key(
         "The signals excite up to this factor times the bandwidth (thesis: 2, its 'Nyquist rate').",
         default=2.0,
-        ge=0.1,
-        le=20,
+        within="[0.1, 20]",
     )
     round_Hz: float = key(
         "The upper end of the excited band is rounded to the nearest multiple of this.",
         default=0.5,
         unit="Hz",
-        gt=0,
-        le=10,
+        within="(0, 10]",
     )
-    rate_Hz: float = key("Samples per second of the signals.", default=100.0, unit="Hz", ge=1, le=10000)
+    rate_Hz: float = key("Samples per second of the signals.", default=100.0, unit="Hz", within="[1, 10000]")
     amplitude: AmplitudeSettings = section(default_factory=AmplitudeSettings)
     ramp_s: float = key(
         "Every signal is raised from zero by half a cosine of this length; noise and chirp are also "
@@ -212,8 +207,7 @@ class SignalsSettings:
         "period.",
         default=0.0,
         unit="s",
-        ge=0,
-        le=60,
+        within="[0, 60]",
     )
     multisine: MultisineSettings = section(default_factory=MultisineSettings)
     noise: NoiseSettings = section(default_factory=NoiseSettings)

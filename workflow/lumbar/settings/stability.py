@@ -28,13 +28,12 @@ class PendulumSettings:
     mass: Literal["with_box", "without_box"] = key(
         "Whether the box counts to the pendulum's mass in the headline.", default="with_box"
     )
-    damping_N_m_s: float = key("Damping b.", default=1.0, unit="N·m·s/rad", ge=0, le=1000)
+    damping_N_m_s: float = key("Damping b.", default=1.0, unit="N·m·s/rad", within="[0, 1000]")
     gravity_m_s2: float = key(
         "Gravitational acceleration: of the basins, of the effects on a pendulum, and of the twin's hip moments.",
         default=9.81,
         unit="m/s²",
-        ge=0,
-        le=30,
+        within="[0, 30]",
     )
 
 
@@ -61,8 +60,7 @@ class ProofSettings:
         "boundary; its area is about 1 − margin·T/2 of the exact one's.",
         default=0.005,
         unit="1/s",
-        gt=0,
-        le=100,
+        within="(0, 100]",
     )
 
 
@@ -75,16 +73,14 @@ class SumOfSquaresSettings:
         "Knots of ρ, with a certificate between each two; the nearest number that divides the basin's "
         "knots evenly is taken.",
         default=38,
-        ge=2,
-        le=100000,
+        within="[2, 100000]",
     )
-    alternations: int = key("Programmes per interval.", default=2, ge=2, le=8)
+    alternations: int = key("Programmes per interval.", default=2, within="[2, 8]")
     margin_1_s: float = key(
         "Margin left in ρ̇/ρ, in 1/s, above the solver's tolerance.",
         default=2e-05,
         unit="1/s",
-        gt=0,
-        le=1,
+        within="(0, 1]",
     )
 
 
@@ -97,18 +93,16 @@ class ThesisMethodSettings:
         "Knots of the alternation (the thesis: 1000); the nearest number that divides the basin's "
         "knots evenly is taken.",
         default=10,
-        ge=2,
-        le=1000,
+        within="[2, 1000]",
     )
-    initial_level: float = key("First guess of ρ at every knot.", default=1.0, gt=0, le=1000000.0)
+    initial_level: float = key("First guess of ρ at every knot.", default=1.0, within="(0, 1000000.0]")
     ratio: float = key(
-        "Ratio of the geometric progression by which ρ is decreased.", default=0.8, ge=0.1, le=0.99
+        "Ratio of the geometric progression by which ρ is decreased.", default=0.8, within="[0.1, 0.99]"
     )
     alternations: int = key(
         "Alternations (the thesis: 2); from the second on hardly a knot has a multiplier, and ρ stays (column unsolved_share).",
         default=2,
-        ge=1,
-        le=20,
+        within="[1, 20]",
     )
 
 
@@ -116,13 +110,14 @@ class ThesisMethodSettings:
 class AttackSettings:
     """Simulated starts in every basin (check ``simulation``)."""
 
-    starts: int = key("Starts per basin, half on the boundary, half inside.", default=200, ge=2, le=1000000)
+    starts: int = key(
+        "Starts per basin, half on the boundary, half inside.", default=200, within="[2, 1000000]"
+    )
     control_overstated: float = key(
         "Negative control: share of |d ln ρ/dt| by which ρ is made to fall too fast, so that starts "
         "must leave.",
         default=1.0,
-        ge=0.01,
-        le=10,
+        within="[0.01, 10]",
     )
 
 
@@ -135,61 +130,53 @@ class LimitSettings:
         "of the height long (Winter 2009, Figure 4.1), a quarter of it behind the ankle.",
         default=0.2,
         unit="m",
-        gt=0,
-        le=0.5,
+        within="(0, 0.5]",
     )
     foot_behind_m: float = key(
         "How far it reaches behind the ankle: u ≤ m·g times this, or the toes lift.",
         default=0.06,
         unit="m",
-        gt=0,
-        le=0.5,
+        within="(0, 0.5]",
     )
     feet_half_width_m: float = key(
         "Half the distance between the feet's outer borders, which limits the torque about the ankles to the sides.",
         default=0.17,
         unit="m",
-        gt=0,
-        le=1,
+        within="(0, 1]",
     )
     hip_extension_N_m: float = key(
         "Largest torque of both hips backward (isometric strength of young men, 0.161 of body weight times height a leg; "
         "Anderson, Madigan and Nussbaum 2007). All of it is left to each pendulum about the hips or L5.",
         default=440.0,
         unit="N·m",
-        gt=0,
-        le=10000,
+        within="(0, 10000]",
     )
     hip_flexion_N_m: float = key(
         "Largest torque of both hips forward (0.113 of body weight times height a leg; there).",
         default=310.0,
         unit="N·m",
-        gt=0,
-        le=10000,
+        within="(0, 10000]",
     )
     hip_abduction_N_m: float = key(
         "Largest torque of both hips to a side: an assumption, 100 N·m a leg.",
         default=200.0,
         unit="N·m",
-        gt=0,
-        le=10000,
+        within="(0, 10000]",
     )
     mass_share: float = key(
-        "The true mass lies within the pendulum's mass times 1 ± this share.", default=0.05, ge=0, le=0.9
+        "The true mass lies within the pendulum's mass times 1 ± this share.", default=0.05, within="[0, 0.9]"
     )
     knots: int = key(
         "Points in time at which these basins, the range of Table 4.1 under other weights and the figure that "
         "compares methods are computed.",
         default=334,
-        ge=50,
-        le=100000,
+        within="[50, 100000]",
     )
     certified_knots: int = key(
         "Knots of ρ of the sum-of-squares method for these basins; the nearest number that divides "
         "their knots evenly is taken.",
         default=10,
-        ge=2,
-        le=100000,
+        within="[2, 100000]",
     )
 
 
@@ -206,8 +193,7 @@ class GridSettings:
     knots: int = key(
         "Points in time: from 253 to 1000 areas about the ankles move by 3e-7 of them, about the hips by up to 1e-4.",
         default=253,
-        ge=50,
-        le=100000,
+        within="[50, 100000]",
     )
 
 
@@ -230,18 +216,16 @@ class MeasureSettings:
         "How far towards the edge of their feet people lean: the functional base of support, as a share of the whole one's "
         "distance from its centre (0.6 with loads, Holbein and Redfern 1997; 1 takes the whole).",
         default=0.6,
-        gt=0,
-        le=1,
+        within="(0, 1]",
     )
     contact_height_m: float = key(
         "How far above its lowest level heel or toe still stand on the ground.",
         default=0.03,
         unit="m",
-        gt=0,
-        le=0.2,
+        within="(0, 0.2]",
     )
     contact_speed_m_s: float = key(
-        "Speed below which heel or toe stand on the ground.", default=0.3, unit="m/s", gt=0, le=5
+        "Speed below which heel or toe stand on the ground.", default=0.3, unit="m/s", within="(0, 5]"
     )
 
 
@@ -251,12 +235,11 @@ class StabilitySettings:
 
     pendulum: PendulumSettings = section(default_factory=PendulumSettings)
     regulator: RegulatorSettings = section(default_factory=RegulatorSettings)
-    goal_level: float = key("ρ at the end of the trajectory.", default=1.0, gt=0, le=1000000.0)
+    goal_level: float = key("ρ at the end of the trajectory.", default=1.0, within="(0, 1000000.0]")
     knots: int = key(
         "Points in time at which a basin is computed (the thesis: 1000; from 505 to 1000 areas move by some 1e-8 of them).",
         default=505,
-        ge=50,
-        le=100000,
+        within="[50, 100000]",
     )
     checks: Annotated[tuple[Check, ...], UNIQUE] = key(
         "What is computed beside the exact basins. simulation: starts that must stay inside; thesis_method: Eqs 4.5–4.7 as "
@@ -282,6 +265,5 @@ class StabilitySettings:
     sensitivity_factor: float = key(
         "Factor by which Q, R and b are divided and multiplied for the range beside Table 4.1.",
         default=2.0,
-        ge=1.01,
-        le=100,
+        within="[1.01, 100]",
     )

@@ -22,7 +22,7 @@ class DeclaredEvents:
 class TrialSettings:
     """One recorded lift."""
 
-    box_mass_kg: float = required("Mass of the box.", unit="kg", ge=0, le=100)
+    box_mass_kg: float = required("Mass of the box.", unit="kg", within="[0, 100]")
     markers: str = required("Marker file (C3D, TRC, CSV, MAT, BVH; also .gz).")
     hip_moment: str | None = key("Hip moment beside it (time_s, angle_rad, moment_Nm).", default=None)
     forces: str | None = key(
@@ -55,8 +55,8 @@ class SubjectSettings:
     sex: Literal["female", "male", "unknown"] = required(
         "female, male or unknown; picks the segment table where it differs."
     )
-    mass_kg: float = required("Body mass.", unit="kg", gt=0, le=400)
-    height_m: float = required("Stature.", unit="m", ge=0.5, le=2.6)
+    mass_kg: float = required("Body mass.", unit="kg", within="(0, 400]")
+    height_m: float = required("Stature.", unit="m", within="[0.5, 2.6]")
     experience: str = required(
         "Label of the group that Table 4.1 (stability.compare) counts the person to, e.g. expert or novice.",
         min_length=1,

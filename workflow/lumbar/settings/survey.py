@@ -26,7 +26,7 @@ class RatingsLayout:
         max_length=12,
     )
     scale_points: int = required(
-        "Points of the Likert scale; ratings are whole numbers from 1 to this.", ge=2, le=11
+        "Points of the Likert scale; ratings are whole numbers from 1 to this.", within="[2, 11]"
     )
     best: str = required("Column with the name of the model picked as the best.", min_length=1)
     delimiter: str = key("Character between the cells.", default=",", min_length=1, max_length=1)
@@ -89,13 +89,12 @@ class SurveySettings:
         "Zero differences in Wilcoxon's test: ranked and then dropped (pratt), or dropped first (wilcox).",
         default="pratt",
     )
-    confidence: float = key("Confidence of all intervals.", default=0.95, ge=0.5, le=0.999)
+    confidence: float = key("Confidence of all intervals.", default=0.95, within="[0.5, 0.999]")
     resamples: int = key(
-        "Bootstrap samples of participants for the intervals of A.", default=10000, ge=1000, le=1000000
+        "Bootstrap samples of participants for the intervals of A.", default=10000, within="[1000, 1000000]"
     )
     negligible_A: float = key(
         "Largest |A - 0.5| that counts as no difference in the test of equivalence.",
         default=0.06,
-        gt=0,
-        lt=0.5,
+        within="(0, 0.5)",
     )

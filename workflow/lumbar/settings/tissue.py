@@ -14,7 +14,7 @@ Instant = Annotated[float, Each(ge=0)]
 class SearchSettings:
     """Search for the higher-order model."""
 
-    order_max: int = key("Highest order (poles) that is searched.", default=5, ge=2, le=12)
+    order_max: int = key("Highest order (poles) that is searched.", default=5, within="[2, 12]")
     condition_max: float = key(
         "Largest condition number of the standardised regressors that is taken for reasonable.",
         default=5000.0,
@@ -33,7 +33,7 @@ class RidgeSettings:
 
     alpha_min: float = key("Smallest coefficient above 0.", default=0.001, gt=0)
     alpha_max: float = key("Largest coefficient.", default=100.0, gt=0)
-    alpha_points: int = key("Number of values in the progression.", default=26, ge=2, le=1000)
+    alpha_points: int = key("Number of values in the progression.", default=26, within="[2, 1000]")
 
 
 @settings
@@ -43,9 +43,9 @@ class BootstrapSettings:
     block_s: float = key(
         "Length of a block: longer than the residuals are correlated.", default=0.5, unit="s", gt=0
     )
-    resamples: int = key("Number of resampled data sets.", default=1000, ge=100, le=100000)
+    resamples: int = key("Number of resampled data sets.", default=1000, within="[100, 100000]")
     confidence: float = key(
-        "Confidence level of the intervals of physical parameters.", default=0.95, gt=0, lt=1
+        "Confidence level of the intervals of physical parameters.", default=0.95, within="(0, 1)"
     )
 
 

@@ -19,15 +19,15 @@ class SyntheticSurgeon:
         gt=0,
     )
     tremor_rms_mm: float = required("Physiological tremor of every axis.", unit="mm", ge=0)
-    tremor_Hz: float = required("Centre of the tremor (physiological 8 to 12).", unit="Hz", ge=4, le=20)
+    tremor_Hz: float = required("Centre of the tremor (physiological 8 to 12).", unit="Hz", within="[4, 20]")
 
 
 @settings
 class SyntheticSurgeonSettings:
     """Synthetic trials of gaining access."""
 
-    rate_Hz: float = key("Samples per second.", default=100.0, unit="Hz", ge=30, le=10000)
-    duration_s: float = key("Duration of a trial.", default=60.0, unit="s", ge=5, le=10000)
+    rate_Hz: float = key("Samples per second.", default=100.0, unit="Hz", within="[30, 10000]")
+    duration_s: float = key("Duration of a trial.", default=60.0, unit="s", within="[5, 10000]")
     approach_mm: float = key(
         "Distance above the skin at which a trial begins.", default=30.0, unit="mm", ge=0
     )
@@ -42,7 +42,7 @@ class SyntheticSurgeonSettings:
     strokes_per_bout: float = key("Mean number of strokes between rests.", default=6.0, ge=1)
     gain_mm_per_stroke: float = key("Depth gained with every stroke.", default=0.2, unit="mm", ge=0)
     last_stroke_share: float = key(
-        "Stroke depth at the end of a trial as a share of that at its start.", default=0.4, gt=0, le=1
+        "Stroke depth at the end of a trial as a share of that at its start.", default=0.4, within="(0, 1]"
     )
     twist_deg: float = key(
         "Mean angle by which the tool is twisted during a stroke.", default=25.0, unit="°", ge=0
@@ -50,7 +50,9 @@ class SyntheticSurgeonSettings:
     lateral_mm: float = key(
         "Distance of the recorded point from the axis of twisting.", default=4.0, unit="mm", ge=0
     )
-    variation: float = key("Log-normal spread of times and lengths within a trial.", default=0.2, ge=0, le=1)
+    variation: float = key(
+        "Log-normal spread of times and lengths within a trial.", default=0.2, within="[0, 1]"
+    )
     tremor_bandwidth_Hz: float = key(
         "Standard deviation of the tremor's spectral peak.", default=1.0, unit="Hz", gt=0
     )
@@ -67,7 +69,10 @@ class SyntheticTissueSettings:
     )
     k2_N_per_mm: float = key("Stiffness of the spring in series with both.", default=3.24, unit="N/mm", gt=0)
     relaxation_s: float = key(
-        "Time constant b/(k1 + k2) of the relaxation at held position.", default=0.035, unit="s", gt=0, le=100
+        "Time constant b/(k1 + k2) of the relaxation at held position.",
+        default=0.035,
+        unit="s",
+        within="(0, 100]",
     )
     cubic_N_per_mm3: float = key(
         "Hardening that no linear model can describe: force per cube of the position.",
@@ -77,8 +82,7 @@ class SyntheticTissueSettings:
     noise_variance_share: float = key(
         "White noise of the load cell as a share of the variance of the recorded force.",
         default=0.14,
-        ge=0,
-        lt=1,
+        within="[0, 1)",
     )
 
 
@@ -86,27 +90,27 @@ class SyntheticTissueSettings:
 class SyntheticGapSettings:
     """Markers hidden for a moment."""
 
-    count: int = key("Number of gaps in a recording, each in another marker.", default=12, ge=0, le=1000)
-    longest_s: float = key("Longest gap.", default=0.15, unit="s", ge=0, le=1)
+    count: int = key("Number of gaps in a recording, each in another marker.", default=12, within="[0, 1000]")
+    longest_s: float = key("Longest gap.", default=0.15, unit="s", within="[0, 1]")
 
 
 @settings
 class WorkplaceSettings:
     """Box, pallet and table."""
 
-    box_width_m: float = key("Width of the box between the hands.", default=0.4, unit="m", gt=0, le=2)
-    box_depth_m: float = key("Depth of the box.", default=0.32, unit="m", gt=0, le=2)
-    box_height_m: float = key("Height of the box.", default=0.28, unit="m", gt=0, le=2)
-    pallet_height_m: float = key("Height of the pallet.", default=0.2, unit="m", ge=0, le=2)
+    box_width_m: float = key("Width of the box between the hands.", default=0.4, unit="m", within="(0, 2]")
+    box_depth_m: float = key("Depth of the box.", default=0.32, unit="m", within="(0, 2]")
+    box_height_m: float = key("Height of the box.", default=0.28, unit="m", within="(0, 2]")
+    pallet_height_m: float = key("Height of the pallet.", default=0.2, unit="m", within="[0, 2]")
     pallet_distance_m: float = key(
-        "Centre of the box ahead of the ankles before the lift.", default=0.28, unit="m", ge=0, le=2
+        "Centre of the box ahead of the ankles before the lift.", default=0.28, unit="m", within="[0, 2]"
     )
-    table_height_m: float = key("Height of the table.", default=0.66, unit="m", ge=0, le=2)
+    table_height_m: float = key("Height of the table.", default=0.66, unit="m", within="[0, 2]")
     table_distance_m: float = key(
-        "Centre of the box ahead of the ankles after the deposit.", default=0.43, unit="m", ge=0, le=2
+        "Centre of the box ahead of the ankles after the deposit.", default=0.43, unit="m", within="[0, 2]"
     )
     walk_m: float = key(
-        "Way from the pallet to the table, walked in three steps.", default=0.9, unit="m", ge=0.2, le=5
+        "Way from the pallet to the table, walked in three steps.", default=0.9, unit="m", within="[0.2, 5]"
     )
 
 
@@ -118,18 +122,16 @@ class HiddenMomentSettings:
         "Distance of the box from the hip while it is held; 0 takes the hand load away.",
         default=0.45,
         unit="m",
-        ge=0,
-        le=2,
+        within="[0, 2]",
     )
     stiffening_N_m: float = key(
         "Passive stiffness: this moment times exp(angle/stiffening_angle_rad) - 1; 0 takes it away.",
         default=0.0,
         unit="N·m",
-        ge=0,
-        le=1000,
+        within="[0, 1000]",
     )
     stiffening_angle_rad: float = key(
-        "Angle over which the passive moment grows e-fold.", default=0.35, unit="rad", ge=0.05, le=10
+        "Angle over which the passive moment grows e-fold.", default=0.35, unit="rad", within="[0.05, 10]"
     )
 
 
@@ -138,10 +140,10 @@ class MomentTrial:
     """One trial in which a lift is repeated."""
 
     lift: str = required("One of lifts.")
-    pace: float = required("Speed, as a factor of that of the lift.", ge=0.2, le=3)
-    repetitions: int = required("How often the lift is done.", ge=1, le=50)
+    pace: float = required("Speed, as a factor of that of the lift.", within="[0.2, 3]")
+    repetitions: int = required("How often the lift is done.", within="[1, 50]")
     variation: float = required(
-        "Spread of the trunk's inclination between repetitions, as a share of it.", ge=0, le=0.3
+        "Spread of the trunk's inclination between repetitions, as a share of it.", within="[0, 0.3]"
     )
     with_box: bool = required("false: the movement is done without the box.")
 
@@ -150,8 +152,8 @@ class MomentTrial:
 class SyntheticMomentSettings:
     """Moment at the hip: the pendulum of Eq. 4.1 and the effects hidden in it."""
 
-    damping_N_m_s: float = key("Damping b.", default=8.0, unit="N·m·s/rad", ge=0, le=1000)
-    noise_N_m: float = key("Standard deviation of the noise.", default=2.0, unit="N·m", ge=0, le=1000)
+    damping_N_m_s: float = key("Damping b.", default=8.0, unit="N·m·s/rad", within="[0, 1000]")
+    noise_N_m: float = key("Standard deviation of the noise.", default=2.0, unit="N·m", within="[0, 1000]")
     hidden: HiddenMomentSettings = section(default_factory=HiddenMomentSettings)
     trials: dict[str, MomentTrial] = key(
         "Trials in which one lift is repeated, by name; records of improvement.record_sets in the "
@@ -164,8 +166,8 @@ class SyntheticMomentSettings:
 class SyntheticPerson:
     """One synthetic person."""
 
-    mass_kg: float = required("Body mass.", unit="kg", gt=0, le=400)
-    height_m: float = required("Stature.", unit="m", ge=0.5, le=2.6)
+    mass_kg: float = required("Body mass.", unit="kg", within="(0, 400]")
+    height_m: float = required("Stature.", unit="m", within="[0.5, 2.6]")
 
 
 @settings
@@ -183,21 +185,25 @@ class SyntheticLift:
     """Movement of one lift."""
 
     person: str = required("One of people.")
-    box_mass_kg: float = required("Mass of the box.", unit="kg", ge=0, le=100)
+    box_mass_kg: float = required("Mass of the box.", unit="kg", within="[0, 100]")
     lift_flexion_deg: float = required(
-        "Inclination of the thorax when the box is grasped.", unit="°", ge=0, le=120
+        "Inclination of the thorax when the box is grasped.", unit="°", within="[0, 120]"
     )
-    lift_squat_m: float = required("Descent of the hips when the box is grasped.", unit="m", ge=0, le=0.6)
+    lift_squat_m: float = required(
+        "Descent of the hips when the box is grasped.", unit="m", within="[0, 0.6]"
+    )
     deposit_flexion_deg: float = required(
-        "Inclination of the thorax at the release beyond that of carrying.", unit="°", ge=0, le=90
+        "Inclination of the thorax at the release beyond that of carrying.", unit="°", within="[0, 90]"
     )
-    deposit_squat_m: float = required("Descent of the hips at the release.", unit="m", ge=0, le=0.6)
-    lateral_bending_deg: float = required("Largest bending to the right.", unit="°", ge=-45, le=45)
-    lateral_sway_m: float = required("Largest shift of the hips to the right.", unit="m", ge=-0.3, le=0.3)
+    deposit_squat_m: float = required("Descent of the hips at the release.", unit="m", within="[0, 0.6]")
+    lateral_bending_deg: float = required("Largest bending to the right.", unit="°", within="[-45, 45]")
+    lateral_sway_m: float = required(
+        "Largest shift of the hips to the right.", unit="m", within="[-0.3, 0.3]"
+    )
     hesitation_deg: float = required(
-        "Amplitude of corrections of the trunk during the deposit.", unit="°", ge=0, le=20
+        "Amplitude of corrections of the trunk during the deposit.", unit="°", within="[0, 20]"
     )
-    hesitation_Hz: float = required("Frequency of the corrections.", unit="Hz", gt=0, le=10)
+    hesitation_Hz: float = required("Frequency of the corrections.", unit="Hz", within="(0, 10]")
     foot_adjustment: bool = required("Whether the left foot shuffles to the box before the lift.")
     events_s: TrueEvents = required("True times of the events.", unit="s")
 
@@ -216,7 +222,7 @@ def _drawn(meaning: str, default: tuple[float, float, float], unit: str | None =
 class CohortGroup:
     """One group of a cohort: how many, and how they lift; the defaults are an expert's."""
 
-    persons: int = key("Number of persons.", default=10, ge=1, le=100000)
+    persons: int = key("Number of persons.", default=10, within="[1, 100000]")
     lift_flexion_deg: Drawn = _drawn(
         "Inclination of the thorax when the box is grasped", (60.0, 8.0, 3.0), "°"
     )
@@ -228,7 +234,7 @@ class CohortGroup:
     hesitation_deg: Drawn = _drawn("Amplitude of corrections during the deposit", (0.4, 0.2, 0.1), "°")
     hesitation_Hz: Drawn = _drawn("Frequency of the corrections", (1.3, 0.2, 0.1), "Hz")
     foot_adjustment: float = key(
-        "Share of the trials in which a foot shuffles to the box first.", default=0.1, ge=0, le=1
+        "Share of the trials in which a foot shuffles to the box first.", default=0.1, within="[0, 1]"
     )
     tempo: Drawn = _drawn("Factor on all durations", (1.0, 0.08, 0.03))
 
@@ -247,8 +253,8 @@ class CohortSettings:
     box_masses_kg: Annotated[tuple[Annotated[float, Each(ge=0, le=100)], ...], UNIQUE] = key(
         "Masses of the boxes that everybody lifts.", default=(15.0, 23.0), unit="kg", min_length=1
     )
-    trials: int = key("Trials of every person with every box.", default=3, ge=1, le=1000)
-    female_share: float = key("Share of women in every group.", default=0.5, ge=0, le=1)
+    trials: int = key("Trials of every person with every box.", default=3, within="[1, 1000]")
+    female_share: float = key("Share of women in every group.", default=0.5, within="[0, 1]")
     stature_m: dict[Literal["female", "male"], tuple[float, NonNegative]] = key(
         "Mean and standard deviation by sex (ANSUR II, Gordon et al., 2014).",
         default={"female": (1.628, 0.064), "male": (1.756, 0.069)},
@@ -260,21 +266,19 @@ class CohortSettings:
         unit="kg",
     )
     stature_mass_correlation: float = key(
-        "Correlation of stature and mass within a sex.", default=0.5, gt=-1, lt=1
+        "Correlation of stature and mass within a sex.", default=0.5, within="(-1, 1)"
     )
     mass_error_kg: float = key(
         "Standard deviation of the body mass that the study declares about the true one; 0 declares the truth.",
         default=0.5,
         unit="kg",
-        ge=0,
-        le=20,
+        within="[0, 20]",
     )
     stature_error_m: float = key(
         "Standard deviation of the stature that the study declares about the true one.",
         default=0.005,
         unit="m",
-        ge=0,
-        le=0.2,
+        within="[0, 0.2]",
     )
     durations_s: tuple[Positive, Positive, Positive, Positive] = key(
         "Usual time of reaching for the box, lifting it, carrying it and depositing it; the first is 1.8 s at least.",
@@ -284,8 +288,7 @@ class CohortSettings:
     slower_per_kg: float = key(
         "By how much of themselves durations grow with each kilogram beyond the lightest box.",
         default=0.008,
-        ge=0,
-        le=0.1,
+        within="[0, 0.1]",
     )
 
 
@@ -293,10 +296,10 @@ class CohortSettings:
 class SyntheticLiftingSettings:
     """Synthetic lifting recordings."""
 
-    rate_Hz: float = key("Frames per second.", default=100.0, unit="Hz", ge=20, le=1000)
-    duration_s: float = key("Length of a recording.", default=9.5, unit="s", ge=4, le=120)
+    rate_Hz: float = key("Frames per second.", default=100.0, unit="Hz", within="[20, 1000]")
+    duration_s: float = key("Length of a recording.", default=9.5, unit="s", within="[4, 120]")
     marker_noise_mm: float = key(
-        "Standard deviation of the white noise on every coordinate.", default=0.5, unit="mm", ge=0, le=20
+        "Standard deviation of the white noise on every coordinate.", default=0.5, unit="mm", within="[0, 20]"
     )
     gaps: SyntheticGapSettings = section(default_factory=SyntheticGapSettings)
     workplace: WorkplaceSettings = section(default_factory=WorkplaceSettings)
@@ -320,7 +323,7 @@ class TwoHiddenEffectsSettings:
 
     number: int = key("Which draw of tissue, motion and effects.", default=1, ge=0)
     noise_share: float = key(
-        "RMS of the noise over that of the force without the effects.", default=0.01, gt=0, le=1
+        "RMS of the noise over that of the force without the effects.", default=0.01, within="(0, 1]"
     )
     residual_over_noise: float = key(
         "RMS that the best Kelvin–Boltzmann model leaves of each effect, over the noise.", default=16.0, gt=0
