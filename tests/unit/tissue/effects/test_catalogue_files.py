@@ -9,6 +9,7 @@ import yaml
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import read_yaml
+from lumbar.settings.stability import PendulumSettings
 from lumbar.tissue.effects import catalogue
 from lumbar.tissue.effects.hooks import HOOKS
 from lumbar.tissue.effects.notation import load_effects, shipped_effect
@@ -54,7 +55,7 @@ def test_masses_weigh_what_the_settings_say():
     constants = [
         item for effect in catalogue.PENDULUM.values() for form in effect.forms for item in form.constants
     ]
-    assert {item.value for item in constants if item.symbol == "g"} == {catalogue.GRAVITY}
+    assert {item.value for item in constants if item.symbol == "g"} == {PendulumSettings().gravity_m_s2}
 
 
 def test_an_effect_is_read_when_it_is_asked_for():

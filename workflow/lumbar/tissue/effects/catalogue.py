@@ -8,12 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from lumbar.base.errors import InputError
-from lumbar.settings.stability import PendulumSettings
 from lumbar.tissue.models.bases import BASES, system_of
 from lumbar.tissue.models.form import Effect, Form
 
-GRAVITY = PendulumSettings().gravity_m_s2
-"""The default, m/s² (`catalogue_with` takes another); masses come out in kg where moments are in N m and angles in rad."""
 CHANNELS = {
     "box_held": "box_held",
     "length": "length_m",
@@ -111,15 +108,15 @@ def without_channels(
 
 
 def catalogue_with(
-    files: Collection[str | Path], base: str = "KB", gravity_m_s2: float = GRAVITY
+    files: Collection[str | Path], base: str = "KB", gravity_m_s2: float | None = None
 ) -> dict[str, Effect]:
     """Return the catalogue of a base with the effects of a user's files, which come last.
 
     Parameters
     ----------
     files : collection of path
-    gravity_m_s2 : float
-        That acts on a pendulum, in the effects that move masses.
+    gravity_m_s2 : float, optional
+        That acts on a pendulum, in the effects that move masses; it acts on no tissue. Default that of the files.
 
     Raises
     ------
@@ -128,7 +125,7 @@ def catalogue_with(
         a mass from its distance.
     """
     catalogue = dict(catalogue_of(base))
-    if system_of(base) == "pendulum":
+    if system_of(base) == "pendulum" and gravity_m_s2 is not None:
         catalogue = {name: _under_gravity(effect, gravity_m_s2) for name, effect in catalogue.items()}
     if files:
         from lumbar.tissue.effects.notation import load_effects

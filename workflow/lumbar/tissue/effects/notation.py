@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -117,6 +118,11 @@ def _checked_effect(path: Path, taken: Collection[str]) -> Effect:
     return effect
 
 
+def _key(place: str, key: str) -> str:
+    """A key in a part of the file, as messages name it."""
+    return f"{place}.{key}".strip(".")
+
+
 class _Reading:
     """Reads the parts of an effect's file and notes what is wrong, with key and line."""
 
@@ -167,12 +173,12 @@ class _Reading:
         """Note keys that are not known."""
         for key in content:
             if key not in allowed:
-                self.problem(f"{place}.{key}".strip("."), "unknown key", f"allowed are {', '.join(allowed)}")
+                self.problem(_key(place, key), "unknown key", f"allowed are {', '.join(allowed)}")
 
     def text(self, content: dict, key: str, needed: bool, place: str = "") -> str:
         """A text; a problem where it is needed and absent."""
         value = content.get(key, "")
-        where = f"{place}.{key}".strip(".")
+        where = _key(place, key)
         if not isinstance(value, str):
             self.problem(where, repr(value), "a text is needed; put it in quotes")
             return ""
@@ -184,14 +190,14 @@ class _Reading:
         """Whether something holds; not where nothing is said."""
         value = content.get(key, False)
         if not isinstance(value, bool):
-            self.problem(f"{place}.{key}".strip("."), repr(value), "true or false")
+            self.problem(_key(place, key), repr(value), "true or false")
         return value is True
 
     def name(self, content: dict, place: str) -> str:
         """A name, as results and C code call it."""
         name = self.text(content, "name", True, place)
         if name and not _NAME.fullmatch(name):
-            self.problem(f"{place}.name".strip("."), repr(name), _NAME_RULE)
+            self.problem(_key(place, "name"), repr(name), _NAME_RULE)
         return name
 
     def forms(self, content: Any) -> list[Form | None]:
@@ -213,9 +219,7 @@ class _Reading:
         """One form; None where something is wrong with it."""
         before = len(self.problems.entries)
 
-        def at(key: str) -> str:
-            return f"{place}.{key}".strip(".")
-
+        at = partial(_key, place)
         state = self.mapping(content.get("state", {}), at("state"), 'r: "v/d*(1 - r*sign(v))" …')
         given = self.mapping(content.get("parameters", {}), at("parameters"), "symbol: {name: …, unit: …} …")
         constants = self.mapping(
@@ -280,7 +284,7 @@ class _Reading:
             if (name := content.get(key)) in known:
                 found[key] = known[name]
             elif name is not None:
-                self.problem(f"{place}.{key}".strip("."), repr(name), f"hooks are {', '.join(known)}")
+                self.problem(_key(place, key), repr(name), f"hooks are {', '.join(known)}")
         if "solution" in found:
             found["solution"], found["c_solution"] = found["solution"]
         if "by_hand" in found:
@@ -408,12 +412,8 @@ def _numerical_problems(form: Form) -> list[tuple[str, str]]:
             if len(wrong):
                 at = motion.time[wrong[0]], motion.position[wrong[0]], motion.velocity[wrong[0]]
                 said = "is {} at t = {:.3g}, z = {:.3g}, v = {:.3g}".format(values[wrong[0]], *at)
-                return [
-                    (
-                        f"{said}{', ' + given if given else ''}",
-                        "it must be finite for every position and velocity",
-                    )
-                ]
+                said += f", {given}" if given else ""
+                return [(said, "it must be finite for every position and velocity")]
             if item and not values.any():
                 return [(f"{item.name} has no influence on a sine of amplitude 1", "it must have one")]
     return []

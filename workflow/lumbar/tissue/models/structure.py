@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -54,13 +54,13 @@ class Structure:
         """Whether the force is linear in all linear parameters: no form acts on the output."""
         return all(form.place is not Place.OUTPUT for form in self.forms)
 
-    def with_form(self, form: Form) -> Structure:
+    def with_form(self, form: Form) -> Self:
         """Structure with one form more."""
-        return Structure(self.base, (*self.forms, form))
+        return replace(self, forms=(*self.forms, form))
 
-    def without(self, effect: str) -> Structure:
+    def without(self, effect: str) -> Self:
         """Structure without one effect."""
-        return Structure(self.base, tuple(form for form in self.forms if form.effect != effect))
+        return replace(self, forms=tuple(form for form in self.forms if form.effect != effect))
 
     def nonlinear_of(self, nonlinear: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Split all nonlinear parameters into the base's and those of each form by its key."""
@@ -149,8 +149,7 @@ class ForwardStructure(Structure):
     @cached_property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
         """All nonlinear parameters; those of forms at the output are of the position already."""
-        own = [*self.base.nonlinear]
-        found = [*map(_exchanged, own)]
+        found = [*map(_exchanged, self.base.nonlinear)]
         for form in self.forms:
             found += [item if form.place is Place.OUTPUT else _exchanged(item) for item in form.nonlinear]
         return tuple(found)
@@ -159,14 +158,6 @@ class ForwardStructure(Structure):
     def is_linear(self) -> bool:
         """A motion is never linear in the parameters."""
         return False
-
-    def with_form(self, form: Form) -> ForwardStructure:
-        """Structure with one form more."""
-        return ForwardStructure(self.base, (*self.forms, form))
-
-    def without(self, effect: str) -> ForwardStructure:
-        """Structure without one effect."""
-        return ForwardStructure(self.base, tuple(form for form in self.forms if form.effect != effect))
 
     @cached_property
     def balance(self) -> ForceBalance:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
-from lumbar.tissue.effects.catalogue import GRAVITY, MOTION_SENSOR, catalogue_of, catalogue_with
+from lumbar.tissue.effects.catalogue import MOTION_SENSOR, catalogue_of, catalogue_with
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, system_of
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base
@@ -53,8 +53,7 @@ class DiagnosisSettings:
         """How a study diagnoses; base and training records that are given come before its own."""
         improvement = settings.improvement
         base = base or improvement.base
-        weighs = system_of(base) == "pendulum"  # gravity acts on no tissue test
-        gravity = settings.stability.pendulum.gravity_m_s2 if weighs else GRAVITY
+        gravity = settings.stability.pendulum.gravity_m_s2
         return cls(
             base=base,
             train=train or improvement.train,
