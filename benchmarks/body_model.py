@@ -32,12 +32,11 @@ from lumbar.lifting.body_model.build import (  # noqa: E402
     measured_markers,
 )
 from lumbar.lifting.body_model.fit import BodyFit, fit, model_points  # noqa: E402
-from lumbar.lifting.movement.centre_of_mass import segment_centres, trunk_centre  # noqa: E402
+from lumbar.lifting.movement.centre_of_mass import COMS, WINTER, segment_centres, trunk_centre  # noqa: E402
 from lumbar.lifting.movement.cleaning import filter_markers  # noqa: E402
 from lumbar.lifting.movement.gaps import fill_gaps  # noqa: E402
+from lumbar.lifting.movement.joint_centres import trunk_points  # noqa: E402
 from lumbar.lifting.movement.rigid_filling import body_shape, fill_rigid  # noqa: E402
-from lumbar.lifting.movement.segments import COMS, WINTER  # noqa: E402
-from lumbar.lifting.movement.trunk_points import trunk_points  # noqa: E402
 from lumbar.records.markers import MarkerRecording, read_markers  # noqa: E402
 from lumbar.settings.layout import MarkerLayout  # noqa: E402
 from lumbar.settings.lifting import BodyModelSettings  # noqa: E402

@@ -138,7 +138,7 @@ def test_a_lift_without_a_deposit_is_saved_and_its_basins_say_why(recording, tmp
 
 def test_the_static_trial_of_a_person_tells_where_a_marker_that_is_never_seen_with_the_others_is(tmp_path):
     """The right PSIS is hidden from the first frame to the last but for a moment in which the left one is hidden."""
-    from lumbar.lifting.movement.lift import gaps_frame
+    from lumbar.lifting.movement.lift_tables import gaps_frame
     from lumbar.twin.lifting_recordings import true_movement, write_markers
 
     twin = study_settings().twin.lifting

@@ -19,6 +19,7 @@ from fontTools.ttLib import TTFont
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 
 from lumbar.lifting.movement import lift as lifting
+from lumbar.lifting.movement import lift_tables
 from lumbar.publishing.figures import style
 from lumbar.publishing.figures.comparison_figures import comparison_figure, default_segment
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
@@ -292,12 +293,12 @@ def drawn(project, tmp_path_factory):
     trial = subject.trials[0]
     lift = lifting.analyse_lift(read_markers(path, settings.markers), "novice_23kg", subject, trial, settings)
     return {
-        "motion": lifting.motion_frame(lift),
-        "centres": lifting.centres_frame(lift),
-        "states": lifting.states_frame(lift),
-        "landmarks": lifting.landmarks_frame(lift),
+        "motion": lift_tables.motion_frame(lift),
+        "centres": lift_tables.centres_frame(lift),
+        "states": lift_tables.states_frame(lift.states),
+        "landmarks": lift_tables.landmarks_frame(lift),
         "events": {name: event.as_dict() for name, event in lift.events.items()},
-        "summary": lifting.summary(lift, subject, trial, settings),
+        "summary": lift_tables.summary(lift, subject, trial, settings),
     }
 
 

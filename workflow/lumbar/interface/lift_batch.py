@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.interface.person import Lift, lift, without_pendulum
 from lumbar.interface.trials import lift_names, marker_files
-from lumbar.lifting.movement.event import EVENTS
-from lumbar.lifting.movement.events import found_by
+from lumbar.lifting.movement.events import EVENTS, event_sources
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
@@ -153,7 +152,7 @@ def lift_all(
 
 def _row(item: PlannedLift, found: Lift) -> dict:
     events = found.analysed.events
-    methods = found_by(found.analysed.recording, events)
+    methods = event_sources(found.analysed.recording, events)
     columns: dict[str, float | str | None] = {}
     for name, event in events.items():
         columns[f"{name}_s"], columns[f"{name}_method"] = event.time_s, methods[name]

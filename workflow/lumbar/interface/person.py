@@ -13,8 +13,9 @@ from lumbar.base.errors import InputError
 from lumbar.interface.data_label import data_label
 from lumbar.interface.trials import forces_of, static_of, trial_of
 from lumbar.lifting.movement import lift as lifting
-from lumbar.lifting.movement.events import found_by, hands_doubt
-from lumbar.lifting.movement.file_events import comparison
+from lumbar.lifting.movement import lift_tables
+from lumbar.lifting.movement.event_detection import hands_doubt
+from lumbar.lifting.movement.events import comparison, event_sources
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.interface.body_model import LiftModel
-    from lumbar.lifting.movement.other_pivots import OtherPivot
     from lumbar.lifting.movement.plate_check import PlateCheck
     from lumbar.lifting.quality.sheet import QualitySheet
     from lumbar.settings.layout import MarkerLayout
@@ -152,13 +152,13 @@ class Lift:
     @cached_property
     def states(self) -> pd.DataFrame:
         """Pendulum states of the deposit: one row per centre of mass, plane and instant."""
-        return lifting.states_frame(self.analysed)
+        return lift_tables.states_frame(self.analysed.states)
 
     @cached_property
     def facts(self) -> dict:
         """What the pendulums are made of: masses, lengths, pivots, rules, assumptions; and what measures need beside."""
         return {
-            **lifting.summary(self.analysed, self.subject, self.trial, self.settings),
+            **lift_tables.summary(self.analysed, self.subject, self.trial, self.settings),
             "other_pivots": {name: about.facts for name, about in self._other_pivots.items()},
             "height_m": self.subject.height_m,
             "no_deposit": lifting.no_deposit(self.analysed.events),
@@ -166,27 +166,21 @@ class Lift:
         }
 
     @cached_property
-    def _other_pivots(self) -> dict[str, OtherPivot]:
-        from lumbar.lifting.movement.other_pivots import other_pivots
-
-        return other_pivots(self.analysed, self.settings)
+    def _other_pivots(self) -> dict[str, lifting.OtherPivot]:
+        return lifting.other_pivots(self.analysed, self.settings)
 
     @cached_property
     def other_states(self) -> pd.DataFrame:
         """Pendulum states about the pivots that conclusions are compared about, beside the study's own."""
-        from lumbar.lifting.movement.other_pivots import other_states_frame
-
-        return other_states_frame(self._other_pivots)
+        return lift_tables.other_states_frame(self._other_pivots)
 
     @cached_property
     def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
-        from lumbar.lifting.movement.body import body_frame
-
-        return body_frame(self.analysed)
+        return lift_tables.body_frame(self.analysed)
 
     @property
     def body(self) -> pd.DataFrame:
-        """Trajectories of joints, feet, hands, load and centres of mass: ``lumbar.lifting.movement.body.body_frame``."""
+        """Trajectories of joints, feet, hands, load and centres of mass: ``lumbar.lifting.movement.lift_tables.body_frame``."""
         return self._body[0]
 
     @cached_property
@@ -251,12 +245,12 @@ class Lift:
         tables = {
             "pendulum": self.states,
             "other_pivots": self.other_states,
-            "com": lifting.centres_frame(self.analysed),
+            "com": lift_tables.centres_frame(self.analysed),
             "body": self.body,
             "spread": self.spread,
-            "gaps": lifting.gaps_frame(self.analysed),
-            "motion": lifting.motion_frame(self.analysed),
-            "landmarks": lifting.landmarks_frame(self.analysed),
+            "gaps": lift_tables.gaps_frame(self.analysed),
+            "motion": lift_tables.motion_frame(self.analysed),
+            "landmarks": lift_tables.landmarks_frame(self.analysed),
         }
         for name, frame in tables.items():
             write_csv(folder / f"{name}.csv", frame.assign(**label))
@@ -279,7 +273,7 @@ class Lift:
 
     def _events_in_words(self) -> list[str]:
         """Each event, what it was found in, between which times it must lie; and what hands leave open."""
-        sources, lines = found_by(self.analysed.recording, self.analysed.events), []
+        sources, lines = event_sources(self.analysed.recording, self.analysed.events), []
         for name, event in self.analysed.events.items():
             if event.time_s is None:
                 lines.append(f"{name}: none ({event.how})")

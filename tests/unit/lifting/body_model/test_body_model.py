@@ -14,12 +14,11 @@ from lumbar.lifting.body_model import anatomy
 from lumbar.lifting.body_model.build import at_nodes, build, measured_markers
 from lumbar.lifting.body_model.fit import fit, model_points
 from lumbar.lifting.body_model.pendulums import Conditions, basin_intervals, model_pendulums
-from lumbar.lifting.movement.centre_of_mass import segment_centres
+from lumbar.lifting.movement.centre_of_mass import WINTER, segment_centres
 from lumbar.lifting.movement.events import Event
 from lumbar.lifting.movement.gaps import fill_gaps
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.movement.pendulum_states import pendulum_states
-from lumbar.lifting.movement.segments import WINTER
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import BodyModelSettings, BoxSettings, LiftingSettings

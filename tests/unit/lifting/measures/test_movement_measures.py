@@ -15,9 +15,9 @@ from lumbar.lifting.measures.back_load import Link, net_moment
 from lumbar.lifting.measures.course import Lifter, course_of_lift, links_above_l5s1
 from lumbar.lifting.measures.lift_values import COLUMNS, long_table
 from lumbar.lifting.measures.registry import ALL, FRONTAL, MEASURES, SAGITTAL
-from lumbar.lifting.movement.body import com_of
 from lumbar.lifting.movement.cleaning import low_pass
 from lumbar.lifting.movement.lift import analyse_lift
+from lumbar.lifting.movement.lift_tables import com_of
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.lifting import LiftingSettings

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lumbar.lifting.movement.lift import analyse_lift, summary
+from lumbar.lifting.movement.lift import analyse_lift
+from lumbar.lifting.movement.lift_tables import summary
 from lumbar.records.markers import read_markers
 from study_settings import study_settings, subject_settings
 
@@ -78,7 +79,7 @@ def test_the_recording_becomes_pendulums_that_say_what_was_assumed(study, shared
 
 def test_the_deposit_is_as_deep_as_the_box_was_raised_over_the_shelf(study, shared):
     """So deep that no threshold of its own is needed; and of the wrists, of which one is marked, the figure says which."""
-    from lumbar.lifting.movement.lift import motion_frame
+    from lumbar.lifting.movement.lift_tables import motion_frame
     from lumbar.settings.lifting import EventSettings
 
     settings, subject = study

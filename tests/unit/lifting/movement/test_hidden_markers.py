@@ -9,7 +9,8 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.gaps import ISLAND, without_islands
-from lumbar.lifting.movement.lift import analyse_lift, gaps_frame
+from lumbar.lifting.movement.lift import analyse_lift
+from lumbar.lifting.movement.lift_tables import gaps_frame
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import GapSettings, LiftingSettings

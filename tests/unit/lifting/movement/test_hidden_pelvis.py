@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lumbar.lifting.movement.rigid_filling import carried_by_the_body
-from lumbar.lifting.movement.trunk_points import trunk_points
+from lumbar.lifting.movement.joint_centres import trunk_points
+from lumbar.lifting.movement.rigid_filling import fill_from_body
 from lumbar.records.markers import MarkerRecording
 from lumbar.twin.lifting_recordings import true_movement
 from study_settings import study_settings
@@ -37,14 +37,14 @@ def hidden(markers, *names, frames=slice(20, 40)):
 @pytest.mark.parametrize("name", SHAPE)
 def test_one_hidden_marker_comes_back_exactly(name):
     true = moving()
-    filled, frames = carried_by_the_body(hidden(true, name))
+    filled, frames = fill_from_body(hidden(true, name))
     assert frames == {name: 20}
     assert filled[name] == pytest.approx(true[name], abs=1e-12)
 
 
 def test_with_noise_it_comes_back_as_well_as_the_markers_are_known_and_seen_frames_stay():
     true, measured = moving(), moving(noise=5e-4)
-    filled, _ = carried_by_the_body(hidden(measured, "A"))
+    filled, _ = fill_from_body(hidden(measured, "A"))
     error = np.linalg.norm(filled["A"] - true["A"], axis=1)
     assert error[20:40].max() < 6e-3
     assert np.array_equal(filled["A"][:20], measured["A"][:20])
@@ -52,18 +52,18 @@ def test_with_noise_it_comes_back_as_well_as_the_markers_are_known_and_seen_fram
 
 
 def test_two_markers_place_no_body_nor_do_three_on_a_line():
-    filled, frames = carried_by_the_body(hidden(moving(), "A", "B"))
+    filled, frames = fill_from_body(hidden(moving(), "A", "B"))
     assert not frames
     assert np.isnan(filled["A"][20:40]).all()
     line = {name: np.tile([0.0, 0.1 * place, 0.0], (60, 1)) for place, name in enumerate("ABC")}
     line["D"] = np.tile([0.1, 0.0, 0.0], (60, 1))
-    _, frames = carried_by_the_body(hidden(line, "D"))
+    _, frames = fill_from_body(hidden(line, "D"))
     assert not frames
 
 
 def test_a_body_that_is_never_seen_whole_is_left_as_it_is():
     markers = hidden(moving(), "A", frames=slice(None))
-    filled, frames = carried_by_the_body(markers)
+    filled, frames = fill_from_body(markers)
     assert filled is markers
     assert not frames
 

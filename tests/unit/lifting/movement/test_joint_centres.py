@@ -7,8 +7,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.movement.centre_of_mass import absent_segments, segment_centres, trunk_centre
+from lumbar.lifting.movement.centre_of_mass import (
+    DUMAS,
+    WINTER,
+    absent_segments,
+    all_tables,
+    segment_centres,
+    trunk_centre,
+)
 from lumbar.lifting.movement.joint_centres import (
+    SKIN_MARKERS,
     cervical_centre,
     hara_hips,
     harrington_hips,
@@ -16,9 +24,8 @@ from lumbar.lifting.movement.joint_centres import (
     pelvis_of,
     reed_hips,
     thoracolumbar_centre,
+    trunk_points,
 )
-from lumbar.lifting.movement.segments import DUMAS, WINTER, all_tables
-from lumbar.lifting.movement.trunk_points import SKIN_MARKERS, trunk_points
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import ALIASES

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.lifting.movement.lift import analyse_lift, states_frame, summary
+from lumbar.lifting.movement.joint_centres import trunk_points
+from lumbar.lifting.movement.lift import analyse_lift
+from lumbar.lifting.movement.lift_tables import states_frame, summary
 from lumbar.lifting.movement.pendulum_states import heading, pendulum_states, pivot_trajectory, turn
-from lumbar.lifting.movement.trunk_points import trunk_points
 from lumbar.records.markers import MarkerRecording, read_markers
 from study_settings import changed, study_settings, subject_settings
 
@@ -193,8 +194,10 @@ def test_states_do_not_depend_on_place_nor_on_the_laboratorys_heading(study, rec
     settings = changed(settings, frame="pelvis")
     shift = np.array([3.0, -7.0, 0.4])
     moved = {name: turn(points, 0.9) + shift for name, points in recording.positions.items()}
-    here = states_frame(analyse_lift(recording, "here", subject, trial, settings))
-    there = states_frame(analyse_lift(replace(recording, positions=moved), "there", subject, trial, settings))
+    here = states_frame(analyse_lift(recording, "here", subject, trial, settings).states)
+    there = states_frame(
+        analyse_lift(replace(recording, positions=moved), "there", subject, trial, settings).states
+    )
     for column in ("angle_rad", "angular_velocity_rad_s", "length_m", "length_rate_m_s"):
         assert there[column].to_numpy() == pytest.approx(here[column].to_numpy(), abs=1e-8)
 
@@ -209,7 +212,7 @@ def test_the_box_pulls_the_pendulum_forward_where_it_counts_in_the_position(stud
 
 def test_the_contract_of_the_states_table(study, recording):
     settings, _, subject, trial = study
-    frame = states_frame(analyse_lift(recording, "x", subject, trial, settings))
+    frame = states_frame(analyse_lift(recording, "x", subject, trial, settings).states)
     assert list(frame.columns) == [
         *("com", "plane", "time_s", "angle_rad", "angular_velocity_rad_s", "angular_acceleration_rad_s2"),
         *("length_m", "length_rate_m_s"),

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from lifting_cases import ATHLETE
 
+from lumbar.lifting.movement.centre_of_mass import whole_body_centre
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.movement.plate_check import check_against_plates, plate_check
-from lumbar.lifting.movement.whole_body import whole_body_centre
 from lumbar.records.force_plates import ForcePlate
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.lifting import LiftingSettings

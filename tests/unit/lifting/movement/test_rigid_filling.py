@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lumbar.lifting.movement.rigid_filling import body_shape, fill_rigid, fitted
+from lumbar.lifting.movement.rigid_filling import body_shape, fill_rigid, fit_shape
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 
@@ -37,7 +37,7 @@ def test_the_fit_is_the_rotation_that_scipy_finds():
     frames = turn.apply(CORNERS) + np.array([1, 2, 3]) + rng.normal(0, 0.01, CORNERS.shape)
     expected, _ = Rotation.align_vectors(frames - frames.mean(axis=0), CORNERS - CORNERS.mean(axis=0))
     placed = expected.apply(CORNERS - CORNERS.mean(axis=0)) + frames.mean(axis=0)
-    np.testing.assert_allclose(fitted(CORNERS, frames[None])[0], placed, atol=1e-12)
+    np.testing.assert_allclose(fit_shape(CORNERS, frames[None])[0], placed, atol=1e-12)
 
 
 @pytest.mark.parametrize("gap", [slice(100, 190), slice(0, 90), slice(220, 300)])

@@ -12,7 +12,7 @@ from scipy.linalg import solve_discrete_are
 
 from lumbar.lifting.pushes import simulation as person
 from lumbar.lifting.pushes.body import JOINT_ANGLES, centre_of_pressure, ground_force
-from lumbar.lifting.pushes.motion import returning, target
+from lumbar.lifting.pushes.motion import return_motion, target
 from lumbar.lifting.pushes.simulation import STANDS, Pushes, accelerations, simulate
 from lumbar.settings.pushes import PushesSettings
 
@@ -157,7 +157,7 @@ def test_the_way_back_joins_the_motion_smoothly():
     path = np.array(
         [
             np.concatenate(
-                returning(
+                return_motion(
                     t / 1.2,
                     (a * np.ones((3, 1)), v * np.ones((3, 1)), c * np.ones((3, 1))),
                     np.ones((3, 1)),

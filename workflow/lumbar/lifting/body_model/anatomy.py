@@ -63,7 +63,7 @@ MIDLINE_SD_M = 0.006
 """Off the midline, of landmarks and joints that lie on it."""
 JOINT_SD_M = {"C7T1": 0.0115, "T12L1": 0.0115, "L5S1": 0.0115, "L_HIP_CENTRE": 0.0122, "R_HIP_CENTRE": 0.0122}
 """Error of the regressions per axis: 20 mm in space for the spine, 15 mm for the middle of the hips (declared and
-published errors of `lumbar.lifting.movement.trunk_points`)."""
+published errors of `lumbar.lifting.movement.joint_centres`)."""
 PLACEMENT_SD_M = 0.006
 """A marker lies beside its bone by this, per axis (palpation; declared)."""
 LEVEL_SD_M = 0.008

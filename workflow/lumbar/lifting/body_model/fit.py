@@ -16,8 +16,7 @@ from lumbar.lifting.body_model import anatomy
 from lumbar.lifting.body_model.build import LEVEL, TrialModel
 from lumbar.lifting.body_model.information import ArrowFactor, Information, Noise
 from lumbar.lifting.body_model.structure import Structure, Unknowns, logarithm
-from lumbar.lifting.movement.joint_centres import unit
-from lumbar.lifting.movement.trunk_points import L5_SHARE, MID_HIP, TrunkPoint, TrunkPoints
+from lumbar.lifting.movement.joint_centres import L5_SHARE, MID_HIP, TrunkPoint, TrunkPoints, unit
 from lumbar.records.markers import MarkerRecording
 
 ROBUST_STEPS, STEPS, ROUNDS = 6, 4, 2
@@ -212,7 +211,7 @@ def model_recording(fit: BodyFit, unknowns: Unknowns, name: str = "") -> MarkerR
 
 
 def model_points(fit: BodyFit, unknowns: Unknowns) -> TrunkPoints:
-    """Ends of the trunk's segments, by the names of `lumbar.lifting.movement.trunk_points.SKIN_MARKERS`."""
+    """Ends of the trunk's segments, by the names of `lumbar.lifting.movement.joint_centres.SKIN_MARKERS`."""
     structure = fit.model.structure
 
     def place(part: str, name: str) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from lumbar.lifting.body_model.build import at_nodes, build, measured_markers
 from lumbar.lifting.body_model.fit import BodyFit, fit
 from lumbar.lifting.body_model.pendulums import Conditions, ModelPendulums, model_pendulums
-from lumbar.lifting.movement.centre_of_mass import held_frames
+from lumbar.lifting.movement.events import held_frames
 from lumbar.lifting.movement.lift import AnalysedLift
 from lumbar.records.markers import read_markers
 

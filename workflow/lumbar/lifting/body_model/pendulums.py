@@ -17,10 +17,9 @@ import numpy as np
 
 from lumbar.lifting.body_model.fit import BodyFit, model_points, model_recording
 from lumbar.lifting.body_model.structure import Unknowns
-from lumbar.lifting.movement.centre_of_mass import centres_of_mass
+from lumbar.lifting.movement.centre_of_mass import SegmentTable, centres_of_mass
 from lumbar.lifting.movement.events import Event
 from lumbar.lifting.movement.pendulum_states import PendulumStates, pendulum_states, pivot_trajectory, turn
-from lumbar.lifting.movement.segments import SegmentTable
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import attempts

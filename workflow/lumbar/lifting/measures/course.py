@@ -34,12 +34,11 @@ from lumbar.lifting.measures.balance import (
     smallest_impulse,
     viability_margin,
 )
-from lumbar.lifting.movement.body import HEAD, LOAD, WHOLE_BODY, com_of, points_of
+from lumbar.lifting.movement.centre_of_mass import ARM, HEAD_SHARE, STRAIGHT_ARM
 from lumbar.lifting.movement.cleaning import derivative
-from lumbar.lifting.movement.joint_centres import typical_distance
+from lumbar.lifting.movement.joint_centres import MID_HIP, typical_distance
+from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
-from lumbar.lifting.movement.trunk_points import MID_HIP
-from lumbar.lifting.movement.whole_body import ARM, HEAD_SHARE, STRAIGHT_ARM
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,7 +77,7 @@ class Lifter:
     """A body's trajectories with what they are measured by."""
 
     body: pd.DataFrame
-    """As of `lumbar.lifting.movement.body.body_frame`."""
+    """As of `lumbar.lifting.movement.lift_tables.body_frame`."""
     facts: Mapping
     """``body_mass_kg, box_mass_kg, height_m, sex, mass_kg`` (trunk segments), ``missing_points``."""
     settings: MeasureSettings

@@ -1,9 +1,15 @@
-"""What is lifted: the box by its markers, or the hands where it has none; where it is, how fast, and when it is seen."""
+"""What is lifted: the box by its markers, or the hands where it has none; where it is, how fast, and when it is seen.
+
+Reaching, swinging arms and small corrections also move hands up and down, so that only great swings count where they stand
+for a box: a lift is the first rise, a deposit the last descent, of at least half the greatest one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +17,12 @@ from lumbar.lifting.movement.cleaning import derivative
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 
+if TYPE_CHECKING:
+    from lumbar.settings.lifting import EventSettings
+
 WRISTS = ("L_WRIST", "R_WRIST")
+GREAT = 0.5
+"""Share of the greatest swing that makes another one great too."""
 
 
 def best_seen(recording: MarkerRecording, names: Iterable[str]) -> list[str]:
@@ -58,3 +69,60 @@ def longest_seen(recording: MarkerRecording, points: np.ndarray) -> MarkerRecord
 def speed(points: np.ndarray, rate: float) -> np.ndarray:
     """Speed of filtered positions, shape (n,) in m/s; NaN where a sample is missing."""
     return np.linalg.norm(derivative(points, rate), axis=1)
+
+
+def turning_points(height: np.ndarray, size: float) -> list[int]:
+    """Indices of highest and lowest points in turn, at least `size` apart in height; fewer than two where it never goes so far.
+
+    Examples
+    --------
+    >>> turning_points(np.array([0.0, 1.0, 0.9, 1.2, 0.2, 0.3]), 0.5)
+    [0, 3, 4]
+    """
+    points: list[int] = []
+    low = high = direction = 0
+    for index, value in enumerate(height):
+        low = index if direction <= 0 and value < height[low] else low
+        high = index if direction >= 0 and value > height[high] else high
+        if direction <= 0 and value - height[low] >= size:
+            points.append(low)
+            high, direction = index, 1
+        elif direction >= 0 and height[high] - value >= size:
+            points.append(high)
+            low, direction = index, -1
+    return [*points, high if direction > 0 else low] if points else []
+
+
+def _swings(height: np.ndarray, size: float, sign: int) -> list[tuple[int, int]]:
+    """First and last index of every great rise (`sign` 1) or descent (-1) of at least `size`."""
+    swings = [
+        pair
+        for pair in pairwise(turning_points(height, size))
+        if sign * (height[pair[1]] - height[pair[0]]) > 0
+    ]
+    greatest = max((abs(height[last] - height[first]) for first, last in swings), default=0.0)
+    return [pair for pair in swings if abs(height[pair[1]] - height[pair[0]]) >= GREAT * greatest]
+
+
+def first_hand_rise(height: np.ndarray, settings: EventSettings) -> tuple[int, int] | None:
+    """First and last index of the first great rise of hands (heights in metres); None where they never rise by `hands_rise_m`."""
+    swings = _swings(height, settings.hands_rise_m, 1)
+    return swings[0] if swings else None
+
+
+def count_great_rises(height: np.ndarray, settings: EventSettings) -> int:
+    """Count the great rises of the hands of at least `hands_rise_m`; `height` as of `first_hand_rise`."""
+    return len(_swings(height, settings.hands_rise_m, 1))
+
+
+def last_hand_descent(height: np.ndarray, settings: EventSettings, greatest: bool) -> tuple[int, int] | None:
+    """First and last index of the last descent of the hands from the lift-off on; None where there is none of `descent_m`.
+
+    With `greatest` only great descents count: hands that hold nothing together may do anything besides.
+    """
+    if greatest:
+        swings = _swings(height, settings.descent_m, -1)
+        return swings[-1] if swings else None
+    points = turning_points(height, settings.descent_m)
+    ends = [pair for pair in pairwise(points) if height[pair[1]] < height[pair[0]]]
+    return ends[-1] if ends else None

@@ -1,22 +1,169 @@
-"""Centres of mass of the trunk's segments, with and without the box in the hands."""
+"""Trunk segments, their published parameters, and centres of mass: of segments, with and without the box, and of the body."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.carried_object import carried_object
-from lumbar.lifting.movement.event import Event
-from lumbar.lifting.movement.joint_centres import unit
-from lumbar.lifting.movement.segments import COMS, SegmentTable
-from lumbar.lifting.movement.trunk_points import TrunkPoints
+from lumbar.lifting.movement.events import Event, held_frames
+from lumbar.lifting.movement.joint_centres import MID_HIP, TrunkPoints, unit
 from lumbar.records.markers import MarkerRecording
 
+COMS = ("thorax", "abdomen", "pelvis")
+"""The three centres of mass of the trunk, from top to bottom (thesis, Figure 4.2)."""
 SHARES = ("by_mass", "whole")
 """How the box is shared among the centres of mass: in proportion to the segments' masses, so that trunk and
 box together keep their mass, or each pendulum carrying the whole box."""
+TRUNK_SHARE, HEAD_SHARE = 0.497, 0.081
+"""Masses of trunk, and of head with neck, as shares of the body's (Winter, 2009, Table 4.1)."""
+HEAD_BEYOND = 0.35
+"""The ear canal, centre of head and neck, lies beyond C7/T1 by this share of the line from the hips to C7/T1."""
+ARM = (("SHOULDER", "ELBOW", 0.028, 0.436), ("ELBOW", "WRIST", 0.022, 0.682))
+_LEG = ((MID_HIP, "KNEE", 0.100, 0.433), ("KNEE", "ANKLE", 0.061, 0.606))
+STRAIGHT_ARM, _STRAIGHT_LEG = ("SHOULDER", "WRIST", 0.050, 0.530), (MID_HIP, "ANKLE", 0.161, 0.447)
+"""Segments of each side with mass and place of the centre (Winter, 2009, Table 4.1); straight ones where no marker shows
+the joint between."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One trunk segment between two of its ends."""
+
+    name: str
+    """One of `COMS`."""
+    proximal: str
+    distal: str
+    """`proximal`, `distal`: its upper and lower end, by the names of `lumbar.lifting.movement.joint_centres.SKIN_MARKERS`.
+    """
+    mass_share: float
+    """Mass as a share of body mass."""
+    com_share: float
+    """Distance of the centre of mass from the proximal end, as a share of the distance between the ends."""
+    forward_share: float = 0.0
+    """How far the centre of mass lies ahead of the line between the ends, as a share of the same distance."""
+
+
+@dataclass(frozen=True)
+class SegmentTable:
+    """A published set of segment parameters."""
+
+    name: str
+    segments: tuple[Segment, ...]
+    """In the order of `COMS`."""
+    source: str
+    """Publication, with what had to be adapted."""
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """Ends of the segments, from top to bottom."""
+        return tuple(
+            dict.fromkeys(end for segment in self.segments for end in (segment.proximal, segment.distal))
+        )
+
+    def ends_of(self, name: str) -> tuple[str, str]:
+        """Upper and lower end of one segment."""
+        return next((segment.proximal, segment.distal) for segment in self.segments if segment.name == name)
+
+
+WINTER = SegmentTable(
+    "winter",
+    (
+        Segment("thorax", "C7T1", "T12L1", 0.216, 0.82),
+        Segment("abdomen", "T12L1", "L4L5", 0.139, 0.44),
+        Segment("pelvis", "L4L5", MID_HIP, 0.142, 0.105),
+    ),
+    "Winter, Biomechanics and Motor Control of Human Movement, 4th ed. (2009), Table 4.1, after Dempster "
+    "(1955): "
+    "thorax C7/T1-T12/L1, abdomen T12/L1-L4/L5, pelvis L4/L5-greater trochanter",
+)
+
+_DE_LEVA_SOURCE = (
+    "de Leva, J. Biomech. 29 (1996) 1223-1230, Table 4 ({sex}): upper trunk cervicale-xiphion, middle trunk "
+    "xiphion-omphalion, lower trunk omphalion-mid-hip. Adapted: C7/T1 stands for the level of the cervicale, and "
+    "L4/L5 for the navel (omphalion), which carries no marker and lies at about its level. Its segments end at other "
+    "heights than Winter's: compare the trunk's centre, not segments"
+)
+
+
+def _de_leva(sex: str, masses: tuple[float, ...], coms: tuple[float, ...]) -> SegmentTable:
+    ends = (("C7T1", "XIPHOID_LEVEL"), ("XIPHOID_LEVEL", "L4L5"), ("L4L5", MID_HIP))
+    segments = tuple(
+        Segment(name, *end, mass, com) for name, end, mass, com in zip(COMS, ends, masses, coms, strict=True)
+    )
+    return SegmentTable(f"de_leva_{sex}", segments, _DE_LEVA_SOURCE.format(sex=sex))
+
+
+DE_LEVA = {
+    "male": _de_leva("male", (0.1596, 0.1633, 0.1117), (0.5066, 0.4502, 0.6115)),
+    "female": _de_leva("female", (0.1545, 0.1465, 0.1247), (0.5050, 0.4512, 0.4920)),
+}
+
+
+_DUMAS_SOURCE = (
+    "Dumas and Wojtusch, Handbook of Human Motion (2018), Table 1 ({sex}), after McConville et al. and Young et al.: "
+    "thorax C7/T1-T12/L1, abdomen T12/L1-L5/S1, pelvis L5/S1-hips. Adapted: the pelvis's centre, published in the axes "
+    "of ASIS and PSIS, is taken along and ahead of the line L5/S1-hips, as both lie in the regressions it comes with"
+)
+
+
+def _dumas(sex: str, masses, coms, pelvis_line: tuple[float, float]) -> SegmentTable:
+    """Table from centres (forward, up; shares of the length); the pelvis's line in its own axes, any unit."""
+    ends = (("C7T1", "T12L1"), ("T12L1", "L5S1"), ("L5S1", MID_HIP))
+    (forward, up), length = pelvis_line, hypot(*pelvis_line)
+    x, y = coms[2]
+    along = (x * forward + y * up) / length
+    ahead = (y * forward - x * up) / length
+    shares = [(-coms[0][1], coms[0][0]), (-coms[1][1], coms[1][0]), (along, ahead)]
+    segments = tuple(
+        Segment(name, *end, mass, *share)
+        for name, end, mass, share in zip(COMS, ends, masses, shares, strict=True)
+    )
+    return SegmentTable(f"dumas_{sex}", segments, _DUMAS_SOURCE.format(sex=sex))
+
+
+DUMAS = {
+    "male": _dumas(
+        "male", (0.304, 0.029, 0.142), ((0.0, -0.555), (0.176, -0.361), (-0.002, -0.282)), (0.240, -0.338)
+    ),
+    "female": _dumas(
+        "female", (0.263, 0.041, 0.147), ((0.015, -0.542), (0.219, -0.410), (-0.072, -0.228)), (0.201, -0.385)
+    ),
+}
+_BY_SEX = {"de_leva": DE_LEVA, "dumas": DUMAS}
+
+
+def segment_table(name: str, sex: str) -> SegmentTable:
+    """Return a segment table by its name in the configuration, for a sex as declared in the subject's file.
+
+    De Leva's and Dumas's parameters differ between the sexes, Winter's do not.
+    """
+    if name == "winter":
+        return WINTER
+    if name not in _BY_SEX:
+        raise InputError(f"lifting.segments is {name!r}; allowed: winter, de_leva, dumas")
+    tables = _BY_SEX[name]
+    if sex not in tables:
+        raise InputError(
+            f"lifting.segments is {name}, whose parameters differ between the sexes, but subject.sex is "
+            f"{sex!r}; "
+            "set female or male, or choose winter"
+        )
+    return tables[sex]
+
+
+def all_tables(sex: str) -> tuple[SegmentTable, ...]:
+    """Return every table that suits a sex; both of each where it is not known."""
+    of_sex = [
+        table
+        for tables in _BY_SEX.values()
+        for name, table in tables.items()
+        if sex not in tables or name == sex
+    ]
+    return (WINTER, *of_sex)
 
 
 @dataclass(frozen=True)
@@ -24,7 +171,7 @@ class CentreOfMass:
     """Trajectory of one centre of mass."""
 
     name: str
-    """One of `lumbar.lifting.movement.segments.COMS`."""
+    """One of `COMS`."""
     position: np.ndarray
     """Shape (n, 3): of the segment alone, metres."""
     position_with_box: np.ndarray
@@ -36,20 +183,10 @@ class CentreOfMass:
 
 
 def segment_centres(points: TrunkPoints, table: SegmentTable) -> dict[str, np.ndarray]:
-    """Centre of mass of each trunk segment.
+    """Centre of mass of each trunk segment, shape (n, 3) in metres; NaN where a marker was not seen.
 
     It lies on the line from the segment's proximal to its distal end, at the table's share of the distance, or ahead
-    of that line by another share.
-
-    Parameters
-    ----------
-    points : TrunkPoints
-        Ends of the segments.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n, 3)
-        Metres, by segment; NaN where a marker was not seen. Segments of `absent_segments` are left out.
+    of that line by another share. Segments of `absent_segments` are left out.
     """
     absent, centres = absent_segments(points, table), {}
     for segment in table.segments:
@@ -80,13 +217,7 @@ def absent_segments(points: TrunkPoints, table: SegmentTable) -> dict[str, str]:
 
 
 def trunk_centre(centres: dict[str, np.ndarray], table: SegmentTable) -> np.ndarray:
-    """Common centre of mass of the table's segments, shape (n, 3) in metres.
-
-    Raises
-    ------
-    InputError
-        If a segment is not there.
-    """
+    """Common centre of mass of the table's segments, shape (n, 3) in metres."""
     lacking = [segment.name for segment in table.segments if segment.name not in centres]
     if lacking:
         raise InputError(f"no centre of mass of {', '.join(lacking)}, and so none of the trunk")
@@ -95,15 +226,7 @@ def trunk_centre(centres: dict[str, np.ndarray], table: SegmentTable) -> np.ndar
 
 
 def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, float]:
-    """Mass of the box that each centre of mass carries, in kilograms.
-
-    Parameters
-    ----------
-    box_mass : float
-        Kilograms.
-    share : {"by_mass", "whole"}
-        See `SHARES`.
-    """
+    """Mass of the box that each centre of mass carries, in kilograms; `share` is one of `SHARES`."""
     if share not in SHARES:
         raise InputError(f"lifting.box.share is {share!r}; allowed: {', '.join(SHARES)}")
     trunk = sum(segment.mass_share for segment in table.segments)
@@ -125,26 +248,9 @@ def centres_of_mass(
     """Centres of mass of the trunk over the whole recording.
 
     The box counts as a point mass at the centre of its markers, or of the hands where it has none, carried from
-    lift-off to release.
-
-    Parameters
-    ----------
-    recording : MarkerRecording
-        Filtered.
-    points : TrunkPoints
-        Ends of the segments.
-    body_mass, box_mass : float
-        Kilograms.
-    share : {"by_mass", "whole"}
-        How the box is shared among the centres of mass.
-    events : dict of str to Event
-        `lift_off` and `release` are used.
-
-    Returns
-    -------
-    dict of str to CentreOfMass
-        By `lumbar.lifting.movement.segments.COMS`, as far as the recording has their landmarks. Where neither box nor hands are
-        seen while it is held, it is not known where they are with the box: NaN.
+    lift-off to release, and shared among the centres of mass as one of `SHARES` says; masses in kilograms. The result is in
+    the order of `COMS`, as far as the recording has their landmarks. Where neither box nor hands are seen while it is held,
+    it is not known where they are with the box: NaN.
     """
     segments = segment_centres(points, table)
     carried = box_shares(table, box_mass, share)
@@ -165,9 +271,37 @@ def centres_of_mass(
     return {name: result[name] for name in COMS if name in result}
 
 
-def held_frames(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
-    """Whether the box is held, shape (n,): from lift-off to release, as far as there are such events."""
-    start, stop = (events[name].time_s for name in ("lift_off", "release"))
-    if start is None and stop is None:
-        return np.zeros(len(time), dtype=bool)
-    return (time >= (time[0] if start is None else start)) & (time <= (time[-1] if stop is None else stop))
+def head_centre(points: TrunkPoints) -> np.ndarray:
+    """Centre of head and neck, shape (n, 3) in metres, from C7/T1 and the middle of the hips."""
+    return points["C7T1"] + HEAD_BEYOND * (points["C7T1"] - points[MID_HIP])
+
+
+def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: SegmentTable) -> np.ndarray:
+    """Centre of mass of the whole body without the box, shape (n, 3) in metres.
+
+    The trunk is that of the segment table; head and limbs have Winter's shares between markers of the joints.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        With shoulders, wrists and ankles of both sides; elbows and knees are used where they are there.
+
+    Raises
+    ------
+    InputError
+        Naming what is missing.
+    """
+    names = {f"{side}_{name}" for side in "LR" for name in ("SHOULDER", "WRIST", "ANKLE")}
+    lacking = sorted(name for name in names if name not in recording)
+    lacking += [f"{name} ({points.missing[name]})" for name in ("C7T1", MID_HIP) if name not in points]
+    if lacking:
+        raise InputError(f"no {', '.join(lacking)}")
+    trunk = trunk_centre(segment_centres(points, table), table)
+    moment = TRUNK_SHARE * trunk + HEAD_SHARE * head_centre(points)
+    for side in "LR":
+        elbow, knee = (f"{side}_{joint}" in recording for joint in ("ELBOW", "KNEE"))
+        parts = (*(ARM if elbow else (STRAIGHT_ARM,)), *(_LEG if knee else (_STRAIGHT_LEG,)))
+        for start, end, mass, share in parts:
+            first = points[MID_HIP] if start == MID_HIP else recording[f"{side}_{start}"]
+            moment = moment + mass * (first + share * (recording[f"{side}_{end}"] - first))
+    return moment

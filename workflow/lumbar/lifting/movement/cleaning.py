@@ -40,19 +40,15 @@ class CleanedRecording:
 def clean(recording: MarkerRecording, settings: LiftingSettings) -> CleanedRecording:
     """Fill short gaps, leave out what is seen too briefly to be filtered, and filter.
 
-    Gaps that stay are no error here: whoever needs a marker says what a gap in it means.
-
-    Raises
-    ------
-    InputError
-        If the whole recording is too short for the filter.
+    Gaps that stay are no error here: whoever needs a marker says what a gap in it means. A recording that is too short for
+    the filter altogether is one.
     """
     complete, gaps = fill_gaps(recording, settings.gaps.maximum_s)
-    smooth, complete, islands = smoothed(complete, settings.filter)
+    smooth, complete, islands = filter_without_islands(complete, settings.filter)
     return CleanedRecording(smooth, complete, [*gaps, *islands])
 
 
-def smoothed(
+def filter_without_islands(
     complete: MarkerRecording, settings: FilterSettings
 ) -> tuple[MarkerRecording, MarkerRecording, list[Gap]]:
     """Filter a recording without the stretches too short for it; the recording without them, and which they are."""
@@ -70,20 +66,13 @@ def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndar
     Parameters
     ----------
     cutoff_Hz : float
-        −3 dB frequency of both passes together.
-    rate : float
-        Frames per second.
+        −3 dB frequency of both passes together; between 0 and half the rate.
     order : int
         Order of each pass.
 
     Returns
     -------
     ndarray, shape (n_sections, 6)
-
-    Raises
-    ------
-    InputError
-        When the cut-off is not between 0 and half the rate.
     """
     from scipy.signal import butter
 
@@ -112,23 +101,14 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
     Parameters
     ----------
     values : ndarray, shape (n_frames,) or (n_frames, k)
-        NaN where missing; a row with a NaN counts as missing altogether.
-    rate : float
-        Frames per second.
-    cutoff_Hz : float
-        −3 dB frequency of both passes together.
-    order : int
-        Order of each pass.
-
-    Returns
-    -------
-    ndarray
-        Same shape; NaN where `values` is missing.
+        NaN where missing, as in the result; a row with a NaN counts as missing altogether.
+    cutoff_Hz, order
+        As of `dual_pass_sections`.
 
     Raises
     ------
     InputError
-        When a stretch is no longer than one period of the cut-off, or the cut-off does not fit the rate.
+        When a stretch is no longer than one period of the cut-off.
     """
     from scipy.signal import sosfiltfilt
 
@@ -149,13 +129,7 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
 
 
 def filter_markers(recording: MarkerRecording, cutoff_Hz: float = 6.0, order: int = 2) -> MarkerRecording:
-    """Filter every marker of a recording with `low_pass`.
-
-    Raises
-    ------
-    InputError
-        Naming every marker with a stretch that is too short.
-    """
+    """Filter every marker of a recording with `low_pass`; an error names every marker with a stretch that is too short."""
     # A cut-off that does not fit the rate is one problem, not one per marker.
     dual_pass_sections(cutoff_Hz, recording.rate, order)
     problems = Problems(recording.source or recording.name)
@@ -176,24 +150,8 @@ def derivative(values: np.ndarray, rate: float, order: int = 1) -> np.ndarray:
     too small by the factor ``sin(x)/x`` (first) or ``(sin(x/2)/(x/2))**2`` (second derivative), x = 2πf/rate:
     2.4 % and 1.2 % at 6 Hz and 100 frames per second.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n_frames,) or (n_frames, k)
-        NaN where missing.
-    rate : float
-        Frames per second.
-    order : {1, 2}
-        First or second derivative.
-
-    Returns
-    -------
-    ndarray
-        Same shape, unit of `values` per second (per second squared); NaN where `values` is missing.
-
-    Raises
-    ------
-    InputError
-        When a stretch is shorter than the formulas need: 3 frames (4 for the second derivative).
+    Values have the shape (n_frames,) or (n_frames, k), NaN where missing, as has the result, in their unit per second (per
+    second squared). A stretch must have the 3 frames that the formulas need, 4 for the second derivative.
     """
     if order not in (1, 2):
         raise ValueError(f"derivative of order {order}; 1 and 2 are offered")

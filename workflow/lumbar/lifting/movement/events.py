@@ -1,42 +1,86 @@
-"""Events of a lift: the box leaves its support, the first toe-off, the start of the deposit, the release.
-
-The box is lifted when it rises for good: before, it may slide on its support. The lift ends with the first toe-off. The
-deposit starts at the last instant before the box goes down for good. The thesis (section 4.2.3.1) takes a minimum of the
-wrists' speed; while a box is swung over a shelf that is found on the way up, so its time stands beside the other. Where
-there are no markers on the box, the hands stand for it. An event that a recording does not hold is a result, with its reason.
-"""
+"""Events of a lift: when each is and how that was found, the phases between them, and marks in the recording's own file."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.lifting.movement.carried_object import WRISTS, carried_object, longest_seen, speed, wrist_centre
-from lumbar.lifting.movement.cleaning import derivative
-from lumbar.lifting.movement.event import ABSENT, DECLARED, DETECTED, EVENTS, IN_FILE, Event
-from lumbar.lifting.movement.file_events import SeveralEvents, described, file_event, refuse_without
-from lumbar.lifting.movement.hands import great_rises, hands_lifted, hands_lowered
+from lumbar.lifting.movement.carried_object import carried_object
+from lumbar.lifting.quality.sheet import event_label
+from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
-from lumbar.records.stretches import runs
 
 if TYPE_CHECKING:
-    from lumbar.settings.lifting import EventSettings
-    from lumbar.settings.subject import DeclaredEvents
+    from lumbar.settings.lifting import EventLabels
 
-TOES = ("L_TOE", "R_TOE")
-ONSET = 0.1
-"""What rises or descends for good has begun to, without doubt, once it has gone this share of the way."""
-
-
-class NotFound(Exception):
-    """An event that the recording does not hold; the text says why."""
+EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
+"""In the order in which they happen. Any of them may be absent: a lifter deposits without a step, or not at all."""
+NEAREST_S = 5e-4
+"""Differences below this are none."""
+DETECTED, DECLARED, IN_FILE, ABSENT = "detected", "declared", "file", "absent"
 
 
-def found_by(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, str]:
+@dataclass(frozen=True)
+class Event:
+    """One event and how it was found."""
+
+    time_s: float | None
+    """On the recording's clock; None for an event that does not happen or cannot be told."""
+    method: str
+    """{"detected", "declared", "file", "absent"}."""
+    how: str
+    """The rule and the numbers behind it, or why there is no such event, for the reader."""
+    detected_s: float | None = None
+    """What detection says where the event is declared by hand or taken from the file; None where it finds nothing."""
+    earliest_s: float | None = None
+    latest_s: float | None = None
+    """`earliest_s`, `latest_s`: between these the event has happened whatever the threshold: the last instant of no
+    movement in its direction, and a tenth of the way done; None where the rule knows no such instants."""
+    thesis_s: float | None = None
+    """What the thesis's own rule finds; None where it has no other, or finds nothing."""
+    file_s: float | None = None
+    """What the recording's own file says; None where it says nothing, or several things."""
+    file: str = ""
+    """The file's label, or which ones it has."""
+
+    def as_dict(self) -> dict:
+        """Plain data for JSON."""
+        return asdict(self)
+
+
+def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
+    """Phase of every sample: before, lift, carry, deposit or after.
+
+    Without a toe-off the lift lasts until the start of the deposit and there is no carry. Times and phases have shape (n,).
+    """
+    labels = np.full(len(time), "before", dtype="<U7")
+    for label, name in (
+        ("lift", "lift_off"),
+        ("carry", "toe_off"),
+        ("deposit", "deposit_start"),
+        ("after", "release"),
+    ):
+        at = events[name].time_s
+        if at is not None:
+            labels[time >= at if label != "after" else time > at] = label
+    return labels
+
+
+def held_frames(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
+    """Whether the box is held, shape (n,): from lift-off to release, as far as there are such events."""
+    start, stop = (events[name].time_s for name in ("lift_off", "release"))
+    if start is None and stop is None:
+        return np.zeros(len(time), dtype=bool)
+    return (time >= (time[0] if start is None else start)) & (time <= (time[-1] if stop is None else stop))
+
+
+def event_sources(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, str]:
     """What each event was found in: box, hands or toes; set by hand; marked in the file; or absent."""
     _, carried = carried_object(recording)
     words = {DECLARED: "set by hand", IN_FILE: "marked in the file", ABSENT: ABSENT}
@@ -46,179 +90,8 @@ def found_by(recording: MarkerRecording, events: dict[str, Event]) -> dict[str, 
     }
 
 
-def find_events(
-    recording: MarkerRecording,
-    settings: EventSettings,
-    declared: DeclaredEvents | Literal["file"] | None = None,
-) -> dict[str, Event]:
-    """Find the events of a lift; those declared by hand, or marked in the file where it is asked for, replace detected ones.
-
-    Parameters
-    ----------
-    recording : MarkerRecording
-        Filtered.
-    settings : EventSettings
-        Thresholds, and labels of the events in files.
-    declared : DeclaredEvents or "file", optional
-        Of the trial in the subject's file.
-
-    Returns
-    -------
-    dict of str to Event
-        By the names in `EVENTS`; one that the recording does not hold is absent, with its reason.
-
-    Raises
-    ------
-    InputError
-        If declared events are out of order with the others or lie outside the recording; if the file's are to be taken and
-        it has none, or several of a kind.
-    """
-    from_file = settings.taken_from == IN_FILE or declared == IN_FILE
-    if from_file:
-        refuse_without(recording, settings.labels, EVENTS)
-    times = {name: getattr(declared, f"{name}_s", None) for name in EVENTS}
-    given = {name: time for name, time in times.items() if time is not None}
-    _check_order(recording, given)
-    search = _Search(recording, settings)
-    for name in ("lift_off", "release", "toe_off", "deposit_start"):
-        found = search.event(name)
-        if name in given:
-            how = f"set in the subject's file ({declared.reason or 'no reason given'}); {_detection_says(found)}"
-            found = Event(given[name], DECLARED, how, found.time_s)
-        search.found[name] = _with_file(recording, settings, name, found, search, from_file)
-    times = {name: search.found[name].time_s for name in EVENTS}
-    _check_order(recording, {name: time for name, time in times.items() if time is not None})
-    events = {name: search.found[name] for name in EVENTS}
-    doubt = hands_doubt(recording, events, settings)
-    if doubt:
-        events["release"] = replace(events["release"], how=f"{events['release'].how}; {doubt}")
-    return events
-
-
-def _with_file(
-    recording: MarkerRecording,
-    settings: EventSettings,
-    name: str,
-    event: Event,
-    search: _Search,
-    from_file: bool,
-) -> Event:
-    """An event with what the file says of it, which replaces a detected one where it is asked for."""
-    if name == "toe_off" and not search.anything_is_lifted():
-        return event
-    try:
-        marked = file_event(recording, settings.labels, name, search.begin, search.end)
-    except SeveralEvents as several:
-        if from_file and event.method != DECLARED:
-            raise InputError(f"{recording.source}: {name} in the file: {several}") from several
-        return replace(event, file=str(several))
-    if marked is None:
-        return event
-    said = {"file_s": marked.time, "file": described(marked)}
-    if event.method == DECLARED or not from_file:
-        return replace(event, **said)
-    how = f"marked in the file as {described(marked)}; {_detection_says(event)}"
-    return Event(marked.time, IN_FILE, how, event.time_s, **said)
-
-
-def _detection_says(found: Event) -> str:
-    return "detection finds none" if found.time_s is None else f"detection says {found.time_s:.2f} s"
-
-
-def hands_doubt(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
-    """Say whether hands that stand for the box rise so often that they may make several lifts; else nothing."""
-    points, carried = carried_object(recording)
-    start, stop = (events[name].time_s for name in ("lift_off", "release"))
-    if points is None or carried == "box" or start is None or stop is None:
-        return ""
-    held = (recording.time >= start) & (recording.time <= stop) & np.isfinite(points).all(axis=1)
-    rises = great_rises(points[held, 2], settings)
-    if rises < 2:
-        return ""
-    return f"the hands rise {rises} times from lift-off to release: one lift or several (window_s of a trial takes one out)?"
-
-
-class _Search:
-    """Finds events one after the other: each is searched between those found before."""
-
-    def __init__(self, recording: MarkerRecording, settings: EventSettings):
-        points, self.what = carried_object(recording)
-        self.whole, self.settings, self.found = recording, settings, {}
-        self.part = self.points = None
-        if points is not None and np.isfinite(points).any():
-            self.part = longest_seen(recording, points)
-            self.points = carried_object(self.part)[0]
-
-    def event(self, name: str) -> Event:
-        """One event by its name in `EVENTS`."""
-        try:
-            if name in ("toe_off", "deposit_start") and not self.anything_is_lifted():
-                raise NotFound("neither a lift-off nor a release")
-            if name == "toe_off":
-                return _toe_off(self.whole, self.settings, self.begin, self.end)
-            if self.part is None:
-                raise NotFound("no box markers and no wrist markers: what is lifted is not seen")
-            found = getattr(self, f"_{name}")()
-        except NotFound as reason:
-            return Event(None, ABSENT, "; ".join([str(reason), *self._seen()]))
-        words = [] if self.what == "box" else ["hands taken for the box, which has no markers"]
-        return replace(found, how="; ".join([*words, *self._seen(), found.how]))
-
-    def _seen(self) -> list[str]:
-        """Words for the part in which what is lifted is seen, where that is not all."""
-        if self.part is None or len(self.part) == len(self.whole):
-            return []
-        first, last = self.part.time[[0, -1]]
-        are = "is" if self.what == "box" else "are"
-        return [
-            f"the {self.what} {are} seen without a gap from {first:.2f} to {last:.2f} s, and looked for there alone"
-        ]
-
-    def anything_is_lifted(self) -> bool:
-        """Whether a lift-off or a release is known."""
-        return any(self.found[name].time_s is not None for name in ("lift_off", "release"))
-
-    @property
-    def begin(self) -> float:
-        """Lift-off, or the start of a recording without one."""
-        time = self.found["lift_off"].time_s if "lift_off" in self.found else None
-        return float(self.whole.time[0]) if time is None else time
-
-    @property
-    def end(self) -> float:
-        """Release, or the end of a recording without one."""
-        time = self.found["release"].time_s if "release" in self.found else None
-        return float(self.whole.time[-1]) if time is None else time
-
-    def _lift_off(self) -> Event:
-        if self.what == "box":
-            return _lift_off(self.part, self.points, self.settings)
-        low, _ = self._hands()
-        return _rise(self.part, self.points, low, self.settings)
-
-    def _hands(self) -> tuple[int, int]:
-        lifted = hands_lifted(self.points[:, 2], self.settings)
-        if lifted is None:
-            raise NotFound(
-                f"the hands never rise by {self.settings.hands_rise_m:g} m (lifting.events.hands_rise_m)"
-            )
-        return lifted
-
-    def _release(self) -> Event:
-        if self.what == "box":
-            return _release(self.part, self.points, self.settings, self.begin)
-        if self.found["lift_off"].method == ABSENT:
-            self._hands()
-        parted = _hands_part(self.part, self.settings, self.begin)
-        return _hands_release(self.part, self.points, self.settings, self.begin, parted)
-
-    def _deposit_start(self) -> Event:
-        toe_off = self.found["toe_off"].time_s
-        start = self.begin if toe_off is None else toe_off
-        return _deposit_start(self.part, self.points, self.what, self.settings, start, self.end)
-
-
-def _check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
+def check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
+    """Raise `InputError` for times, by event, that lie outside the recording or are not in the order of `EVENTS`."""
     problems = Problems(f"{recording.source}: events")
     start, stop = float(recording.time[0]), float(recording.time[-1])
     for name, time in times.items():
@@ -235,264 +108,103 @@ def _check_order(recording: MarkerRecording, times: dict[str, float]) -> None:
     problems.raise_if_any()
 
 
-def _first_run(flags: np.ndarray, samples: int) -> int | None:
-    """Index at which `flags` first stays true for at least `samples` samples."""
-    return next((run.start for run in runs(flags) if run.stop - run.start >= samples), None)
+class SeveralEvents(Exception):
+    """Marks of which any may be the one meant; the text says which."""
 
 
-def _lift_off(recording: MarkerRecording, box: np.ndarray, settings: EventSettings) -> Event:
-    """Last instant before the box rises for good; of a box that is only taken down, the first movement."""
-    moved = _first_movement(recording, box, settings)
-    if (box[moved:, 2] >= box[moved, 2] + settings.rise_m).any():
-        return _rise(recording, box, moved, settings)
-    how = (
-        f"last rest of the box (slower than {settings.box_rest_m_s:g} m/s) before it first moves faster than "
-        f"{settings.box_speed_m_s:g} m/s for at least {settings.box_sustained_s:g} s; it never rises by {settings.rise_m:g} m"
-    )
-    return Event(float(recording.time[moved]), DETECTED, how)
+def marks_of(recording: MarkerRecording, labels: EventLabels, name: str) -> list[RecordedEvent]:
+    """Events of the file, within the recording, whose label is one of those that stand for an event of a lift."""
+    wanted = set(map(_folded, getattr(labels, name)))
+    return [event for event in _within(recording) if _folded(event.label) in wanted]
 
 
-def _rise(recording: MarkerRecording, points: np.ndarray, moved: int, settings: EventSettings) -> Event:
-    """Last instant before what moves from the frame `moved` on rises by `rise_m`, which it does."""
-    height, climb = points[:, 2], derivative(points, recording.rate)[:, 2]
-    high = moved + int(np.flatnonzero(height[moved:] >= height[moved] + settings.rise_m)[0])
-    still = np.flatnonzero(climb[moved:high] <= settings.box_rest_m_s)
-    onset = moved + int(still[-1]) if still.size else moved
-    before = np.flatnonzero(climb[: onset + 1] <= 0)
-    rise = height[high] - height[onset]
-    latest = onset + int(np.flatnonzero(height[onset:] >= height[onset] + ONSET * rise)[0])
-    slid = recording.time[onset] - recording.time[moved]
-    how = (
-        f"last instant at which it rises no faster than {settings.box_rest_m_s:g} m/s before it is {settings.rise_m:g} m "
-        f"higher; it moves from {recording.time[moved]:.2f} s on"
-        + (", sliding at first" if slid > 0.1 else "")
-    )
-    times = recording.time[[onset, before[-1] if before.size else 0, latest]]
-    return Event(float(times[0]), DETECTED, how, earliest_s=float(times[1]), latest_s=float(times[2]))
-
-
-def _first_movement(recording: MarkerRecording, box: np.ndarray, settings: EventSettings) -> int:
-    """Index of the last rest of the box before it first moves."""
-    threshold, lasting = settings.box_speed_m_s, settings.box_sustained_s
-    moving = speed(box, recording.rate)
-    first = _first_run(moving > threshold, max(1, round(lasting * recording.rate)))
-    if first is None:
-        raise NotFound(f"the box never moves faster than {threshold:g} m/s for {lasting:g} s")
-    if first == 0:
-        raise NotFound("the box moves from the first frame: its lift-off is not there")
-    rest = np.flatnonzero(moving[:first] <= settings.box_rest_m_s)
-    return int(rest[-1]) + 1 if rest.size else first
-
-
-def _release(recording: MarkerRecording, box: np.ndarray, settings: EventSettings, lift_off: float) -> Event:
-    time, threshold = recording.time, settings.box_speed_m_s
-    separation = _separation(recording, box, settings, lift_off)
-    end = len(time) - 1 if separation is None else separation
-    pace = speed(box, recording.rate)
-    moving = np.flatnonzero((pace > threshold) & (time >= lift_off) & (np.arange(len(time)) <= end))
-    if moving.size == 0:
-        raise NotFound(f"the box does not move after {lift_off:.2f} s")
-    parted = "" if separation is None else f"; the wrists part from it at {time[separation]:.2f} s"
-    if moving[-1] < end:
-        # Slow placing goes on below the threshold of movement; it ends at rest, or when the hands leave.
-        rest = np.flatnonzero(pace[moving[-1] : end + 1] <= settings.box_rest_m_s)
-        stop = int(moving[-1] + rest[0]) if rest.size else end
-        how = f"the box comes to rest (slower than {settings.box_rest_m_s:g} m/s){parted}"
-        return Event(float(time[stop]), DETECTED, how)
-    if separation is None:
-        raise NotFound(f"the box still moves at the last frame looked at, {time[-1]:.2f} s")
-    return Event(
-        float(time[separation]),
-        DETECTED,
-        f"the wrists part from the moving box by more than {settings.separation_m:g} m",
-    )
-
-
-def _separation(
-    recording: MarkerRecording, box: np.ndarray, settings: EventSettings, lift_off: float
-) -> int | None:
-    """Index at which the wrists leave the box; None if they stay, or are not seen where they grip it."""
-    wrists = wrist_centre(recording)
-    if wrists is None:
-        return None
-    distance = np.linalg.norm(wrists - box, axis=1)
-    after = recording.time >= lift_off
-    grip = distance[after & (recording.time <= lift_off + settings.grip_s)]
-    if not np.isfinite(grip).any():
-        return None
-    held = np.nanmedian(grip)
-    apart = after & (distance > held + settings.separation_m)
-    return _first_run(apart, max(1, round(settings.box_sustained_s * recording.rate)))
-
-
-def _hands_part(recording: MarkerRecording, settings: EventSettings, lift_off: float) -> int | None:
-    """Index at which the hands leave what they hold together: their distance is no longer that of the grip."""
-    if not all(name in recording for name in WRISTS):
-        return None
-    distance = np.linalg.norm(recording["L_WRIST"] - recording["R_WRIST"], axis=1)
-    after = recording.time >= lift_off
-    grip = distance[after & (recording.time <= lift_off + settings.grip_s)]
-    if not np.isfinite(grip).any():
-        return None
-    changed = after & (np.abs(distance - np.nanmedian(grip)) > settings.separation_m)
-    return _first_run(changed, max(1, round(settings.box_sustained_s * recording.rate)))
-
-
-def _hands_release(
-    recording: MarkerRecording,
-    hands: np.ndarray,
-    settings: EventSettings,
-    lift_off: float,
-    parted: int | None,
-) -> Event:
-    """End of the last descent of the hands before they part; of the last great one where it is not seen that they do."""
-    time, climb = recording.time, derivative(hands, recording.rate)[:, 2]
-    first = int(np.searchsorted(time, lift_off))
-    held = None if parted is None else hands_lowered(hands[first : parted + 1, 2], settings, greatest=False)
-    # Hands that part before they have gone down were not holding yet, or never together.
-    lowered = held or hands_lowered(hands[first:, 2], settings, greatest=True)
-    if lowered is None:
-        raise NotFound(
-            f"no deposit: the hands do not go down by {settings.descent_m:g} m after {lift_off:.2f} s"
-        )
-    top, bottom = (first + index for index in lowered)
-    falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
-    stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
-    if stop >= len(time) - 1:
-        raise NotFound(f"the hands still go down at the last frame looked at, {time[-1]:.2f} s")
-    parting = (
-        "the last great descent: whether they hold anything is not seen"
-        if held is None
-        else f"they part, or close, by more than {settings.separation_m:g} m at {time[parted]:.2f} s"
-    )
-    how = (
-        f"the hands go down no more (slower than {settings.box_rest_m_s:g} m/s) after "
-        f"{hands[top, 2] - hands[bottom, 2]:.2f} m; {parting}"
-    )
-    return Event(float(time[stop]), DETECTED, how)
-
-
-def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: float, release: float) -> Event:
-    toes = [name for name in TOES if name in recording]
-    if not toes:
-        return Event(None, ABSENT, "no toe markers: the end of the lift is not known")
-    threshold, lasting = settings.toe_speed_m_s, settings.toe_sustained_s
-    searched = (recording.time > lift_off) & (recording.time < release)
-    # 65 ms are 13 frames at 200 Hz, whatever the rounding of the product.
-    samples = max(1, int(np.ceil(lasting * recording.rate - 1e-9)))
-    starts, unseen = {}, []
-    for name in toes:
-        foot = speed(recording[name], recording.rate)
-        first = _first_run((foot > threshold) & searched, samples)
-        if first is not None:
-            starts[name] = float(recording.time[first])
-        if np.isnan(foot[searched]).any():
-            unseen.append(name)
-    rule = f"toe faster than {threshold:g} m/s for at least {lasting:g} s between lift-off and release"
-    gaps = f"; not seen all the time: {', '.join(unseen)}" if unseen else ""
-    if not starts:
-        return Event(None, ABSENT, f"no toe-off: no {rule} ({', '.join(toes)}){gaps}")
-    first_toe = min(starts, key=starts.__getitem__)
-    return Event(starts[first_toe], DETECTED, f"{first_toe} first: {rule}{gaps}")
-
-
-def _deposit_start(
-    recording: MarkerRecording,
-    carried: np.ndarray,
-    what: str,
-    settings: EventSettings,
-    start: float,
-    release: float,
-) -> Event:
-    """Last instant before what is carried goes down for good."""
-    goes = "goes" if what == "box" else "go"
-    searched = np.flatnonzero((recording.time > start) & (recording.time <= release))
-    if searched.size < 3:
-        raise NotFound(
-            f"the {what} {'is' if what == 'box' else 'are'} not seen from {start:.2f} to {release:.2f} s"
-        )
-    height, climb = carried[searched, 2], derivative(carried, recording.rate)[searched, 2]
-    descent = float(height.max() - height[-1])
-    if descent < settings.descent_m:
-        raise NotFound(
-            f"no deposit: the {what} {goes} down by {descent:.3f} m before {recording.time[searched[-1]]:.2f} s, a deposit "
-            f"needs {settings.descent_m:g} m (lifting.events.descent_m)"
-        )
-    onset = _last_stop(height, climb, settings, recording.rate)
-    if onset is None:
-        raise NotFound(f"the {what} {goes} down all the time from {start:.2f} to {release:.2f} s")
-    left = float(height[onset] - height[-1])
-    not_down = np.flatnonzero(climb[: onset + 1] >= 0)
-    latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET * left)[0])
-    how = (
-        f"last instant at which the {what} {goes} down no faster than {settings.box_rest_m_s:g} m/s before the last "
-        f"{left:.2f} m to the release"
-    )
-    time = recording.time[searched]
-    return Event(
-        float(time[onset]),
-        DETECTED,
-        how,
-        earliest_s=float(time[not_down[-1] if not_down.size else 0]),
-        latest_s=float(time[latest]),
-        thesis_s=_slowest_wrists(recording, settings, searched, onset),
-    )
-
-
-def _last_stop(height: np.ndarray, climb: np.ndarray, settings: EventSettings, rate: float) -> int | None:
-    """Index of the last rest in the last rise or stay from which there is a deposit's way to go down.
-
-    Slowing down, or a small rise on the way, is none: a stay lasts, and a rise is a lift of its own. Two speeds tell
-    them, so that noise neither cuts a stay nor makes one.
-    """
-    rests = climb >= -settings.box_rest_m_s
-    stops = []
-    for run in runs(climb >= -settings.box_speed_m_s):
-        lasts = run.stop - run.start >= settings.stay_s * rate or np.ptp(height[run]) >= settings.descent_m
-        resting = run.start + np.flatnonzero(rests[run])
-        if lasts and resting.size and height[resting[-1]] - height[-1] >= settings.descent_m:
-            stops.append(int(resting[-1]))
-    return stops[-1] if stops else None
-
-
-def _slowest_wrists(
-    recording: MarkerRecording, settings: EventSettings, searched: np.ndarray, onset: int
-) -> float | None:
-    """Time of the last local minimum of the wrists' speed before the descent: the thesis's start of the deposit."""
-    from scipy.signal import find_peaks
-
-    wrists = wrist_centre(recording)
-    if wrists is None:
-        return None
-    slow = speed(wrists, recording.rate)[searched]
-    if not np.isfinite(slow).all():
-        return None
-    minima, _ = find_peaks(-slow, prominence=settings.prominence_m_s)
-    minima = minima[minima <= onset]
-    return float(recording.time[searched[minima[-1]]]) if minima.size else None
-
-
-def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:
-    """Phase of every sample: before, lift, carry, deposit or after.
-
-    Without a toe-off the lift lasts until the start of the deposit and there is no carry.
+def file_event(
+    recording: MarkerRecording, labels: EventLabels, name: str, start: float, stop: float
+) -> RecordedEvent | None:
+    """Return the event of the file that stands for one of a lift; None where there is none.
 
     Parameters
     ----------
-    time : ndarray, shape (n,)
+    labels : EventLabels
+        Labels in the file that stand for each event.
+    name : str
+        E.g. ``"toe_off"``: of steps the first between `start` and `stop` is meant, in seconds; any other event stands once.
 
-    Returns
-    -------
-    ndarray of str, shape (n,)
+    Raises
+    ------
+    SeveralEvents
+        The event stands more than once.
     """
-    labels = np.full(len(time), "before", dtype="<U7")
-    for label, name in (
-        ("lift", "lift_off"),
-        ("carry", "toe_off"),
-        ("deposit", "deposit_start"),
-        ("after", "release"),
+    found = marks_of(recording, labels, name)
+    if name == "toe_off":
+        return next((event for event in found if start < event.time < stop), None)
+    if len(found) > 1:
+        times = ", ".join(f"{event_label(event)} at {event.time:.2f} s" for event in found)
+        raise SeveralEvents(f"{times}: which one is meant is not known (window_s of the trial takes one out)")
+    return found[0] if found else None
+
+
+def refuse_without(recording: MarkerRecording, labels: EventLabels, names: tuple[str, ...]) -> None:
+    """Raise `InputError` where the file's events are to be taken, and it has none of a lift."""
+    if any(marks_of(recording, labels, name) for name in names):
+        return
+    within = _within(recording)
+    found = f"holds {', '.join(sorted({repr(event.label) for event in within}))}" if within else "holds none"
+    outside = len(recording.events) - len(within)
+    found += f", and {outside} outside {_span(recording)}" if outside else ""
+    raise InputError(
+        f"{recording.source}: its own events are to be taken, but it {found}; lifting.events.labels says which labels mean "
+        "lift_off, toe_off, deposit_start and release; or take those detected (lifting.events.taken_from, the trial's events)"
+    )
+
+
+def comparison(recording: MarkerRecording, events: Mapping[str, Event], labels: EventLabels) -> list[str]:
+    """Say in sentences how far the file's events lie from those detected, and which of its labels mean none of a lift."""
+    lines = [f"events of the file: {line}" for name in events if (line := _compared(name, events[name]))]
+    meant = {name: marks_of(recording, labels, name) for name in events}
+    within = _within(recording)
+    unnamed = [event for event in within if not any(event in found for found in meant.values())]
+    unused = [event for name, found in meant.items() for event in found if not events[name].file]
+    for found, why in (
+        (unnamed, "whose labels mean none of a lift by lifting.events.labels"),
+        (unused, "that are not compared, for they do not lie between a lift-off and a release"),
     ):
-        at = events[name].time_s
-        if at is not None:
-            labels[time >= at if label != "after" else time > at] = label
-    return labels
+        lines += [f"events of the file {why}: {_listed(found)}"] if found else []
+    outside = [event for event in recording.events if event not in within]
+    lines += (
+        [f"events of the file outside {_span(recording)}, not used: {_listed(outside)}"] if outside else []
+    )
+    return lines
+
+
+def _listed(events: list[RecordedEvent]) -> str:
+    times: dict[str, list[str]] = {}
+    for event in events:
+        times.setdefault(event_label(event), []).append(f"{event.time:.2f}")
+    return "; ".join(f"{label} at {', '.join(at)} s" for label, at in times.items())
+
+
+def _compared(name: str, event: Event) -> str:
+    if event.file_s is None:
+        return f"{name}: {event.file}" if event.file else ""
+    found = event.detected_s if event.method in ("declared", "file") else event.time_s
+    said = f"{name} {event.file_s:.3f} s ({event.file})"
+    if found is None:
+        return f"{said}; detection finds none"
+    late = found - event.file_s
+    where = "the same" if abs(late) < NEAREST_S else f"{abs(late):.3f} s {'later' if late > 0 else 'earlier'}"
+    return f"{said}; detection says {found:.3f} s, {where}"
+
+
+def _within(recording: MarkerRecording) -> list[RecordedEvent]:
+    first, last = recording.time[0], recording.time[-1]
+    frame = 1 / recording.rate
+    return [event for event in recording.events if first - frame <= event.time <= last + frame]
+
+
+def _span(recording: MarkerRecording) -> str:
+    return f"{recording.time[0]:.2f} to {recording.time[-1]:.2f} s"
+
+
+def _folded(label: str) -> str:
+    return re.sub(r"[\W_]+", "", label.lower())

@@ -1,4 +1,4 @@
-"""Gaps in marker trajectories: found, filled where they are short, and reported.
+"""Gaps in marker trajectories: found, filled where they are short, and reported, with what helps against those that stay.
 
 A gap is a stretch of frames in which a marker was not seen. Short gaps between seen frames are bridged by a
 cubic spline through the frames beside them. Nothing is extrapolated: a gap at the start or end of a recording
@@ -7,12 +7,13 @@ stays.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.lifting.quality.sheet import Finding
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 
@@ -31,6 +32,8 @@ CUT_OR_KEEP = (
 """What helps a lift with a gap."""
 _BESIDE = 2
 """Seen frames needed on each side of a gap: position and direction there."""
+_LONGEST_S = 1.0
+"""Longest gap that lifting.gaps.maximum_s may bridge."""
 
 
 @dataclass(frozen=True)
@@ -58,22 +61,11 @@ class Gap:
 
 
 def fill_gaps(recording: MarkerRecording, maximum_s: float = 0.2) -> tuple[MarkerRecording, list[Gap]]:
-    """Bridge short gaps by cubic splines.
+    """Bridge gaps of up to `maximum_s` (missing frames divided by the rate) by cubic splines; 0 bridges none.
 
     Each gap is bridged on its own, by the interpolating spline through the frames seen within `maximum_s` of
-    its ends, so that a distant part of the recording has no influence.
-
-    Parameters
-    ----------
-    maximum_s : float
-        Longest gap that is filled, in seconds (missing frames divided by the rate); 0 fills none.
-
-    Returns
-    -------
-    filled : MarkerRecording
-        Seen frames are unchanged to the last bit; NaN where a gap stays.
-    gaps : list of Gap
-        Every gap, by marker and time.
+    its ends, so that a distant part of the recording has no influence. Seen frames are unchanged to the last bit; NaN stays
+    where a gap does. Every gap is returned beside the recording, by marker and time.
     """
     if not (np.isfinite(maximum_s) and maximum_s >= 0):
         raise InputError(f"gaps.maximum_s is {maximum_s}; a number of seconds from 0 is needed")
@@ -121,20 +113,7 @@ def _outcome(gap: slice, n_frames: int, length_s: float, maximum_s: float, besid
 
 
 def without_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRecording, list[Gap]]:
-    """Leave out frames between gaps that are too few to be filtered.
-
-    Parameters
-    ----------
-    recording : MarkerRecording
-        Short gaps filled.
-    shortest : int
-        A stretch must have more frames than this.
-
-    Returns
-    -------
-    cleaned : MarkerRecording
-    islands : list of Gap
-        What was left out, with the outcome ``"seen too briefly to be filtered: left out"``.
+    """Leave out frames between gaps that are too few to be filtered, and say which: stretches of no more than `shortest`.
 
     Raises
     ------
@@ -154,6 +133,11 @@ def without_islands(recording: MarkerRecording, shortest: int) -> tuple[MarkerRe
             frames, start_s = run.stop - run.start, float(recording.time[run.start])
             islands.append(Gap(marker, run.start, frames, start_s, frames / recording.rate, ISLAND))
     return replace(recording, positions=positions), islands
+
+
+def within(item: Gap | Finding, start: float, stop: float) -> bool:
+    """Whether a gap or a finding reaches between two times in seconds."""
+    return item.start_s <= stop and item.start_s + item.length_s > start
 
 
 def refuse_open_gaps(
@@ -178,3 +162,73 @@ def refuse_open_gaps(
     if problems.entries:
         problems.add("", f"gaps up to {maximum_s:g} s between seen frames are filled", remedy)
     problems.raise_if_any()
+
+
+def why_missing(
+    recording: MarkerRecording,
+    needed: Collection[str],
+    ends: Collection[str],
+    frames: np.ndarray,
+    gaps: Sequence[Gap],
+    findings: Sequence[Finding],
+) -> str:
+    """Say which markers are missing and what helps: other frames are left out by findings than by gaps of the file.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        Filtered; of the whole file or of a window of it.
+    needed, ends : collection of str
+        Markers that the samples are computed from, and those of them that ends of segments need, not the pivot alone.
+    frames : ndarray of int
+        Missing samples, in order.
+    gaps : sequence of Gap
+        What was not seen after the findings' frames were left out.
+    """
+    start, stop = recording.time[frames[[0, -1]]]
+
+    unseen = [name for name in needed if name in recording and not np.isfinite(recording[name][frames]).all()]
+    causes = [
+        finding
+        for finding in findings
+        if within(finding, start, stop) and set(unseen) & set(finding.concerns)
+    ]
+    open_gaps = [
+        gap
+        for gap in gaps
+        if gap.marker in unseen
+        and not gap.filled
+        and gap.outcome != ISLAND
+        and within(gap, start, stop)
+        and not _explained(gap, causes)
+    ]
+    own = sorted({gap.marker for gap in open_gaps})
+    said = [
+        f"left out by the quality checks: {', '.join(finding.markers)} from {finding.start_s:.2f} to "
+        f"{finding.start_s + finding.length_s:.2f} s ({finding.kind}): {finding.remedy}"
+        for finding in causes
+    ]
+    if own or not causes:
+        longest = max((gap.length_s for gap in open_gaps), default=0.0)
+        said.append(
+            (f"not seen in the file: {', '.join(own)}: " if own else "") + _advice(own, ends, longest)
+        )
+    return "; ".join(said)
+
+
+def _advice(unseen: Collection[str], ends: Collection[str], longest_s: float) -> str:
+    """What helps against gaps of these markers: another pivot only where no segment needs them."""
+    bridged = f"raise lifting.gaps.maximum_s (a spline over {longest_s:.2g} s is a guess)"
+    ways = [bridged if longest_s <= _LONGEST_S else "fill them in the capture software"]
+    ways += ["use another pivot"] if not set(unseen) & set(ends) else []
+    hips = bool(unseen) and all(name.endswith(("ASIS", "PSIS")) for name in unseen)
+    ways += ["set lifting.segment_ends: skin, which needs no ASIS and PSIS"] if hips else []
+    return ", or ".join(ways)
+
+
+def _explained(gap: Gap, findings: Sequence[Finding]) -> bool:
+    frames = set(range(gap.first_frame, gap.first_frame + gap.n_frames))
+    for finding in findings:
+        if gap.marker in finding.concerns:
+            frames -= set(range(finding.frames.start, finding.frames.stop))
+    return not frames

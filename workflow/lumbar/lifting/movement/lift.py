@@ -1,4 +1,4 @@
-"""One lift from its markers to the pendulums of the deposit."""
+"""One lift from its markers to the pendulums of the deposit, about the study's pivot and further ones."""
 
 from __future__ import annotations
 
@@ -9,20 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError, Problems
-from lumbar.lifting.movement.carried_object import (
-    WRISTS,
-    best_seen,
-    box_centre,
-    carried_object,
-    speed,
-    wrist_centre,
+from lumbar.lifting.movement.centre_of_mass import (
+    COMS,
+    CentreOfMass,
+    SegmentTable,
+    absent_segments,
+    centres_of_mass,
+    segment_table,
 )
-from lumbar.lifting.movement.centre_of_mass import CentreOfMass, absent_segments, centres_of_mass
 from lumbar.lifting.movement.cleaning import clean, shortest_stretch
-from lumbar.lifting.movement.event import DECLARED, EVENTS, IN_FILE, Event
-from lumbar.lifting.movement.events import TOES, find_events, phases
-from lumbar.lifting.movement.gaps import Gap, refuse_open_gaps
-from lumbar.lifting.movement.missing_samples import why_missing
+from lumbar.lifting.movement.event_detection import find_events
+from lumbar.lifting.movement.events import Event
+from lumbar.lifting.movement.gaps import Gap, refuse_open_gaps, why_missing, within
+from lumbar.lifting.movement.joint_centres import TrunkPoints, trunk_points
 from lumbar.lifting.movement.pendulum_states import (
     PIVOTS,
     PendulumStates,
@@ -32,15 +31,10 @@ from lumbar.lifting.movement.pendulum_states import (
     pivot_trajectory,
     turn,
 )
-from lumbar.lifting.movement.segments import COMS, SegmentTable, segment_table
-from lumbar.lifting.movement.trunk_points import INNER, TrunkPoints, trunk_points
 from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.records.markers import MarkerRecording
-from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.lifting.quality.sheet import Finding
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -50,6 +44,9 @@ NEW_STUDY = "'lumbar new-study'"
 FRAMES = ("laboratory", "pelvis")
 """Axes of the planes: those of the laboratory, or turned about the vertical with the hips at the deposit's
 start."""
+COMPARED = ("mid_ankle", "hip")
+"""Pivots that conclusions are compared about, which must not hang on where one sees pendulums turn: the body over its feet,
+the trunk over its hips."""
 
 
 @dataclass(frozen=True)
@@ -125,30 +122,77 @@ def analyse_lift(
     if angle:
         smooth, complete = _turned(smooth, angle), _turned(complete, angle)
         points = _points(smooth, subject, settings)
-    box = settings.box
-    centres = centres_of_mass(smooth, points, table, subject.mass_kg, trial.box_mass_kg, box.share, events)
+    share = settings.box.share
+    centres = centres_of_mass(smooth, points, table, subject.mass_kg, trial.box_mass_kg, share, events)
     pivot, without_pivot = _pivot(smooth, points, settings.pivot)
-    states, reasons = {}, [no_deposit(events), without_pivot, without_frame]
-    for com, centre in centres.items():
-        position = centre.position_with_box if box.in_position else centre.position
-        try:
-            if any(reasons):
-                raise InputError("; ".join(filter(None, reasons)))
-            start, stop = events["deposit_start"].time_s, events["release"].time_s
-            planar = pendulum_states(
-                smooth.time, position - pivot, start, stop, settings.points, f"{recording.source}, {com}"
-            )
-        except SamplesMissing as error:
+    reasons = filter(None, (no_deposit(events), without_pivot, without_frame))
+    states, errors = _pendulums(smooth, centres, pivot, events, settings, "; ".join(reasons))
+    for com, error in errors.items():
+        missing[com] = str(error)
+        if isinstance(error, SamplesMissing):
             needed = _needed(points, table.ends_of(com), settings.pivot)
             ends = _markers_of(points, table.ends_of(com))
-            missing[com] = f"{error}; {why_missing(smooth, needed, ends, error.frames, gaps, findings)}"
-        except LumbarError as error:
-            missing[com] = str(error)
-        else:
-            states.update({(com, plane): values for plane, values in planar.items()})
+            missing[com] += f"; {why_missing(smooth, needed, ends, error.frames, gaps, findings)}"
     return AnalysedLift(
         name, smooth, complete, gaps, events, table, points, centres, pivot, angle, states, missing
     )
+
+
+def _pendulums(
+    recording: MarkerRecording,
+    centres: dict[str, CentreOfMass],
+    pivot: np.ndarray | None,
+    events: dict[str, Event],
+    settings: LiftingSettings,
+    without: str,
+) -> tuple[dict[tuple[str, str], PendulumStates], dict[str, LumbarError]]:
+    """States of the deposit by centre of mass and plane, and why a centre has none: `without`, if that is the case for all."""
+    states: dict[tuple[str, str], PendulumStates] = {}
+    errors: dict[str, LumbarError] = {}
+    for com, centre in centres.items():
+        position = centre.position_with_box if settings.box.in_position else centre.position
+        try:
+            if without:
+                raise InputError(without)
+            start, stop = events["deposit_start"].time_s, events["release"].time_s
+            what = f"{recording.source}, {com}"
+            planar = pendulum_states(recording.time, position - pivot, start, stop, settings.points, what)
+        except LumbarError as error:
+            errors[com] = error
+        else:
+            states.update({(com, plane): values for plane, values in planar.items()})
+    return states, errors
+
+
+@dataclass(frozen=True)
+class OtherPivot:
+    """Pendulums of a lift about one further pivot."""
+
+    states: dict[tuple[str, str], PendulumStates]
+    """By centre of mass and plane."""
+    missing: dict[str, str]
+    """Centres of mass without a pendulum about it, with the reason."""
+
+    @property
+    def facts(self) -> dict:
+        """Mean lengths in m by centre of mass and plane, and what is missing; data for JSON."""
+        lengths: dict[str, dict[str, float]] = {}
+        for (com, plane), states in self.states.items():
+            lengths.setdefault(com, {})[plane] = float(states.length.mean())
+        return {"length_m": lengths, "missing": self.missing}
+
+
+def other_pivots(lift: AnalysedLift, settings: LiftingSettings) -> dict[str, OtherPivot]:
+    """Return the pendulums of the deposit about every pivot of `COMPARED` that is not the study's own."""
+    found = {}
+    for name in COMPARED:
+        if name != settings.pivot:
+            pivot, without_pivot = _pivot(lift.recording, lift.points, name)
+            reason = no_deposit(lift.events) or without_pivot or ""
+            states, errors = _pendulums(lift.recording, lift.centres, pivot, lift.events, settings, reason)
+            absent = {com: reason for com, reason in lift.missing.items() if com not in lift.centres}
+            found[name] = OtherPivot(states, {**absent, **{com: str(error) for com, error in errors.items()}})
+    return found
 
 
 def _points(recording: MarkerRecording, subject: SubjectSettings, settings: LiftingSettings) -> TrunkPoints:
@@ -176,8 +220,7 @@ def _within_window(
 def _gaps_within_window(gaps: list[Gap], trial: TrialSettings) -> list[Gap]:
     if trial.window_s is None:
         return gaps
-    start, stop = trial.window_s
-    return [gap for gap in gaps if gap.start_s <= stop and gap.start_s + gap.length_s > start]
+    return [gap for gap in gaps if within(gap, *trial.window_s)]
 
 
 def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missing: dict[str, str]) -> None:
@@ -263,175 +306,3 @@ def _turned(recording: MarkerRecording, angle: float) -> MarkerRecording:
     return replace(
         recording, positions={name: turn(points, angle) for name, points in recording.positions.items()}
     )
-
-
-CENTRES_COLUMNS = (
-    *("com", "time_s", "phase", "x_m", "y_m", "z_m", "x_with_box_m", "y_with_box_m", "z_with_box_m"),
-    *("pivot_x_m", "pivot_y_m", "pivot_z_m"),
-)
-STATES_COLUMNS = (
-    *("com", "plane", "time_s", "angle_rad", "angular_velocity_rad_s", "angular_acceleration_rad_s2"),
-    *("length_m", "length_rate_m_s"),
-)
-
-
-def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Trajectories of all centres of mass over the whole recording, one row per sample and centre."""
-    import pandas as pd
-
-    phase = phases(lift.recording.time, lift.events)
-    nowhere = np.full((len(lift.recording), 3), np.nan)
-    pivot = nowhere if lift.pivot is None else lift.pivot
-    frames = [pd.DataFrame(columns=list(CENTRES_COLUMNS))]
-    for com, centre in lift.centres.items():
-        values = [*centre.position.T, *centre.position_with_box.T, *pivot.T]
-        columns = [com, lift.recording.time, phase, *values]
-        frames.append(pd.DataFrame(dict(zip(CENTRES_COLUMNS, columns, strict=True))))
-    return pd.concat(frames[1:] or frames, ignore_index=True)
-
-
-def states_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Pendulum states of the deposit, one row per centre of mass, plane and instant."""
-    return planar_frame(lift.states)
-
-
-def planar_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFrame:
-    """Pendulum states by centre of mass and plane as rows of `STATES_COLUMNS`."""
-    import pandas as pd
-
-    frames = [pd.DataFrame(columns=list(STATES_COLUMNS))]
-    for (com, plane), states in pendulums.items():
-        values = (states.time, states.angle, states.angular_velocity, states.angular_acceleration)
-        columns = [com, plane, *values, states.length, states.length_rate]
-        frames.append(pd.DataFrame(dict(zip(STATES_COLUMNS, columns, strict=True))))
-    return pd.concat(frames[1:] or frames, ignore_index=True)
-
-
-def gaps_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Gaps of the recording and what became of them."""
-    import pandas as pd
-
-    columns = ("marker", "start_s", "length_s", "frames", "outcome", "method")
-    rows = [
-        (gap.marker, gap.start_s, gap.length_s, gap.n_frames, gap.outcome, gap.method) for gap in lift.gaps
-    ]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Heights and speeds that the events are found from; columns only for what the recording holds."""
-    import pandas as pd
-
-    recording = lift.recording
-    columns = {"time_s": recording.time}
-    hands = best_seen(recording, WRISTS)
-    wrists = hands[0].lower() if len(hands) == 1 else "wrists"
-    for name, points in (("box", box_centre(recording)), (wrists, wrist_centre(recording))):
-        if points is not None:
-            columns[f"{name}_height_m"] = points[:, 2]
-            columns[f"{name}_speed_m_s"] = speed(points, recording.rate)
-    for name in TOES:
-        if name in recording:
-            columns[f"{name.lower()}_speed_m_s"] = speed(recording[name], recording.rate)
-    return pd.DataFrame(columns)
-
-
-def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
-    """Markers, centres of mass and pivot at every event: what a stick figure is drawn from."""
-    import pandas as pd
-
-    rows = []
-    for event in EVENTS:
-        time = lift.events[event].time_s
-        if time is None:
-            continue
-        at = int(np.abs(lift.recording.time - time).argmin())
-        points = dict(lift.recording.positions)
-        points.update({f"COM_{com}": centre.position for com, centre in lift.centres.items()})
-        if lift.pivot is not None:
-            points["PIVOT"] = lift.pivot
-        points.update({name: point.position for name, point in lift.points.points.items()})
-        rows += [
-            (event, float(lift.recording.time[at]), name, *positions[at])
-            for name, positions in points.items()
-            if np.isfinite(positions[at]).all()
-        ]
-    return pd.DataFrame(rows, columns=["event", "time_s", "point", "x_m", "y_m", "z_m"])
-
-
-def summary(
-    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
-) -> dict:
-    """Say what the pendulums are made of: masses, mean lengths, pivot, rules, assumptions; data for JSON."""
-    start, stop = lift.events["deposit_start"].time_s, lift.events["release"].time_s
-    lengths: dict[str, dict[str, float]] = {com: {} for com in lift.centres}
-    for (com, plane), states in lift.states.items():
-        lengths[com][plane] = float(states.length.mean())
-    return {
-        "schema": "lumbar.pendulum/1",
-        "lift": lift.name,
-        "subject": subject.name,
-        # A study's lifts have none: its tables label people, so that another label calls for no lift again.
-        **({"experience": subject.experience} if subject.experience else {}),
-        "sex": subject.sex,
-        "body_mass_kg": subject.mass_kg,
-        "box_mass_kg": trial.box_mass_kg,
-        "pivot": settings.pivot,
-        "frame": settings.frame,
-        "heading_rad": lift.heading,
-        "angle": "from straight up, to the right (lateral bending) or forward (flexion/extension)",
-        "start_s": start,
-        "stop_s": stop,
-        "duration_s": None if start is None or stop is None else stop - start,
-        "points": settings.points,
-        "filter_cutoff_Hz": settings.filter.cutoff_Hz,
-        "mass_kg": {
-            com: {"without_box": centre.mass_kg, "with_box": centre.mass_with_box_kg}
-            for com, centre in lift.centres.items()
-        },
-        "length_m": lengths,
-        "box": plain(settings.box),
-        "segments": {
-            "table": lift.table.name,
-            "source": lift.table.source,
-            "ends": {segment.name: [segment.proximal, segment.distal] for segment in lift.table.segments},
-            "points": {
-                name: lift.points.points[name].rule for name in lift.table.ends if name in lift.points
-            },
-            "off_mm": {
-                name: lift.points.points[name].off_mm for name in lift.table.ends if name in lift.points
-            },
-        },
-        "events": {name: event.method for name, event in lift.events.items()},
-        "missing": lift.missing,
-        "assumptions": assumptions(lift, subject, trial, settings),
-    }
-
-
-def _shown(value) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def assumptions(
-    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
-) -> list[str]:
-    """Say in sentences what behind the result was not measured."""
-    values = {**plain(subject), **plain(trial)}
-    said = [
-        f"{key} = {_shown(values[key])} is assumed" if key in values else f"{key} is assumed"
-        for key in subject.assumed
-    ]
-    if settings.segment_ends == INNER:
-        said += lift.points.on_skin(lift.table.ends)
-    if carried_object(lift.recording)[1] == "hands":
-        said.append(
-            "the box has no markers: the hands stand for it, in its events and in the centres of mass with it; whether they "
-            "hold anything is not known"
-        )
-    said += [f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())]
-    said += [
-        f"{name} is {words}: {event.how}"
-        for name, event in lift.events.items()
-        if (words := {DECLARED: "set by hand", IN_FILE: "the file's own"}.get(event.method))
-    ]
-    return said

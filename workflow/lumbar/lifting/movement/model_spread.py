@@ -9,12 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError
-from lumbar.lifting.movement.centre_of_mass import segment_centres, trunk_centre
-from lumbar.lifting.movement.cleaning import smoothed
-from lumbar.lifting.movement.joint_centres import HIP_RULES, unit
+from lumbar.lifting.movement.centre_of_mass import SegmentTable, all_tables, segment_centres, trunk_centre
+from lumbar.lifting.movement.cleaning import filter_without_islands
+from lumbar.lifting.movement.joint_centres import (
+    HIP_RULES,
+    INNER,
+    MID_HIP,
+    SKIN,
+    TrunkPoints,
+    trunk_points,
+    unit,
+)
 from lumbar.lifting.movement.pendulum_states import pivot_trajectory
-from lumbar.lifting.movement.segments import SegmentTable, all_tables
-from lumbar.lifting.movement.trunk_points import INNER, MID_HIP, SKIN, TrunkPoints, trunk_points
 from lumbar.records.markers import MarkerRecording
 
 if TYPE_CHECKING:
@@ -70,14 +76,7 @@ def model_spread(lift: AnalysedLift, subject: SubjectSettings, settings: Lifting
 
     Segments of different tables are cut at different heights, so that what is compared is the common centre of thorax,
     abdomen and pelvis, without the box, from the start of the deposit to the release, or over the whole recording where
-    there is no deposit.
-
-    Returns
-    -------
-    DataFrame
-        One row per choice, differences from the result's: ``forward_mm``, ``up_mm`` (means), ``distance_mm`` (mean),
-        ``speed_rms_mm_s``, ``angle_rad`` (mean of the angle in flexion/extension about the pivot), ``angle_rms_rad``,
-        ``angular_velocity_rms_rad_s``, and ``note``: that it is the reference, or why it or a number is not possible.
+    there is no deposit. One row per choice, columns `COLUMNS`.
     """
     import pandas as pd
 
@@ -132,7 +131,7 @@ def _filtered(lift: AnalysedLift, names: set[str], settings: FilterSettings) -> 
     """The needed markers filtered with another cut-off, at the instants of the result."""
     complete = lift.complete
     few = replace(complete, positions={name: complete.positions[name] for name in sorted(names)})
-    smooth, _, _ = smoothed(few, settings)
+    smooth, _, _ = filter_without_islands(few, settings)
     first = int(np.searchsorted(complete.time, lift.recording.time[0]))
     kept = slice(first, first + len(lift.recording))
     return replace(
@@ -221,14 +220,7 @@ def _shown(number: float | None, digits: str) -> str:
 def spread_table(spreads: Sequence[pd.DataFrame], facts: Sequence[Mapping], data: str) -> Table:
     """Return the choices of all lifts as a published table, with what their force plates say below it.
 
-    Parameters
-    ----------
-    spreads : list of DataFrame
-        As `model_spread` returns them, one per lift.
-    facts : list of mapping
-        Contents of each ``pendulum.json``.
-    data : str
-        Where the data come from.
+    There is one table of `model_spread` per lift, and beside it the facts of its ``pendulum.json``.
     """
     import pandas as pd
 

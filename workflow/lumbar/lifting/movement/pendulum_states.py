@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError, Problems
-from lumbar.lifting.movement.trunk_points import MID_HIP, TrunkPoints
+from lumbar.lifting.movement.joint_centres import MID_HIP, TrunkPoints
 from lumbar.records.markers import MarkerRecording
 
 PLANES = {"lateral_bending": 0, "flexion_extension": 1}
@@ -61,15 +61,7 @@ class PendulumStates:
 
 
 def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str) -> np.ndarray:
-    """Trajectory of the pivot, shape (n, 3) in metres.
-
-    Parameters
-    ----------
-    recording : MarkerRecording
-        Filtered.
-    points : TrunkPoints
-        Ends of the trunk's segments: hips and L5 are taken from them.
-    pivot : {"mid_ankle", "hip", "L5"}
+    """Trajectory of one of `PIVOTS`, shape (n, 3) in metres; hips and L5 are taken from the ends of the trunk's segments.
 
     Raises
     ------
@@ -96,15 +88,7 @@ def pivot_trajectory(recording: MarkerRecording, points: TrunkPoints, pivot: str
 
 
 def heading(recording: MarkerRecording, time: float) -> float:
-    """Angle by which the line of the hips is turned from the x axis, radians counterclockwise from above.
-
-    Parameters
-    ----------
-    recording : MarkerRecording
-        With `L_HIP` and `R_HIP`, or both ASIS in their place.
-    time : float
-        Seconds.
-    """
+    """Angle by which the line of the hips, or of both ASIS, is turned from the x axis, radians counterclockwise from above."""
     at = int(np.abs(recording.time - time).argmin())
     part = "ASIS" if "L_ASIS" in recording and "L_HIP" not in recording else "HIP"
     across = recording[f"R_{part}"][at] - recording[f"L_{part}"][at]
@@ -136,17 +120,8 @@ def pendulum_states(
         Seconds.
     relative : ndarray, shape (n, 3)
         Centre of mass relative to the pivot, metres.
-    start, stop : float
-        Deposit, seconds.
-    points : int
-        Length of the result.
     what : str
         File and centre of mass, for messages.
-
-    Returns
-    -------
-    dict of str to PendulumStates
-        By plane.
 
     Raises
     ------
@@ -201,9 +176,8 @@ def planar_states(
     length = np.hypot(r, z)
     if length.min() < SHORTEST:
         raise NumericalError(
-            f"{what}: comes within {length.min() * 1e3:.1f} mm of the pivot, where the angle is not "
-            "defined; use "
-            "another lifting.pivot"
+            f"{what}: comes within {length.min() * 1e3:.1f} mm of the pivot, where the angle is not defined; use another "
+            "lifting.pivot"
         )
     length_rate = (r * r1 + z * z1) / length
     angular_velocity = (r1 * z - r * z1) / length**2

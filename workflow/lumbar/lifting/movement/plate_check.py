@@ -9,11 +9,11 @@ import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.lifting.movement.carried_object import carried_object
-from lumbar.lifting.movement.centre_of_mass import held_frames
+from lumbar.lifting.movement.centre_of_mass import whole_body_centre
 from lumbar.lifting.movement.cleaning import derivative, low_pass
+from lumbar.lifting.movement.events import held_frames
 from lumbar.lifting.movement.joint_centres import unit
 from lumbar.lifting.movement.pendulum_states import turn
-from lumbar.lifting.movement.whole_body import whole_body_centre
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -133,19 +133,8 @@ def check_against_plates(
     """Compare the whole body's centre of mass with force plates.
 
     Vertically mass × (g + acceleration) must be the plates' force; the centre of pressure stays near the projection of the
-    centre of mass, and on average below it as long as the person stands.
-
-    Parameters
-    ----------
-    plates : list of ForcePlate
-        Of the same recording, on its clock and in the axes of its markers.
-    subject, trial, settings
-        Masses, filter.
-
-    Returns
-    -------
-    PlateCheck or None
-        None without plates.
+    centre of mass, and on average below it as long as the person stands. The plates are on the clock of the recording and in
+    the axes of its markers; without any there is nothing to say.
     """
     if not plates:
         return None
@@ -287,14 +276,11 @@ def _findings(
     ratio = plates_kg / declared_kg
     if abs(ratio - 1) > MASS_TOLERANCE:
         known = [text for factor, text in _FACTORS.items() if abs(ratio / factor - 1) < 0.05]
-        meaning = (
-            known[0]
-            if known
-            else (
-                "mass_kg or box_mass_kg is wrong, the file is another person's, a foot stands beside the plates, or a plate's "
-                "zero is off"
-            )
+        unknown = (
+            "mass_kg or box_mass_kg is wrong, the file is another person's, a foot stands beside the plates, or a plate's zero "
+            "is off"
         )
+        meaning = known[0] if known else unknown
         yield f"{plates_kg:.1f} kg stand on the plates where {declared_kg:.1f} kg are declared: {meaning}"
     if correlation is not None and correlation < FOLLOWS:
         yield (

@@ -9,15 +9,17 @@ Least-squares fit of a rotation: Kabsch, Acta Crystallographica A 32 (1976) 922�
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.movement.gaps import FILLED, Gap, runs
+from lumbar.lifting.movement.gaps import FILLED, Gap
 from lumbar.lifting.quality.sheet import NOTED, Clock, Finding
 from lumbar.records.marker_aliases import labels_of
+from lumbar.records.stretches import runs
 
 if TYPE_CHECKING:
     from lumbar.settings.lifting import LiftingSettings
@@ -48,18 +50,10 @@ class BodyShape:
     """Where the shape was seen."""
 
 
-def fitted(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
+def fit_shape(shape: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """Return `shape` moved rigidly, frame by frame, so that its first points fit best.
 
-    Parameters
-    ----------
-    shape : ndarray, shape (m, 3)
-    frames : ndarray, shape (n, k, 3)
-        Where its first k ≤ m points are.
-
-    Returns
-    -------
-    ndarray, shape (n, m, 3)
+    The shape has (m, 3) coordinates, frames of shape (n, k, 3) say where its first k ≤ m points are; returned is (n, m, 3).
     """
     known = shape[: frames.shape[1]]
     return (shape - known.mean(axis=0)) @ _turns(known, frames) + frames.mean(axis=1, keepdims=True)
@@ -76,12 +70,7 @@ def _turns(known: np.ndarray, frames: np.ndarray) -> np.ndarray:
 def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source: str) -> BodyShape | None:
     """Shape of the markers in `labels` from the frames in which all of them are seen; None where there is no such frame.
 
-    Parameters
-    ----------
-    points : mapping of str to ndarray, shape (n, 3)
-        Metres.
-    source : str
-        Words for where the markers were seen.
+    `source` are words for where they were seen.
     """
     names = tuple(label for label in labels if label in points)
     if len(names) <= FEWEST:
@@ -95,7 +84,7 @@ def body_shape(points: Mapping[str, np.ndarray], labels: Collection[str], source
         # The frames laid on the shape: the rotations of the shape laid on the frames, the other way round.
         back = _turns(shape, few).transpose(0, 2, 1)
         shape = ((few - few.mean(axis=1, keepdims=True)) @ back).mean(axis=0) + shape.mean(axis=0)
-    residual = float(np.sqrt(np.mean(np.sum((fitted(shape, frames) - frames) ** 2, axis=2))))
+    residual = float(np.sqrt(np.mean(np.sum((fit_shape(shape, frames) - frames) ** 2, axis=2))))
     return BodyShape(names, shape, residual, source)
 
 
@@ -113,7 +102,7 @@ def _misfit(shape: BodyShape, points: Mapping[str, np.ndarray]) -> float | None:
     together = np.all([seen[name] for name in names], axis=0)
     frames = _few(np.stack([points[name][together] for name in names], axis=1))
     known = shape.points[[shape.labels.index(name) for name in names]]
-    return float(np.sqrt(np.mean(np.sum((fitted(known, frames) - frames) ** 2, axis=2))))
+    return float(np.sqrt(np.mean(np.sum((fit_shape(known, frames) - frames) ** 2, axis=2))))
 
 
 def _few(frames: np.ndarray) -> np.ndarray:
@@ -135,8 +124,6 @@ def fill_rigid(
     ----------
     points : mapping of str to ndarray, shape (n, 3)
         All markers by label, in metres.
-    rate : float
-        Frames per second.
     start_s : float
         Time of the first frame.
     body : str
@@ -151,58 +138,41 @@ def fill_rigid(
     gaps : list of Gap
         Those that were filled, with the method.
     """
-    labels = [label for label in shape.labels if label in points]
-    order = {label: index for index, label in enumerate(shape.labels)}
-    seen = {label: np.isfinite(points[label]).all(axis=1) for label in labels}
+    method = f"rigid body: {body}, shape from {shape.source}, {1e3 * shape.residual_m:.1f} mm"
     filled, gaps = dict(points), []
-    for label in labels:
-        open_gaps = [
-            gap for gap in runs(~seen[label]) if _is_long(gap, len(seen[label]), rate, longer_than_s)
-        ]
+    for label in shape.labels:
+        open_gaps = _long_gaps(points[label], rate, longer_than_s) if label in points else []
         if not open_gaps:
             continue
-        others = [name for name in labels if name != label]
-        estimate = _estimated(points, seen, shape, order, label, others)
+        estimate = _estimate_from_others(points, shape, label)
         values = points[label].copy()
         for gap in open_gaps:
             for part in runs(np.isfinite(estimate[gap]).all(axis=1)):
                 piece = slice(gap.start + part.start, gap.start + part.stop)
                 values[piece] = estimate[piece] + _edge_error(points[label], estimate, piece)
                 frames = piece.stop - piece.start
-                method = f"rigid body: {body}, shape from {shape.source}, {1e3 * shape.residual_m:.1f} mm"
                 start = start_s + piece.start / rate
                 gaps.append(Gap(label, piece.start, frames, start, frames / rate, FILLED, method))
         filled[label] = values
     return filled, gaps
 
 
-def carried_by_the_body(
+def fill_from_body(
     markers: Mapping[str, np.ndarray],
 ) -> tuple[Mapping[str, np.ndarray], dict[str, int]]:
     """Fill every unseen frame of a body's markers from its other markers, as far as three of them are seen.
 
-    Parameters
-    ----------
-    markers : mapping of str to ndarray, shape (n, 3)
-        NaN where a marker was not seen.
-
-    Returns
-    -------
-    filled : mapping of str to ndarray, shape (n, 3)
-        Frames seen are unchanged.
-    frames : dict of str to int
-        Frames filled, of the markers that have any.
+    How many frames of each marker were filled stands second.
     """
-    if all(np.isfinite(points).all() for points in markers.values()):
-        return markers, {}
-    shape = body_shape(markers, markers, "")
+    complete = all(np.isfinite(points).all() for points in markers.values())
+    shape = None if complete else body_shape(markers, markers, "")
     if shape is None:
         return markers, {}
     filled, gaps = fill_rigid(markers, 1.0, 0.0, shape, "", 0.0)
-    frames: dict[str, int] = {}
+    frames: Counter[str] = Counter()
     for gap in gaps:
-        frames[gap.marker] = frames.get(gap.marker, 0) + gap.n_frames
-    return filled, frames
+        frames[gap.marker] += gap.n_frames
+    return filled, dict(frames)
 
 
 class BodyFilling:
@@ -233,7 +203,7 @@ class BodyFilling:
         for body, markers in self.rules.rigid.items():
             named = [label for marker in markers for label in labels_of(marker, self.aliases)]
             labels = [label for label in dict.fromkeys(named) if label in points]
-            if not any(_has_long_gap(points[label], rate, self.rules.maximum_s) for label in labels):
+            if not any(_long_gaps(points[label], rate, self.rules.maximum_s) for label in labels):
                 continue
             shape = self._static_shape(body, labels, points, Clock(time, rate))
             shape = shape or body_shape(points, labels, "this recording")
@@ -260,31 +230,31 @@ class BodyFilling:
         return None
 
 
-def _has_long_gap(points: np.ndarray, rate: float, longer_than_s: float) -> bool:
-    missing = ~np.isfinite(points).all(axis=1)
-    return any(_is_long(gap, len(points), rate, longer_than_s) for gap in runs(missing))
+def _long_gaps(points: np.ndarray, rate: float, longer_than_s: float) -> list[slice]:
+    """Gaps of a marker that no spline bridges: at the ends of the recording, or longer."""
+    return [
+        gap
+        for gap in runs(~np.isfinite(points).all(axis=1))
+        if gap.start == 0 or gap.stop == len(points) or (gap.stop - gap.start) / rate > longer_than_s
+    ]
 
 
-def _is_long(gap: slice, frames: int, rate: float, longer_than_s: float) -> bool:
-    return gap.start == 0 or gap.stop == frames or (gap.stop - gap.start) / rate > longer_than_s
-
-
-def _estimated(
-    points, seen, shape: BodyShape, order: dict[str, int], label: str, others: list[str]
-) -> np.ndarray:
+def _estimate_from_others(points: Mapping[str, np.ndarray], shape: BodyShape, label: str) -> np.ndarray:
     """Where the body's other markers put one, shape (n, 3); NaN where too few of them are seen."""
+    place = dict(zip(shape.labels, shape.points, strict=True))
+    others = [name for name in shape.labels if name in points and name != label]
     estimate = np.full_like(points[label], np.nan)
-    patterns = np.stack([seen[name] for name in others], axis=1)
+    patterns = np.stack([np.isfinite(points[name]).all(axis=1) for name in others], axis=1)
     for pattern in np.unique(patterns, axis=0):
         names = [name for name, there in zip(others, pattern, strict=True) if there]
-        known = shape.points[[order[name] for name in names]]
+        known = np.array([place[name] for name in names]).reshape(-1, 3)
         if len(names) < FEWEST or np.linalg.svd(known - known.mean(axis=0), compute_uv=False)[1] < (
             FLATTEST_M * np.sqrt(len(names))
         ):
             continue
         when = (patterns == pattern).all(axis=1)
         frames = np.stack([points[name][when] for name in names], axis=1)
-        estimate[when] = fitted(np.vstack([known, shape.points[order[label]]]), frames)[:, -1]
+        estimate[when] = fit_shape(np.vstack([known, place[label]]), frames)[:, -1]
     return estimate
 
 

@@ -43,15 +43,7 @@ class Bodies:
 
 
 def bodies_of_links(masses, centres, lengths, inertias, ankle_height) -> Bodies:
-    """Put links together.
-
-    Parameters
-    ----------
-    masses, centres, lengths, inertias : array_like, shape (3, bodies)
-        kg; m from the link's lower joint to its centre; m; kg·m² about the centre.
-    ankle_height : array_like, shape (bodies,)
-        m.
-    """
+    """Put links together, in SI units; all but the ankles' height have shape (3, bodies), centres count from the lower joint."""
     masses, centres, lengths, inertias = (
         np.asarray(item, dtype=float) for item in (masses, centres, lengths, inertias)
     )
@@ -97,17 +89,8 @@ def solve(matrix: np.ndarray, *right: np.ndarray) -> list[np.ndarray]:
     c00, c01, c02 = d * f - e * e, c * e - b * f, b * e - c * d
     c11, c12, c22 = a * f - c * c, b * c - a * e, a * d - b * b
     scale = 1 / (a * c00 + b * c01 + c * c02)
-    return [
-        scale
-        * np.stack(
-            [
-                c00 * x + c01 * y + c02 * z,
-                c01 * x + c11 * y + c12 * z,
-                c02 * x + c12 * y + c22 * z,
-            ]
-        )
-        for x, y, z in right
-    ]
+    cofactors = (c00, c01, c02), (c01, c11, c12), (c02, c12, c22)
+    return [scale * np.stack([p * x + q * y + r * z for p, q, r in cofactors]) for x, y, z in right]
 
 
 def inverse_dynamics(bodies: Bodies, angle, rate, acceleration) -> np.ndarray:
@@ -142,11 +125,7 @@ def energy(bodies: Bodies, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
 def ground_force(bodies: Bodies, angle, rate, acceleration, push=0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return the ground's horizontal and vertical force on the feet in N, each of shape (bodies,).
 
-    Parameters
-    ----------
-    angle, rate, acceleration : numpy.ndarray, shape (3, bodies)
-    push : array_like, shape (bodies,)
-        Horizontal force on the body in N.
+    Angles, rates and accelerations have shape (3, bodies); `push` is a horizontal force on the body in N.
     """
     s, c = np.sin(angle), np.cos(angle)
     moment = bodies.first_moment
@@ -163,13 +142,7 @@ def centre_of_pressure(bodies: Bodies, ankle_torque, horizontal, vertical) -> np
 def push_torque(bodies: Bodies, angle: np.ndarray, force: np.ndarray, share: float) -> np.ndarray:
     """Return what a horizontal force on the trunk does to each link, shape (3, bodies), in N·m.
 
-    Parameters
-    ----------
-    angle : numpy.ndarray, shape (3, bodies)
-    force : numpy.ndarray, shape (bodies,)
-        N, forward positive.
-    share : float
-        Where it acts on the way from hips to shoulders.
+    The force in N, forward positive, has shape (bodies,) and acts at this share of the way from hips to shoulders.
     """
     lever = np.stack([bodies.lengths[0], share * bodies.lengths[1], 0 * bodies.mass])
     return force * lever * np.cos(angle)

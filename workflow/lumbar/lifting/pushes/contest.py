@@ -96,23 +96,18 @@ def push_bodies(
     chosen: np.ndarray | None = None,
     equal: bool = True,
 ) -> pd.DataFrame:
-    """Push the bodies of some lifts and put beside each push what the measures said before it.
+    """Push the bodies of some lifts and put beside each push what the measures said before it; columns `COLUMNS`.
+
+    Where the body would step without a push, the outcome is `UNSTEADY`.
 
     Parameters
     ----------
-    levels : list of Levels
-        Of the same lifts.
     changed : mapping of str to float, optional
         Factors on everybody's traits, by the attributes of `Traits`: what no measure is told.
     chosen : numpy.ndarray of int, optional
         Which of the pushes are followed, counted lift after lift; all.
     equal : bool
         Whether equal pushes are simulated too; without them their columns repeat the others.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row per push, columns `COLUMNS`; where the body would step without it, the outcome is `UNSTEADY`.
     """
     traits = draw_traits([item.subject for item in motions], settings.controller, settings.spread, seed)
     traits = replace(
@@ -137,12 +132,7 @@ def push_bodies(
 
 
 def contest_of(drawn: pd.DataFrame) -> Contest:
-    """Return the contest of all pushes that were drawn, those at unsteady instants left out.
-
-    Parameters
-    ----------
-    drawn : pandas.DataFrame
-        Of `push_bodies`, of all lifts.
+    """Return the contest of all pushes that were drawn (`push_bodies`), those at unsteady instants left out.
 
     Raises
     ------

@@ -21,8 +21,8 @@ from lumbar.lifting.measures.balance import (
     pressure_limits,
 )
 from lumbar.lifting.measures.course import Lifter, base_of_support, course_of_lift
-from lumbar.lifting.movement.body import LOAD, WHOLE_BODY
 from lumbar.lifting.movement.cleaning import derivative
+from lumbar.lifting.movement.lift_tables import LOAD, WHOLE_BODY
 from lumbar.lifting.movement.pendulum_states import planar_states
 from lumbar.lifting.pushes.body import LINKS
 from lumbar.lifting.pushes.motion import DepositMotion
@@ -110,14 +110,9 @@ class Levels:
 
 
 def score(predictor: str, level: np.ndarray, impulse: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Return what a measure makes of a push, higher meaning that a step is more likely.
+    """Return what one of `PREDICTORS` makes of pushes, higher meaning that a step is more likely.
 
-    Parameters
-    ----------
-    predictor : str
-        One of `PREDICTORS`.
-    level, impulse, shift : numpy.ndarray, shape (n,)
-        As of `Levels`; the impulse without its sign, in N·s.
+    Level and shift are as of `Levels`; the impulse is without its sign, in N·s.
     """
     rules = {
         NOTHING: lambda: -level,
@@ -136,14 +131,9 @@ def levels_of(
     settings: StabilitySettings,
     push_share: float,
 ) -> list[Levels]:
-    """Return the levels of several lifts.
+    """Return the levels of several lifts, of which the trunk is pushed at a share of the way from hips to shoulders.
 
-    Parameters
-    ----------
-    trajectories : list of Trajectory or None
-        Of the abdomen in the sagittal plane, with the box; None where there is none.
-    push_share : float
-        Where the trunk is pushed, between hips and shoulders.
+    The trajectories are those of the abdomen in the sagittal plane, with the box; None where there is none.
     """
     found = [_balance(lifter, motion) for lifter, motion in zip(lifters, motions, strict=True)]
     whole = [_whole_body(lifter, motion) for lifter, motion in zip(lifters, motions, strict=True)]

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.movement.body import LOAD, WHOLE_BODY
-from lumbar.lifting.movement.trunk_points import MID_HIP
+from lumbar.lifting.movement.joint_centres import MID_HIP
+from lumbar.lifting.movement.lift_tables import LOAD, WHOLE_BODY
 from lumbar.lifting.pushes.body import (
     GRAVITY,
     LINKS,
@@ -82,8 +82,7 @@ def deposit_motion(lifter: Lifter) -> DepositMotion:
     Raises
     ------
     InputError
-        The lift has no deposit, lacks ankles, heels, toes, shoulders, hips or load, or one of them is missing within the
-        deposit.
+        The lift has no deposit, or lacks ankles, heels, toes, shoulders, hips or load in it.
     """
     facts, time = lifter.facts, lifter.time
     if facts["no_deposit"]:
@@ -223,19 +222,11 @@ def references_of(motions: list[DepositMotion], step: float) -> References:
     )
 
 
-def returning(phase: float, moving: tuple, start: np.ndarray, duration: float) -> tuple[np.ndarray, ...]:
-    """Angle, rate and acceleration on the way from a moving posture to one at rest.
+def return_motion(phase: float, moving: tuple, start: np.ndarray, duration: float) -> tuple[np.ndarray, ...]:
+    """Angle, rate and acceleration on the way from a moving posture to one at rest, shape (3, n) each.
 
-    Parameters
-    ----------
-    phase : float
-        From 0, where the way back begins, to 1, where it ends; beyond them it stays.
-    moving : tuple of numpy.ndarray, shape (3, n)
-        Angle, rate and acceleration of the deposit at that time.
-    start : numpy.ndarray, shape (3, n)
-        Angles to go back to.
-    duration : float
-        s of the way back.
+    The way back begins at phase 0, ends at 1 and takes `duration` seconds; `moving` are angle, rate and acceleration of the
+    deposit at that time, `start` the angles to go back to.
     """
     s = min(max(phase, 0.0), 1.0)
     share = s**3 * (10 - 15 * s + 6 * s**2)
@@ -257,7 +248,7 @@ def target(
     moving = references.moment(lift, instant + halves)
     start = references.angle[:, references.first[lift]]
     phase = (halves * references.step - reaction) / duration
-    wanted = returning(phase, moving, start, duration) if phase > 0 else moving
+    wanted = return_motion(phase, moving, start, duration) if phase > 0 else moving
     return wanted[0], wanted[1], inverse_dynamics(bodies, *wanted)
 
 

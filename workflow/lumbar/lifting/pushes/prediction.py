@@ -253,14 +253,7 @@ def follow(
 ) -> Followed:
     """Choose about `FOLLOWED` of all pushes, evenly taken, and get the bodies that they need.
 
-    Parameters
-    ----------
-    lifts : list of str
-        Names of all.
-    per_lift : int
-        Pushes in each.
-    bodies_of : callable
-        Gives motions and levels of some lifts.
+    There are `per_lift` pushes in each of the lifts; `bodies_of` gives motions and levels of some of them.
     """
     # Directions take turns: an even stride would follow those of one alone.
     taken = np.arange(0, len(lifts) * per_lift, (len(lifts) * per_lift // FOLLOWED) | 1)

@@ -99,13 +99,7 @@ def generator(seed: int, stream: str, name: str) -> np.random.Generator:
 def draw_traits(
     subjects: list[str], controller: ControllerSettings, spread: PersonalSpreadSettings, seed: int
 ) -> Traits:
-    """Draw what no measure is told: once per person, the same in all of the person's lifts.
-
-    Parameters
-    ----------
-    subjects : list of str
-        One per motion.
-    """
+    """Draw what no measure is told: once per person, the same in all of the person's lifts; one subject per motion."""
     normal = np.stack([generator(seed, "traits", name).normal(size=4) for name in subjects], axis=1)
     normal = np.clip(normal, -2, 2)  # no one without strength or delay
     return Traits(
@@ -230,13 +224,7 @@ class Ends:
 
 
 def simulate(scene: Scene, pushes: Pushes, watch: Callable | None = None) -> Ends:
-    """Push bodies and follow them to the horizon.
-
-    Parameters
-    ----------
-    watch : callable, optional
-        Called with (seconds, angle, rate, command) at every command.
-    """
+    """Push bodies and follow them to the horizon; `watch` is called with (seconds, angle, rate, command) at every command."""
     controller, outcome, references = scene.controller, scene.outcome, scene.references
     bodies, persons = scene.bodies.take(pushes.lift), scene.persons.take(pushes.lift)
     step = 2 * references.step
@@ -314,17 +302,8 @@ def _runge_kutta(bodies, persons, targets, command, force, height, angle, rate, 
 def accelerations(bodies: Bodies, persons: Persons, wanted, command, force, height: float, angle, rate):
     """Return the links' angular accelerations in rad/s² and the joints' torques in N·m, each of shape (3, bodies).
 
-    Parameters
-    ----------
-    wanted : tuple
-        Angle, rate and torque of the lift.
-    command : numpy.ndarray, shape (3, bodies)
-        The controller's torque in N·m.
-    force : numpy.ndarray, shape (bodies,)
-        Push in N.
-    height : float
-        Where it acts, as a share of the trunk.
-    angle, rate : numpy.ndarray, shape (3, bodies)
+    `wanted` are angle, rate and torque of the lift, `command` is the controller's torque; the push in N acts at a height that
+    is a share of the trunk.
     """
     elastic = persons.stiffness * joint(angle - wanted[0]) + persons.damping * joint(rate - wanted[1])
     torque = np.clip(wanted[2] + command - elastic, persons.lowest, persons.highest)

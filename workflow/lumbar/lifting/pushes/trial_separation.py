@@ -94,21 +94,12 @@ class BodyTrial:
 def body_trial(
     recording: MarkerRecording, group: str, settings: PerturbationsSettings, lifting: LiftingSettings
 ) -> BodyTrial:
-    """Return the movement of one recording.
-
-    Parameters
-    ----------
-    recording : MarkerRecording
-        With the markers of ``settings.pivot``, ``top`` and ``legs``.
-    settings : PerturbationsSettings
-        With ``legs``.
-    lifting : LiftingSettings
-        Gaps and filter.
+    """Return the movement of one recording; the settings name markers of the legs.
 
     Raises
     ------
     InputError
-        One of these markers is missing or has a gap that cannot be filled.
+        A marker that the settings name is missing or has a gap that cannot be filled.
     """
     legs = settings.legs
     feet = (*legs.knee, *legs.ankle, *legs.heel, *legs.toe)
@@ -166,19 +157,9 @@ def values_of(trial: BodyTrial, settings: PerturbationsSettings) -> dict[str, fl
 
 
 def separation_frame(found: list[dict[str, float]], groups: list[str]) -> pd.DataFrame:
-    """Compare the groups by every measure.
+    """Compare the groups by every measure; columns `COLUMNS`, the smallest p first.
 
-    Parameters
-    ----------
-    found : list of dict of str to float
-        Measures of every trial by name; what one trial has, all have.
-    groups : list of str
-        ``"unperturbed"`` or ``"perturbed"``, one per trial.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `COLUMNS`; the smallest p first.
+    There are measures by name and ``"unperturbed"`` or ``"perturbed"`` for every trial; what one trial has, all have.
     """
     import pandas as pd
     from scipy.stats import mannwhitneyu
@@ -205,11 +186,8 @@ def separation_frame(found: list[dict[str, float]], groups: list[str]) -> pd.Dat
 def separation_table(frame: pd.DataFrame, groups: list[str], data: str, feedback: str = "") -> Table:
     """Return the comparison as a published table that says what one person can and cannot show; `feedback` is one note more."""
     apart = [row.measure for row in frame.itertuples() if row.auc in (0.0, 1.0)]
-    said = (
-        f"{', '.join(apart)} separate{'s' if len(apart) == 1 else ''} all trials"
-        if apart
-        else "No measure separates all trials"
-    )
+    them = f"{', '.join(apart)} separate{'s' if len(apart) == 1 else ''}" if apart else "No measure separates"
+    said = f"{them} all trials"
     notes = (
         f"{said} ({groups.count('unperturbed')} unperturbed, {groups.count('perturbed')} perturbed, one person)",
         "What this can show: that the perturbation changed the movement, and in which measure. What it cannot: that a measure "
@@ -263,21 +241,10 @@ def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndar
 def estimate_feedback(
     pendulum: Pendulums, error: np.ndarray, rate: np.ndarray, acceleration: np.ndarray, order: int = 1
 ) -> Feedback:
-    """Estimate K1(t) and K2(t) from deviations of trials about their mean.
+    """Estimate K1(t) and K2(t), polynomials of this order in phase, from deviations of trials about their mean.
 
-    Parameters
-    ----------
-    pendulum : Pendulums
-        One; its angle at `points` even phases is the mean movement.
-    error, rate, acceleration : numpy.ndarray, shape (trials, points)
-        Deviations of angle, angular velocity and angular acceleration in rad, rad/s and rad/s².
-    order : int
-        Of the polynomials in phase.
-
-    Raises
-    ------
-    InputError
-        Fewer than `FEWEST_TRIALS` trials.
+    The angle of the one pendulum at `points` even phases is the mean movement; deviations of angle, angular velocity and
+    angular acceleration have shape (trials, points).
     """
     if len(error) < FEWEST_TRIALS:
         raise InputError(
@@ -308,20 +275,7 @@ def estimate_feedback(
 def basin_of_feedback(pendulum: Pendulums, gains: np.ndarray, weights: Weights, goal_level: float) -> float:
     """Return the average cross-section in rad²/s of the exact basin under given gains.
 
-    V is the cost of these gains under the study's weights, −Ṡ = A_cᵀS + SA_c + Q + KᵀRK, S(T) = Qf.
-
-    Parameters
-    ----------
-    pendulum : Pendulums
-        One, with its angle at `points` even phases.
-    gains : numpy.ndarray, shape (points, 2)
-    goal_level : float
-        ρ(T).
-
-    Raises
-    ------
-    NumericalError
-        The basin cannot be computed.
+    V is the cost of these gains, shape (points, 2), under the study's weights, −Ṡ = A_cᵀS + SA_c + Q + KᵀRK, S(T) = Qf.
     """
     k1, k2 = gains.T
     feedback = np.stack([k1**2, k1 * k2, k2**2], axis=-1)

@@ -170,15 +170,11 @@ def _unit(
 ) -> list[Finding]:
     """An error where the body is far too large or too small for a person."""
     sampled = _sampled(points)
-    far = [np.abs(positions[np.isfinite(positions)]).ravel() for positions in sampled.values()]
+    far = np.concatenate([np.abs(places[np.isfinite(places)]).ravel() for places in sampled.values()])
     stature, count = stature_found(sampled, named)
-    if np.median(np.concatenate(far)) > LABORATORY_M and not 0 < stature < LABORATORY_M:
-        evidence = f"coordinates of {np.median(np.concatenate(far)):.3g} m"
-        return [
-            clock.finding(
-                "unit", ERROR, (), evidence, "no laboratory is so large: set markers.scale or markers.unit"
-            )
-        ]
+    if np.median(far) > LABORATORY_M and not 0 < stature < LABORATORY_M:
+        cause = "no laboratory is so large: set markers.scale or markers.unit"
+        return [clock.finding("unit", ERROR, (), f"coordinates of {np.median(far):.3g} m", cause)]
     if count >= 2:
         low, high = (height_m / _WRONG_UNIT, height_m * _WRONG_UNIT) if height_m else _STATURES_M
         size, expected = stature, height_m or _PERSON_M
@@ -220,8 +216,9 @@ def _leaps(
     points: dict[str, np.ndarray], named: dict[str, str], clock: Clock
 ) -> tuple[list[Finding], dict[str, np.ndarray]]:
     """Exchanged labels, leaps and spikes; the points with exchanges undone and leaps left out, for the checks that follow."""
-    found = {label: find_leaps(positions, clock.rate) for label, positions in points.items()}
-    leaps = {label: leaps for label, (leaps, _) in found.items()}
+    leaps, spikes = {}, {}
+    for label, positions in points.items():
+        leaps[label], spikes[label] = find_leaps(positions, clock.rate)
     missing, leaps = _missing_frames(points, leaps, clock)
     exchanges, remaining = take_exchanges(leaps)
     n_frames = len(clock.time)
@@ -229,12 +226,12 @@ def _leaps(
     for exchange in exchanges:
         shorter, _ = exchange.stretches(n_frames)
         straight = _exchanged(straight, (exchange.first, exchange.second), shorter)
-    spikes = {label: spikes for label, (_, spikes) in found.items()}
     findings = missing + _displaced(straight, remaining, spikes, clock)
     straight = mask_findings(straight, findings)
     whole, mirrored = _whole_exchanges(straight, named)
-    flipped = _flipped(exchanges, [pair for pair, _ in whole], points, named)
-    for pair in {*(frozenset(pair) for pair, _ in whole), *(one.pair for one in flipped)}:
+    reversed_pairs = {frozenset(pair) for pair, _ in whole}
+    flipped = _flipped(exchanges, reversed_pairs, points, named)
+    for pair in {*reversed_pairs, *(one.pair for one in flipped)}:
         straight = _exchanged(straight, tuple(pair), [slice(0, n_frames)])
     changing = frozenset().union(*(one.pair for one in exchanges))
     for exchange in exchanges:
@@ -278,7 +275,7 @@ def _whole_exchanges(
 
 def _flipped(
     exchanges: list[Exchange],
-    whole: list[tuple[str, str]],
+    reversed_pairs: set[frozenset[str]],
     points: dict[str, np.ndarray],
     named: dict[str, str],
 ) -> list[Exchange]:
@@ -286,7 +283,6 @@ def _flipped(
 
     Left and right of several markers that change places at once, as of both legs, are wrong together.
     """
-    reversed_pairs = {frozenset(pair) for pair in whole}
     sides = {frozenset(pair) for pair in side_pairs(points, named)}
     flipped = [exchange for exchange in exchanges if exchange.pair in reversed_pairs]
     at_once = {exchange.frames for exchange in flipped if exchange.pair in sides}
@@ -339,11 +335,8 @@ def _displaced(
         count = len(leaps[label]) + len(spikes[label])
         if count > most:
             evidence = f"{count} leaps of more than 20 mm from one frame to the next"
-            findings.append(
-                clock.finding(
-                    "restless", NOTED, (label,), evidence, "a reflection, or two markers under one label"
-                )
-            )
+            cause = "a reflection, or two markers under one label"
+            findings.append(clock.finding("restless", NOTED, (label,), evidence, cause))
             continue
         stretches, untold = displacements(points, label, leaps, clock.rate)
         findings += [_jump(points, label, stretch, clock) for stretch in stretches]

@@ -45,7 +45,7 @@ def events_figure(lift: dict):
     ----------
     lift : dict
         ``motion`` (data frame with ``time_s``, ``<box|wrists|l_wrist|r_wrist>_height_m``, ``<…>_speed_m_s``), ``events``
-        (per event as of `lumbar.lifting.movement.events.Event.as_dict`) and ``summary`` (``lift``).
+        (per event as of `lumbar.lifting.movement.event_detection.Event.as_dict`) and ``summary`` (``lift``).
 
     Returns
     -------

@@ -12,10 +12,10 @@ import numpy as np
 
 from lumbar.lifting.measures.balance import BaseOfSupport
 from lumbar.lifting.measures.course import CORNERS
-from lumbar.lifting.movement.body import HEAD, LOAD, WHOLE_BODY, com_of, points_of
+from lumbar.lifting.movement.centre_of_mass import COMS
+from lumbar.lifting.movement.joint_centres import MID_HIP
+from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
-from lumbar.lifting.movement.segments import COMS
-from lumbar.lifting.movement.trunk_points import MID_HIP
 from lumbar.lifting.stability.extended_basins import binds, torque_limit, torque_range
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.funnel.saturation import reference_of
@@ -35,7 +35,7 @@ class RecordedLift:
     """One analysed lift as tables."""
 
     body: pd.DataFrame
-    """As of `lumbar.lifting.movement.body.body_frame`."""
+    """As of `lumbar.lifting.movement.lift_tables.body_frame`."""
     pivot: np.ndarray | None
     """Shape (n, 3), or None: of the pendulums at the instants of `body`, metres; None where the recording lacks its
     markers."""
@@ -44,7 +44,7 @@ class RecordedLift:
     facts: Mapping[str, Any]
     """``pendulum.json``."""
     events: Mapping[str, Mapping[str, Any]]
-    """By name as of `lumbar.lifting.movement.event.Event.as_dict`."""
+    """By name as of `lumbar.lifting.movement.events.Event.as_dict`."""
     data: str
     """Where the data come from."""
 

@@ -12,7 +12,7 @@ import numpy as np
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import DEPOSIT, MEASURES
-from lumbar.lifting.movement.body import points_of
+from lumbar.lifting.movement.lift_tables import points_of
 from lumbar.lifting.stability.model.trajectories import LiftStates
 from lumbar.publishing.explorer.one_file import Drawn, beside, drawn, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS

@@ -1,0 +1,286 @@
+"""What is told of an analysed lift: its body, centres of mass, pendulums, gaps and motion as tables, its facts for JSON.
+
+Points of the body (joints, feet, hands, load and centres of mass) move over the whole recording, in the axes of the planes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.lifting.movement.carried_object import (
+    WRISTS,
+    best_seen,
+    box_centre,
+    carried_object,
+    speed,
+    wrist_centre,
+)
+from lumbar.lifting.movement.centre_of_mass import (
+    COMS,
+    head_centre,
+    segment_centres,
+    whole_body_centre,
+)
+from lumbar.lifting.movement.event_detection import TOES
+from lumbar.lifting.movement.events import DECLARED, EVENTS, IN_FILE, held_frames, phases
+from lumbar.lifting.movement.joint_centres import INNER, MID_HIP
+from lumbar.settings.plain import plain
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lumbar.lifting.movement.lift import AnalysedLift, OtherPivot
+    from lumbar.lifting.movement.pendulum_states import PendulumStates
+    from lumbar.settings.lifting import LiftingSettings
+    from lumbar.settings.subject import SubjectSettings, TrialSettings
+
+LIMBS = tuple(
+    f"{side}_{name}"
+    for side in "LR"
+    for name in ("SHOULDER", "ELBOW", "WRIST", "KNEE", "ANKLE", "HEEL", "TOE")
+)
+TRUNK = ("C7T1", "T12L1", "L4L5", "L5S1", MID_HIP)
+WHOLE_BODY, HEAD, LOAD = "WHOLE_BODY", "HEAD", "LOAD"
+DECIMALS = 7
+"""Of metres in the file: second differences of what is rounded off stay below 0.01 m/s² at 200 frames per second."""
+CENTRES_COLUMNS = (
+    *("com", "time_s", "phase", "x_m", "y_m", "z_m", "x_with_box_m", "y_with_box_m", "z_with_box_m"),
+    *("pivot_x_m", "pivot_y_m", "pivot_z_m"),
+)
+_STATES = {
+    "time": "time_s",
+    "angle": "angle_rad",
+    "angular_velocity": "angular_velocity_rad_s",
+    "angular_acceleration": "angular_acceleration_rad_s2",
+    "length": "length_m",
+    "length_rate": "length_rate_m_s",
+}
+STATES_COLUMNS = ("com", "plane", *_STATES.values())
+
+
+def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Trajectories of the body's points over the whole recording, and which are missing, each with its reason.
+
+    Returns
+    -------
+    frame : pandas.DataFrame
+        ``time_s``, ``phase``, ``load_held`` (0 or 1), ``RIGHT_x`` … (unit vector to the person's right), and for every point
+        ``<POINT>_x_m``, ``_y_m``, ``_z_m``: x to the right, y forward, z up; empty where a marker was not seen. Points are
+        the markers of `LIMBS`, the joint centres of `TRUNK`, the centres of mass of trunk segments (``THORAX_COM`` …), of
+        ``HEAD`` and ``WHOLE_BODY`` without the load, and the ``LOAD`` in the hands.
+    missing : dict of str to str
+        Points that the recording does not hold.
+    """
+    import pandas as pd
+
+    recording, points = lift.recording, lift.points
+    found = {name: recording[name] for name in LIMBS if name in recording}
+    missing = {name: f"no marker {name}" for name in LIMBS if name not in recording}
+    found.update({name: points[name] for name in TRUNK if name in points})
+    missing.update({name: points.missing[name] for name in TRUNK if name not in points})
+    segments = segment_centres(points, lift.table)
+    found.update({com_of(name): values for name, values in segments.items()})
+    missing.update({com_of(name): lift.missing[name] for name in COMS if name not in segments})
+    ends = [name for name in ("C7T1", MID_HIP) if name not in points]
+    if ends:
+        missing[HEAD] = f"no {', '.join(ends)}"
+    else:
+        found[HEAD] = head_centre(points)
+    try:
+        found[WHOLE_BODY] = whole_body_centre(recording, points, lift.table)
+    except InputError as error:
+        missing[WHOLE_BODY] = str(error)
+    load, _ = carried_object(recording)
+    if load is None:
+        missing[LOAD] = "no markers on the box and none on the wrists"
+    else:
+        found[LOAD] = load
+    held = held_frames(recording.time, lift.events).astype(int)
+    columns = {"time_s": recording.time, "phase": phases(recording.time, lift.events), "load_held": held}
+    columns.update({f"RIGHT_{axis}": values for axis, values in zip("xyz", points.right.T, strict=True)})
+    for name, values in found.items():
+        columns.update({f"{name}_{axis}_m": part for axis, part in zip("xyz", values.T, strict=True)})
+    frame = pd.DataFrame(columns)
+    exact = ["time_s", "phase", "load_held"]
+    return pd.concat([frame[exact], frame.drop(columns=exact).round(DECIMALS)], axis=1), missing
+
+
+def com_of(segment: str) -> str:
+    """Name of the point that is a trunk segment's centre of mass."""
+    return f"{segment.upper()}_COM"
+
+
+def points_of(frame: pd.DataFrame) -> dict[str, np.ndarray]:
+    """Points of a `body_frame` by name, each of shape (n, 3) in metres."""
+    names = [column.removesuffix("_x_m") for column in frame.columns if column.endswith("_x_m")]
+    return {name: frame[[f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(dtype=float) for name in names}
+
+
+def centres_frame(lift: AnalysedLift) -> pd.DataFrame:
+    """Trajectories of all centres of mass over the whole recording, one row per sample and centre."""
+    phase = phases(lift.recording.time, lift.events)
+    nowhere = np.full((len(lift.recording), 3), np.nan)
+    pivot = nowhere if lift.pivot is None else lift.pivot
+    parts = [
+        (com, lift.recording.time, phase, *centre.position.T, *centre.position_with_box.T, *pivot.T)
+        for com, centre in lift.centres.items()
+    ]
+    return _stacked(CENTRES_COLUMNS, parts)
+
+
+def states_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFrame:
+    """Pendulum states of the deposit, one row per centre of mass, plane and instant."""
+    parts = [(*which, *(getattr(states, name) for name in _STATES)) for which, states in pendulums.items()]
+    return _stacked(STATES_COLUMNS, parts)
+
+
+def other_states_frame(pivots: dict[str, OtherPivot]) -> pd.DataFrame:
+    """Pendulum states about the further pivots: column ``pivot`` and those of ``pendulum.csv``."""
+    parts = [
+        (pivot, *which, *(getattr(states, name) for name in _STATES))
+        for pivot, about in pivots.items()
+        for which, states in about.states.items()
+    ]
+    return _stacked(("pivot", *STATES_COLUMNS), parts)
+
+
+def _stacked(columns: Sequence[str], parts: Sequence[tuple]) -> pd.DataFrame:
+    """One table below the other; an empty one of these columns where there are no parts."""
+    import pandas as pd
+
+    frames = [pd.DataFrame(dict(zip(columns, part, strict=True))) for part in parts]
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=list(columns))
+
+
+def gaps_frame(lift: AnalysedLift) -> pd.DataFrame:
+    """Gaps of the recording and what became of them."""
+    import pandas as pd
+
+    columns = ("marker", "start_s", "length_s", "frames", "outcome", "method")
+    rows = [
+        (gap.marker, gap.start_s, gap.length_s, gap.n_frames, gap.outcome, gap.method) for gap in lift.gaps
+    ]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def motion_frame(lift: AnalysedLift) -> pd.DataFrame:
+    """Heights and speeds that the events are found from; columns only for what the recording holds."""
+    import pandas as pd
+
+    recording = lift.recording
+    columns = {"time_s": recording.time}
+    hands = best_seen(recording, WRISTS)
+    wrists = hands[0].lower() if len(hands) == 1 else "wrists"
+    for name, points in (("box", box_centre(recording)), (wrists, wrist_centre(recording))):
+        if points is not None:
+            columns[f"{name}_height_m"] = points[:, 2]
+            columns[f"{name}_speed_m_s"] = speed(points, recording.rate)
+    for name in TOES:
+        if name in recording:
+            columns[f"{name.lower()}_speed_m_s"] = speed(recording[name], recording.rate)
+    return pd.DataFrame(columns)
+
+
+def landmarks_frame(lift: AnalysedLift) -> pd.DataFrame:
+    """Markers, centres of mass and pivot at every event: what a stick figure is drawn from."""
+    import pandas as pd
+
+    rows = []
+    for event in EVENTS:
+        time = lift.events[event].time_s
+        if time is None:
+            continue
+        at = int(np.abs(lift.recording.time - time).argmin())
+        points = dict(lift.recording.positions)
+        points.update({f"COM_{com}": centre.position for com, centre in lift.centres.items()})
+        if lift.pivot is not None:
+            points["PIVOT"] = lift.pivot
+        points.update({name: point.position for name, point in lift.points.points.items()})
+        rows += [
+            (event, float(lift.recording.time[at]), name, *positions[at])
+            for name, positions in points.items()
+            if np.isfinite(positions[at]).all()
+        ]
+    return pd.DataFrame(rows, columns=["event", "time_s", "point", "x_m", "y_m", "z_m"])
+
+
+def summary(
+    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
+) -> dict:
+    """Say what the pendulums are made of: masses, mean lengths, pivot, rules, assumptions; data for JSON."""
+    start, stop = lift.events["deposit_start"].time_s, lift.events["release"].time_s
+    lengths: dict[str, dict[str, float]] = {com: {} for com in lift.centres}
+    for (com, plane), states in lift.states.items():
+        lengths[com][plane] = float(states.length.mean())
+    return {
+        "schema": "lumbar.pendulum/1",
+        "lift": lift.name,
+        "subject": subject.name,
+        # A study's lifts have none: its tables label people, so that another label calls for no lift again.
+        **({"experience": subject.experience} if subject.experience else {}),
+        "sex": subject.sex,
+        "body_mass_kg": subject.mass_kg,
+        "box_mass_kg": trial.box_mass_kg,
+        "pivot": settings.pivot,
+        "frame": settings.frame,
+        "heading_rad": lift.heading,
+        "angle": "from straight up, to the right (lateral bending) or forward (flexion/extension)",
+        "start_s": start,
+        "stop_s": stop,
+        "duration_s": None if start is None or stop is None else stop - start,
+        "points": settings.points,
+        "filter_cutoff_Hz": settings.filter.cutoff_Hz,
+        "mass_kg": {
+            com: {"without_box": centre.mass_kg, "with_box": centre.mass_with_box_kg}
+            for com, centre in lift.centres.items()
+        },
+        "length_m": lengths,
+        "box": plain(settings.box),
+        "segments": {
+            "table": lift.table.name,
+            "source": lift.table.source,
+            "ends": {segment.name: [segment.proximal, segment.distal] for segment in lift.table.segments},
+            "points": {
+                name: lift.points.points[name].rule for name in lift.table.ends if name in lift.points
+            },
+            "off_mm": {
+                name: lift.points.points[name].off_mm for name in lift.table.ends if name in lift.points
+            },
+        },
+        "events": {name: event.method for name, event in lift.events.items()},
+        "missing": lift.missing,
+        "assumptions": assumptions(lift, subject, trial, settings),
+    }
+
+
+def _shown(value) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def assumptions(
+    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
+) -> list[str]:
+    """Say in sentences what behind the result was not measured."""
+    values = {**plain(subject), **plain(trial)}
+    said = [
+        f"{key} = {_shown(values[key])} is assumed" if key in values else f"{key} is assumed"
+        for key in subject.assumed
+    ]
+    if settings.segment_ends == INNER:
+        said += lift.points.on_skin(lift.table.ends)
+    if carried_object(lift.recording)[1] == "hands":
+        said.append(
+            "the box has no markers: the hands stand for it, in its events and in the centres of mass with it; whether they "
+            "hold anything is not known"
+        )
+    said += [f"marker {marker} is derived: {rule}" for marker, rule in sorted(lift.recording.derived.items())]
+    said += [
+        f"{name} is {words}: {event.how}"
+        for name, event in lift.events.items()
+        if (words := {DECLARED: "set by hand", IN_FILE: "the file's own"}.get(event.method))
+    ]
+    return said
