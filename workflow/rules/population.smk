@@ -31,7 +31,7 @@ if study.has("population"):
         params:
             code=library_code("measure_person.py"),
             subject=lambda wildcards: part(
-                study.subjects[wildcards.person], "name", "sex", "mass_kg", "height_m", "assumed"
+                study.subjects[wildcards.person], "name", "sex", "mass_kg", "height_m", "static", "assumed"
             ),
             trials=lambda wildcards: {
                 name: plain(lift.trial) for name, lift in PERSON_LIFTS[wildcards.person].items()
