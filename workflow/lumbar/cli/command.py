@@ -1,5 +1,4 @@
-"""Parsing of the command line; each command lies in a module of its own and imports its library when it
-runs."""
+"""Parsing of the command line; each command imports its library when it runs."""
 
 from __future__ import annotations
 
@@ -7,34 +6,21 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 
 from lumbar.base.environment import use_one_thread
 from lumbar.base.errors import explained
+from lumbar.cli import device, explore, lifting, recordings, survey, tissue
 
 COMMANDS = (
-    "import",
-    "check",
-    "bandwidth",
-    "signals",
-    "identify",
-    "compare",
-    "locate",
-    "diagnose",
-    "propose",
-    "explore",
-    "refine",
-    "doctor",
-    "render",
-    "export",
-    "survey",
-    "new-study",
-    "inspect",
-    "lift",
-    "basin",
+    *(recordings.IMPORT, recordings.CHECK),
+    *(tissue.BANDWIDTH, tissue.SIGNALS),
+    *(tissue.IDENTIFY, tissue.COMPARE, tissue.LOCATE, tissue.DIAGNOSE, tissue.PROPOSE),
+    *(explore.EXPLORE, tissue.REFINE, tissue.DOCTOR),
+    *(device.RENDER, device.EXPORT),
+    survey.SURVEY,
+    *(lifting.NEW_STUDY, recordings.INSPECT, lifting.LIFT, lifting.BASIN),
 )
-"""Commands in the thesis's order, each in a module ``<name>_command``, with ``_`` for ``-``; it has ``add(commands)``, which
-sets ``run``."""
+"""In the thesis's order."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as of every program that SIGINT ends."""
 
@@ -57,8 +43,8 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        import_module(f"lumbar.cli.{name.replace('-', '_')}_command").add(commands)
+    for command in COMMANDS:
+        command.add_to(commands)
     return parser
 
 

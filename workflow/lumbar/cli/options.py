@@ -1,108 +1,134 @@
-"""Options that the commands share."""
+"""A command as a row of a table, and the options that several commands share."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 
-def new_command(commands, name: str, help: str, example: str) -> argparse.ArgumentParser:
-    """Add a command with the options that all of them have."""
-    parser = commands.add_parser(
-        name,
-        help=help,
-        description=help[0].upper() + help[1:] + ".",
-        epilog=f"example:\n  {example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "--config",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="YAML",
-        help="settings laid over the defaults (a study file); may be given several times",
-    )
-    return parser
+@dataclass(frozen=True)
+class Option:
+    """One option or argument, as `argparse.ArgumentParser.add_argument` takes it."""
+
+    names: tuple[str, ...]
+    how: dict[str, Any]
+
+    def add_to(self, parser) -> None:
+        """Add it to a parser or group."""
+        parser.add_argument(*self.names, **self.how)
 
 
-def add_output(parser: argparse.ArgumentParser, required: bool = True) -> None:
-    """Add ``--output DIR``."""
-    text = "folder for the results" + ("" if required else "; without it the result is only printed")
-    parser.add_argument("--output", type=Path, required=required, metavar="DIR", help=text)
+@dataclass(frozen=True)
+class OneOf:
+    """Options of which exactly one must be given."""
+
+    options: tuple[Option, ...]
+
+    def add_to(self, parser) -> None:
+        """Add them to a parser."""
+        group = parser.add_mutually_exclusive_group(required=True)
+        for item in self.options:
+            item.add_to(group)
 
 
-def add_data(parser: argparse.ArgumentParser) -> None:
-    """Add ``--data LABEL``."""
-    parser.add_argument(
-        "--data",
-        metavar="LABEL",
-        help="words for the source of the data on tables and figures (default: the name)",
-    )
+def option(*names: str, **how: Any) -> Option:
+    """Return an option; parameters as of `argparse.ArgumentParser.add_argument`."""
+    return Option(names, how)
 
 
-def add_folder(parser: argparse.ArgumentParser) -> None:
-    """Add ``FOLDER``, the records of a set."""
-    parser.add_argument(
-        "folder",
-        type=Path,
-        metavar="FOLDER",
-        help="one file per excitation (time_s,position_mm,force_N unless the layout says otherwise)",
-    )
+def path(*names: str, **how: Any) -> Option:
+    """Return an option that is a path."""
+    return Option(names, {"type": Path, **how})
 
 
-def add_fit(parser: argparse.ArgumentParser) -> None:
-    """Add ``--base``, ``--train``, ``--period`` and ``--session``."""
-    parser.add_argument(
+CONFIG = path(
+    "--config",
+    action="append",
+    default=[],
+    metavar="YAML",
+    help="settings laid over the defaults (a study file); may be given several times",
+)
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command of the command line."""
+
+    name: str
+    help: str
+    example: str
+    """Without the indent of the first line."""
+    run: Callable[[argparse.Namespace], None]
+    """Takes the options, with the `parser` among them."""
+    options: tuple[Option | OneOf, ...]
+    description: str = ""
+    """Default: the help as a sentence."""
+    config: bool = True
+    """Whether it takes ``--config``."""
+
+    def add_to(self, commands) -> None:
+        """Add the command to the parser of all."""
+        parser = commands.add_parser(
+            self.name,
+            help=self.help,
+            description=self.description or f"{self.help[0].upper()}{self.help[1:]}.",
+            epilog=f"example:\n  {self.example}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        for item in (CONFIG, *self.options) if self.config else self.options:
+            item.add_to(parser)
+        parser.set_defaults(run=self.run, parser=parser)
+
+
+OUTPUT = path("--output", required=True, metavar="DIR", help="folder for the results")
+OUTPUT_OR_PRINTED = path(
+    "--output", metavar="DIR", help="folder for the results; without it the result is only printed"
+)
+DATA = option(
+    "--data",
+    metavar="LABEL",
+    help="words for the source of the data on tables and figures (default: the name)",
+)
+FOLDER = path(
+    "folder",
+    metavar="FOLDER",
+    help="one file per excitation (time_s,position_mm,force_N unless the layout says otherwise)",
+)
+FIT = (
+    option(
         "--base",
         metavar="MODEL",
         help="base model: LE, Maxwell, KV, KB, KV-mass, KB-mass or pendulum (default: the settings'); the pendulum's records are "
         "time_s,angle_rad,moment_Nm",
-    )
-    parser.add_argument(
+    ),
+    option(
         "--forward",
         action="store_true",
         default=None,
         help="the records have the force as input and the motion as output (default: the settings')",
-    )
-    parser.add_argument(
+    ),
+    option(
         "--train",
         metavar="NAME",
         action="append",
         help="record to fit on (default: the longest); may be given several times, to fit on several together",
-    )
-    parser.add_argument(
+    ),
+    option(
         "--period",
         action="append",
         default=[],
         metavar="NAME=SECONDS",
         help="period of a record's excitation (default: found from the input)",
-    )
-    parser.add_argument(
+    ),
+    option(
         "--session",
         action="store_true",
         default=None,
         help="the records were cut from one session, in the order of their names: each begins in the state in which the one "
         "before it left the tissue (default: the settings')",
-    )
-
-
-def add_model(parser: argparse.ArgumentParser, effects_required: bool = False) -> None:
-    """Add what names a base with effects, the records it is fitted to, and where results go."""
-    add_folder(parser)
-    add_effects(parser, effects_required)
-    add_fit(parser)
-    add_output(parser)
-    add_data(parser)
-
-
-def add_effects(parser: argparse.ArgumentParser, required: bool = False) -> None:
-    """Add ``--add EFFECT``."""
-    parser.add_argument(
-        "--add",
-        action="append",
-        default=[],
-        required=required,
-        metavar="EFFECT",
-        help="effect added to the base; may be given several times",
-    )
+    ),
+)
+"""How records are fitted, in the place of what the settings say."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
@@ -10,11 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.cli.options import add_data, add_fit, new_command
+from lumbar.cli.options import DATA, FIT, Command, option, path
+from lumbar.cli.tissue import fit_settings, read_folder
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.page_server.own_recordings import OwnDiagnosis
+    from lumbar.page_server.served_lifts import ServedLift
     from lumbar.page_server.served_sets import ExploredSet
     from lumbar.records.record import Record
     from lumbar.settings.study_settings import StudySettings
@@ -23,36 +26,8 @@ if TYPE_CHECKING:
 EXPLORED = Path("explored")
 
 
-def add(commands) -> None:
-    """Add the command to the parser."""
-    parser = new_command(
-        commands,
-        "explore",
-        "look at diagnoses and lifts in the browser: compare models with records, add effects, write what was chosen; push",
-        "lumbar explore recordings/tissue\n  lumbar explore config/studies/davinci_tool.yaml\n  lumbar explore\n"
-        "  lumbar explore results/thesis/lifting",
-    )
-    parser.add_argument(
-        "target",
-        type=Path,
-        nargs="?",
-        metavar="STUDY|FOLDER",
-        help="file of a study, or folder of records or of saved lifts (default: the study of config/config.yaml; where there is "
-        "none, only what is given on the page)",
-    )
-    parser.add_argument("--port", type=int, default=5006, metavar="N", help="port (default 5006)")
-    parser.add_argument("--no-browser", action="store_true", help="open no browser, print the address")
-    parser.add_argument(
-        "--output", type=Path, metavar="DIR", help="folder that the page writes to (default: below explored/)"
-    )
-    add_fit(parser)
-    add_data(parser)
-    parser.set_defaults(run=run)
-
-
-def run(options) -> None:
+def run_explore(options) -> None:
     """Serve the page until it is interrupted."""
-    from lumbar.cli.lifts_to_explore import lifts_of_folder, lifts_of_study
     from lumbar.page_server.background import WRITING
     from lumbar.page_server.served_lifts import add_lifts
     from lumbar.page_server.served_sets import OWN
@@ -60,13 +35,13 @@ def run(options) -> None:
     from lumbar.study.load_study import DEFAULT_FILES
 
     if options.target is not None and options.target.is_dir():
-        lifts = lifts_of_folder(options)
+        lifts = _lifts_of_folder(options)
         sets, own = ([], None) if lifts else _of_folder(options)
     elif options.target is None and not DEFAULT_FILES[0].is_file():
         lifts, (sets, own) = [], _of_nothing(options)
     else:
         sets, own = _of_study(options)
-        lifts = lifts_of_study(options)
+        lifts = _lifts_of_study(options)
     server = new_server(sets, options.port, own)
     add_lifts(server, lifts)
     server.start()
@@ -86,7 +61,6 @@ def run(options) -> None:
 
 
 def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
-    from lumbar.cli.record_folder import read_folder
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.served_sets import ExploredSet
 
@@ -105,8 +79,6 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
 
 def _of_nothing(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     """Only what is given on the page, by the default settings."""
-    from lumbar.cli.record_folder import fit_settings
-
     return [], _own(fit_settings(options), options.output or EXPLORED)
 
 
@@ -165,3 +137,54 @@ def _records_of(study: Study, name: str) -> Sequence[Record]:
         made = "; 'snakemake' makes the synthetic twin's recordings" if study.synthetic else ""
         raise InputError(f"{', '.join(missing)}: not there{made}")
     return read_listed(paths, entry.records, *set_layout(study.settings, name))
+
+
+def _lifts_of_folder(options) -> list[ServedLift]:
+    """Lifts that the folder ``target`` holds; none where it is a folder of records."""
+    from lumbar.interface.lift_page import saved_lifts
+    from lumbar.page_server.served_lifts import ServedLift
+    from lumbar.study.load_study import load_settings
+
+    found = saved_lifts(options.target)
+    settings = load_settings(*options.config).stability if found else None
+    return [ServedLift(folder, settings, options.data) for folder in found]
+
+
+def _lifts_of_study(options) -> list[ServedLift]:
+    """Lifts of the study whose file is ``target``, as far as they are made; the others are counted on standard error."""
+    from lumbar.interface.lift_page import saved_lifts
+    from lumbar.page_server.served_lifts import ServedLift
+    from lumbar.study.load_study import load_study_file
+
+    study = load_study_file(Path(), options.target)
+    made = [path for path in saved_lifts(Path("results") / study.name) if path.name in study.lifts]
+    absent = len(study.lifts) - len(made)
+    if absent:
+        print(
+            f"{absent} of {len(study.lifts)} lifts are not there yet: 'snakemake lifting' makes them",
+            file=sys.stderr,
+        )
+    return [ServedLift(path, study.settings.stability, study.data_label) for path in made]
+
+
+EXPLORE = Command(
+    "explore",
+    "look at diagnoses and lifts in the browser: compare models with records, add effects, write what was chosen; push",
+    "lumbar explore recordings/tissue\n  lumbar explore config/studies/davinci_tool.yaml\n  lumbar explore\n"
+    "  lumbar explore results/thesis/lifting",
+    run_explore,
+    (
+        path(
+            "target",
+            nargs="?",
+            metavar="STUDY|FOLDER",
+            help="file of a study, or folder of records or of saved lifts (default: the study of config/config.yaml; where "
+            "there is none, only what is given on the page)",
+        ),
+        option("--port", type=int, default=5006, metavar="N", help="port (default 5006)"),
+        option("--no-browser", action="store_true", help="open no browser, print the address"),
+        path("--output", metavar="DIR", help="folder that the page writes to (default: below explored/)"),
+        *FIT,
+        DATA,
+    ),
+)

@@ -1,0 +1,185 @@
+"""Commands of the lifting chapters: ``lumbar new-study``, ``lift`` and ``basin``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lumbar.base.errors import InputError
+from lumbar.cli.options import DATA, OUTPUT, Command, option, path
+from lumbar.study.load_study import load_settings
+
+if TYPE_CHECKING:
+    from lumbar.interface.person import Lift
+
+
+def run_new_study(options) -> None:
+    """Look at the recordings, write the files, say what is to be filled in."""
+    from lumbar.interface.new_study import new_study
+
+    study = new_study(options.folder, options.name)
+    study.save(options.project)
+    print(study)
+
+
+NEW_STUDY = Command(
+    "new-study",
+    "commented study and subject files for a folder of lifting recordings; what only a person knows is marked FILL_IN",
+    "lumbar new-study recordings --name my_lab",
+    run_new_study,
+    (
+        path(
+            "folder",
+            metavar="FOLDER",
+            help="marker files (C3D, TRC, BVH, CSV, MAT; .gz too); a folder below it is a person",
+        ),
+        option("--name", metavar="NAME", help="of the study (default: the folder's)"),
+        path(
+            "--project",
+            default=Path(),
+            metavar="DIR",
+            help="folder of the workflow: config/studies and config/subjects lie below it (default: here)",
+        ),
+    ),
+)
+
+
+def run_lift(options) -> None:
+    """Analyse the lifts, write their pendulums, print their events and, of one, measures and checks of its centres of mass."""
+    study = load_settings(*options.config)
+    settings = study.lifting
+    if len(options.markers) > 1 or options.markers[0].is_dir():
+        _run_all(options, study)
+        return
+    from lumbar.interface.movement import measure_movement
+    from lumbar.interface.person import lift
+
+    found = lift(
+        options.markers[0],
+        options.subject,
+        options.box_mass,
+        trial=options.trial,
+        settings=settings,
+        static=options.static,
+        forces=options.forces,
+        data=options.data or options.markers[0].name,
+    )
+    found.save(options.output)
+    measures = measure_movement(found, settings=study.stability)
+    measures.save(options.output)
+    print(found)
+    print(measures)
+    print("\n".join(found.checks))
+    if options.body_model:
+        model = found.body_model(study.stability)
+        model.save(options.output)
+        print(f"body model fitted to all markers:\n{model}")
+    print("\n".join(_closing(found, options.output)))
+
+
+def _closing(found: Lift, output: Path) -> list[str]:
+    """Say where the pendulums are, or that there are none and why."""
+    if found.analysed.states:
+        return [f"pendulum.csv and pendulum.json are in {output}"]
+    return [f"no pendulum: pendulum.csv in {output} has no rows", *found.without_pendulum]
+
+
+def _run_all(options, study) -> None:
+    """Analyse several lifts; end with an error that names those without a result, after the others are written."""
+    from lumbar.interface.lift_batch import lift_all, planned_lifts
+    from lumbar.interface.person import subject_of
+
+    if options.trial or options.forces or options.body_model:
+        raise InputError(
+            "--trial, --forces and --body-model are those of one lift of one file: give that file alone"
+        )
+    subject = subject_of(options.subject)
+    lifts = planned_lifts(options.markers, subject)
+    table, failed = lift_all(
+        lifts,
+        subject,
+        options.box_mass,
+        study.lifting,
+        options.output,
+        options.data,
+        options.static,
+        study.stability,
+    )
+    for row in table.itertuples():
+        print(f"{row.lift}: {row.pendulums} pendulums" + (f"; {row.remark}" if row.remark else ""))
+    print(f"{len(lifts) - len(failed)} lifts, lifts.csv and movement_measures.csv are in {options.output}")
+    empty = [row.lift for row in table.itertuples() if not row.pendulums and row.lift not in failed]
+    if empty:
+        print(f"no pendulum at all: {', '.join(empty)}; why stands above and in lifts.csv")
+    if failed:
+        raise InputError(
+            f"{len(failed)} of {len(lifts)} lifts have no result: {', '.join(failed)}; lifts.csv says why"
+        )
+
+
+LIFT = Command(
+    "lift",
+    "events, centres of mass and pendulum states of one lift, or of several",
+    "lumbar lift expert_23kg.c3d --subject config/subjects/expert.yaml --box-mass 23 --output out\n"
+    "  lumbar lift recordings --subject config/subjects/expert.yaml --output out",
+    run_lift,
+    (
+        path(
+            "markers",
+            nargs="+",
+            metavar="MARKERS",
+            help="C3D, TRC, CSV, MAT or BVH file (.gz too); several files, or a folder: each lift has a folder "
+            "of its own in DIR, and lifts.csv lists all",
+        ),
+        path("--subject", required=True, metavar="YAML", help="as in config/subjects"),
+        option("--box-mass", type=float, metavar="KG", help="mass of the box (default: that of the trial)"),
+        option(
+            "--trial",
+            metavar="LIFT",
+            help="name of the lift, e.g. expert_23kg_2 (default: the subject's trial whose file this is)",
+        ),
+        path(
+            "--forces",
+            metavar="FILE",
+            help="ground reaction forces of one lift, .mot or C3D (default: the trial's, or those in the file)",
+        ),
+        path("--static", metavar="FILE", help="static trial (default: the subject's)"),
+        option(
+            "--body-model",
+            action="store_true",
+            help="fit one model of trunk, limbs and box to all markers of the file besides: the same pendulums with standard "
+            "deviations, basin areas with 95%% intervals, markers with their noise and outliers (body_model_*.csv)",
+        ),
+        OUTPUT,
+        DATA,
+    ),
+)
+
+
+def run_basin(options) -> None:
+    """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
+    from lumbar.base.errors import NumericalError
+    from lumbar.base.files import read_json
+    from lumbar.interface.lift_basins import basins
+    from lumbar.lifting.stability.model.failures import announcement
+
+    settings = load_settings(*options.config)
+    facts = read_json(options.facts) if options.facts else None
+    found = basins(options.states, facts=facts, settings=settings.stability, seed=settings.seed)
+    found.save(options.output)
+    print(f"{len(found.areas)} basins are in {options.output / 'boa.csv'}")
+    if len(found.failures()):
+        raise NumericalError(announcement(options.output / "failures.csv"))
+
+
+BASIN = Command(
+    "basin",
+    "basins of attraction of one lift, with their checks",
+    "lumbar basin out/pendulum.csv --output out",
+    run_basin,
+    (
+        path("states", metavar="PENDULUM.csv", help="from 'lumbar lift'"),
+        path("--facts", metavar="PENDULUM.json", help="default: the JSON file beside PENDULUM.csv"),
+        OUTPUT,
+    ),
+)

@@ -1,0 +1,313 @@
+"""Commands on tissue tests and the motion behind them: from ``lumbar bandwidth`` to ``lumbar doctor``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from lumbar.base.errors import InputError
+from lumbar.cli.options import DATA, FIT, FOLDER, OUTPUT, OUTPUT_OR_PRINTED, Command, OneOf, option, path
+from lumbar.study.load_study import load_settings
+
+if TYPE_CHECKING:
+    from lumbar.interface.refinement import Refinement
+    from lumbar.records.record import RecordSet
+    from lumbar.settings.study_settings import StudySettings
+
+
+def run_bandwidth(options) -> None:
+    """Print the bandwidths; write them and the spectra where a folder is given."""
+    from lumbar.interface.reading import read
+    from lumbar.interface.surgeons import bandwidth
+
+    settings = load_settings(*options.config)
+    surgeon, data = settings.surgeon, options.data or options.folder.name
+    trials = read(options.folder, layout=surgeon.layout, rate=surgeon.rate_Hz)
+    found = bandwidth(trials, settings=surgeon, seed=settings.seed, data=data)
+    print(found)
+    if options.output:
+        found.save(options.output)
+
+
+BANDWIDTH = Command(
+    "bandwidth",
+    "bandwidth of surgeons' tool motion by Welch's method, with intervals",
+    "lumbar bandwidth recordings/surgeon --output out",
+    run_bandwidth,
+    (
+        path(
+            "folder",
+            metavar="FOLDER",
+            help="one file per trial (time_s,z_mm unless the layout says otherwise); the part of its name before "
+            "'_trial' is the surgeon",
+        ),
+        OUTPUT_OR_PRINTED,
+        DATA,
+    ),
+)
+
+
+def run_signals(options) -> None:
+    """Design the signals, check them against the machine, write them."""
+    from lumbar.interface.surgeons import design_signals
+
+    settings = load_settings(*options.config)
+    band = options.bandwidth if options.band is None else options.band
+    found = design_signals(band, settings=settings.signals, seed=settings.seed)
+    found.save(options.output)
+    print(f"{found}, in {options.output}")
+
+
+SIGNALS = Command(
+    "signals",
+    "excitation signals (multisine, noise, chirp) for a testing machine",
+    "lumbar signals --band 5 --output signals\n"
+    "  lumbar signals --bandwidth out/bandwidth.json --output signals",
+    run_signals,
+    (
+        OneOf(
+            (
+                option("--band", type=float, metavar="HZ", help="upper end of the band to excite"),
+                path("--bandwidth", metavar="JSON", help="take it from 'lumbar bandwidth --output'"),
+            )
+        ),
+        OUTPUT,
+    ),
+)
+
+
+def run_identify(options) -> None:
+    """Identify on one record, test on the others, write models.json and the tables, print what was found."""
+    from lumbar.interface.identification import identify
+    from lumbar.interface.reading import read
+
+    settings = load_settings(*options.config)
+    records = read(options.folder, layout=settings.tissue.layout, rate=settings.tissue.rate_Hz)
+    train = options.train or max(records, key=len).name
+    found = identify(records, train, settings=settings, data=options.data or options.folder.name)
+    found.save(options.output)
+    print(found)
+    if options.passive:
+        fits = found.passive(records, settings=settings.runtime)
+        fits.save(options.output, found.data)
+        print(fits)
+    print(f"identified on {train}; models.json, table_3_1 and physical_parameters are in {options.output}")
+
+
+IDENTIFY = Command(
+    "identify",
+    "identify the models MW, Maxwell, KB, HO and LE on a set of tissue tests",
+    "lumbar identify recordings/tissue --train multisine --output out",
+    run_identify,
+    (
+        FOLDER,
+        option("--train", metavar="NAME", help="record to identify on (default: the longest)"),
+        option(
+            "--passive",
+            action="store_true",
+            help="fit passive models beside them (passive_models.json, for 'lumbar export') and say what they cost",
+        ),
+        OUTPUT,
+        DATA,
+    ),
+)
+
+
+def fit_settings(options) -> StudySettings:
+    """Settings of the files of ``--config``, with what the options of `FIT` say in their place."""
+    settings = load_settings(*options.config)
+    said = {name: getattr(options, name) for name in ("base", "train", "forward", "session")}
+    given = {name: value for name, value in said.items() if value is not None}
+    return replace(settings, improvement=replace(settings.improvement, **given))
+
+
+def read_folder(options) -> tuple[RecordSet, StudySettings, str]:
+    """Return the records of the folder with their periods, how they are fitted, and what they are called."""
+    from lumbar.interface.reading import read
+    from lumbar.study.study import record_layout
+    from lumbar.tissue.diagnosis.noise.periods import fold_periods
+
+    settings = fit_settings(options)
+    layout, rate = record_layout(settings, settings.improvement.base)
+    periods = dict(map(_period, options.period))
+    records = read(options.folder, layout=layout, rate=rate).with_periods(periods)
+    for name, seconds in periods.items():
+        fold_periods(records[name], seconds)  # a period that is asked for and cannot be used is an error
+    return records, settings, options.data or options.folder.name
+
+
+def _period(text: str) -> tuple[str, float]:
+    name, _, seconds = text.partition("=")
+    try:
+        value = float(seconds)
+    except ValueError:
+        value = 0.0
+    if not name or not 0 < value < float("inf"):
+        raise InputError(f"--period {text!r}: NAME=SECONDS with positive seconds is needed")
+    return name, value
+
+
+def _refined(options) -> Refinement:
+    """Fit the base with the effects of ``--add`` to the records of the folder."""
+    from lumbar.interface.refinement import refine
+
+    records, settings, data = read_folder(options)
+    return refine(records, options.add, settings=settings, data=data)
+
+
+def _model(required: bool = False) -> tuple:
+    """Options that name a base with effects, the records it is fitted to, and where results go."""
+    effects = option(
+        "--add",
+        action="append",
+        default=[],
+        required=required,
+        metavar="EFFECT",
+        help="effect added to the base; may be given several times",
+    )
+    return FOLDER, effects, *FIT, OUTPUT, DATA
+
+
+def run_compare(options) -> None:
+    """Fit the model, compare it with every record, write table, pictures and page, and tell it."""
+    _save_and_print(_refined(options).compare(), options)
+
+
+def run_locate(options) -> None:
+    """Fit the model, see where it fails on every record, write table, pictures and page, and tell it."""
+    _save_and_print(_refined(options).locate(), options)
+
+
+def run_refine(options) -> None:
+    """Refit base and effects jointly, write refined.json, print the error ladder."""
+    _save_and_print(_refined(options), options)
+
+
+def _save_and_print(found, options) -> None:
+    found.save(options.output)
+    print(found)
+
+
+COMPARE = Command(
+    "compare",
+    "compare a model of tissue tests with every record: errors with intervals and the part that could be explained",
+    "lumbar compare recordings/tissue --output out",
+    run_compare,
+    _model(),
+)
+LOCATE = Command(
+    "locate",
+    "see where a model of tissue tests fails: time, frequency, motion, depth, reversals, correlations",
+    "lumbar locate recordings/tissue --output out",
+    run_locate,
+    _model(),
+)
+REFINE = Command(
+    "refine",
+    "add physical effects to a model of tissue tests and refit it",
+    "lumbar refine recordings/tissue --add coulomb_friction --output out",
+    run_refine,
+    _model(required=True),
+)
+
+
+def run_diagnose(options) -> None:
+    """Diagnose, write the verdict with its evidence, a page and the error ladder, print the verdict."""
+    from lumbar.interface.diagnosis import diagnose
+
+    records, settings, data = read_folder(options)
+    diagnosis = diagnose(records, settings=settings, data=data)
+    diagnosis.save(options.output, options.pictures)
+    print(diagnosis)
+
+
+DIAGNOSE = Command(
+    "diagnose",
+    "say which physical effect a model of tissue tests is missing, or that nothing is",
+    "lumbar diagnose recordings/tissue --output out",
+    run_diagnose,
+    (
+        FOLDER,
+        *FIT,
+        option(
+            "--pictures",
+            action="store_true",
+            help="draw comparison, location, ladder and signatures too, show the thesis's models; takes a few seconds more",
+        ),
+        OUTPUT,
+        DATA,
+    ),
+)
+
+
+def run_propose(options) -> None:
+    """Diagnose, look for a law, print it, and write the effect's file and picture where there is something to write."""
+    from lumbar.interface.diagnosis import propose
+
+    records, settings, data = read_folder(options)
+    law = propose(records, settings=settings, data=data)
+    if options.output and law.found:
+        law.save(options.output, options.output.stem)
+    if options.picture and law.proposal.is_needed:
+        law.draw(options.picture)
+    print(law)
+
+
+PROPOSE = Command(
+    "propose",
+    "propose a law for what no effect of the catalogue explains, or say that no short formula was found",
+    "lumbar propose recordings/tissue --output my_law.yaml",
+    run_propose,
+    (
+        FOLDER,
+        *FIT,
+        path(
+            "--output",
+            metavar="YAML",
+            help="file of the effect, named after it; without it the law is only printed",
+        ),
+        path("--picture", metavar="STEM", help="draw what is missing as STEM.svg and STEM.pdf"),
+        DATA,
+    ),
+)
+
+
+def run_doctor(options) -> None:
+    """Put effects and mistakes into the records, diagnose them, print what was told, and write it where asked."""
+    from lumbar.interface.doctor import doctor
+
+    records, settings, data = read_folder(options)
+    found = doctor(
+        records, effects=options.effects, faults=not options.no_faults, settings=settings, data=data
+    )
+    print(found)
+    if options.output:
+        found.save(options.output)
+    if options.excitation:
+        found.save_excitation(options.excitation)
+
+
+DOCTOR = Command(
+    "doctor",
+    "say which effects and mistakes could have been seen in records, from what size on, and what to record besides",
+    "lumbar doctor recordings/tissue",
+    run_doctor,
+    (
+        FOLDER,
+        *FIT,
+        option(
+            "--effects",
+            metavar="A,B",
+            type=lambda text: [name.strip() for name in text.split(",")],
+            help="effects that are put into the records (default: all of the catalogue)",
+        ),
+        option("--no-faults", action="store_true", help="leave out the mistakes of a recording"),
+        path(
+            "--excitation",
+            metavar="FILE",
+            help="CSV file for the further record that helps most, to play on the machine",
+        ),
+        OUTPUT_OR_PRINTED,
+        DATA,
+    ),
+)
