@@ -47,8 +47,9 @@ def _low_pass():
 def test_help_and_version(run):
     status, out, _ = run("--help")
     assert status == 0
-    assert all(name in out for name in COMMANDS)
-    for name in COMMANDS:
+    names = [command.name for command in COMMANDS]
+    assert all(name in out for name in names)
+    for name in names:
         status, out, _ = run(name, "--help")
         assert status == 0
         assert f"lumbar {name}" in out.split("example:")[1]
