@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
+from lumbar.interface.result import Result
 from lumbar.lifting.body_model.lift_model import ModelledLift, model_of_lift
 from lumbar.lifting.movement.lift import no_deposit
 
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LiftModel:
+class LiftModel(Result):
     """A lift by the body model."""
 
     name: str
@@ -51,13 +53,16 @@ class LiftModel:
         sign = self.stability.pendulum.sign
         return basin_intervals(self.modelled.pendulums, self.stability, sign, self.pivot)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``body_model_pendulum.csv``, ``body_model_markers.csv`` and ``body_model_areas.csv``."""
-        from lumbar.base.files import write_csv
-
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``body_model_pendulum.csv``, ``body_model_markers.csv`` and ``body_model_areas.csv``."""
         tables = {"pendulum": self.states, "markers": self.markers, "areas": self.areas}
         for name, table in tables.items():
-            write_csv(Path(folder) / f"body_model_{name}.csv", table.assign(data=self.data))
+            yield f"body_model_{name}.csv", table.assign(data=self.data)
+
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The areas with their intervals."""
+        return self.areas
 
     def __str__(self) -> str:
         lines = []

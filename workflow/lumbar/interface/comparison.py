@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import label_of, settings_or_default
+from lumbar.interface.result import Result
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.models.fitted_model import FittedModel
@@ -110,7 +111,7 @@ def _on_records(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OnRecords(ABC):
+class OnRecords(Result):
     """A model beside every record, which is found by its name."""
 
     model: FittedModel
@@ -166,9 +167,6 @@ class OnRecords(ABC):
 
     @abstractmethod
     def _page(self, pictures: dict[str, Path]) -> str: ...
-
-    def _repr_html_(self) -> str:
-        return self.table.frame.to_html(index=False)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import settings_or_default
 from lumbar.interface.diagnosis import Diagnosis, diagnose
+from lumbar.interface.result import Result
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 
@@ -95,7 +96,7 @@ def doctor(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Examined:
+class Examined(Result):
     """What could have been seen in a set of records; an effect is found by its name."""
 
     diagnosis: Diagnosis
@@ -111,30 +112,33 @@ class Examined:
         known = ", ".join(item.form.effect for item in self.examination.effects)
         raise InputError(f"effect {effect!r} was not put in; put in were {known}")
 
+    @property
+    def data(self) -> str:
+        """Words for the source of the data."""
+        return self.diagnosis.data
+
     @cached_property
     def table(self) -> Table:
         """From what size on each effect would have been named."""
         from lumbar.tissue.diagnosis.doctor.report import effects_table
 
-        return effects_table(self.examination, self.diagnosis.data)
+        return effects_table(self.examination, self.data)
 
     @cached_property
     def fault_table(self) -> Table:
         """Which mistakes of a recording would have been told."""
         from lumbar.tissue.diagnosis.doctor.report import faults_table
 
-        return faults_table(self.examination, self.diagnosis.data)
+        return faults_table(self.examination, self.data)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``doctor`` and, where mistakes were tried, ``doctor_faults`` as CSV, LaTeX and HTML, and ``doctor.json``."""
-        from lumbar.base.files import write_json
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``doctor.json``, the table ``doctor`` and, where mistakes were tried, ``doctor_faults``."""
         from lumbar.tissue.diagnosis.doctor.report import to_json
 
-        folder = Path(folder)
-        self.table.write(folder / "doctor")
+        yield "doctor", self.table
         if self.examination.faults:
-            self.fault_table.write(folder / "doctor_faults")
-        write_json(folder / "doctor.json", to_json(self.examination, self.diagnosis.data))
+            yield "doctor_faults", self.fault_table
+        yield "doctor.json", to_json(self.examination, self.data)
 
     def save_excitation(self, path: str | os.PathLike) -> None:
         """Write the further record that helps most as a file to play: ``time_s,position_<unit>``.

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import label_of, settings_or_default
+from lumbar.interface.result import Result
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
@@ -101,7 +100,7 @@ def _training(train, records: list[Record], named: Mapping[str, Record]) -> list
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Identification:
+class Identification(Result):
     """Identified models, found by name."""
 
     models: list[FittedModel]
@@ -198,17 +197,15 @@ class Identification:
             self.models, training, tests, settings or RuntimeSettings(), self.settings.settling_s
         )
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``models.json``, ``search.csv`` and the tables ``table_3_1`` and ``physical_parameters``."""
-        from lumbar.base.files import write_csv, write_json
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``models.json``, ``search.csv`` and the tables ``table_3_1`` and ``physical_parameters``."""
         from lumbar.tissue.identification.identify_tissue import distinct
         from lumbar.tissue.models.fitted_model import models_document
 
-        folder = Path(folder)
-        write_json(folder / "models.json", models_document(distinct(self.models), self.data))
-        write_csv(folder / "search.csv", self.search)
-        self.table_3_1.write(folder / "table_3_1")
-        self.physical_parameters.write(folder / "physical_parameters")
+        yield "models.json", models_document(distinct(self.models), self.data)
+        yield "search.csv", self.search
+        yield "table_3_1", self.table_3_1
+        yield "physical_parameters", self.physical_parameters
 
     def __repr__(self) -> str:
         return f"<Identification: {len(self)} models>"
@@ -220,5 +217,7 @@ class Identification:
             for model in self.models
         )
 
-    def _repr_html_(self) -> str:
-        return self.table_3_1.frame.to_html(index=False)
+    @property
+    def shown(self) -> Table:
+        """Table 3.1."""
+        return self.table_3_1

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID
 from lumbar.interface.person import Lift
+from lumbar.interface.result import Result
 from lumbar.settings.key import SEED
 from lumbar.settings.stability import StabilitySettings
 
@@ -96,7 +97,7 @@ def _read_table(path: Path) -> pd.DataFrame:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Basins:
+class Basins(Result):
     """Basins of attraction of one lift."""
 
     states: LiftStates
@@ -164,16 +165,13 @@ class Basins:
 
         return failures_frame([*self.without_trajectory, *self.computed.failures, *self._extended[1]])
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``boa.csv``, ``funnel.csv``, ``grid.csv``, ``extended.csv`` and ``failures.csv``."""
-        from lumbar.base.files import write_csv
-
-        folder = Path(folder)
-        write_csv(folder / "boa.csv", self.areas)
-        write_csv(folder / "funnel.csv", self.funnels)
-        write_csv(folder / "grid.csv", self.grid)
-        write_csv(folder / "extended.csv", self.extended)
-        write_csv(folder / "failures.csv", self.failures())
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``boa.csv``, ``funnel.csv``, ``grid.csv``, ``extended.csv`` and ``failures.csv``."""
+        yield "boa.csv", self.areas
+        yield "funnel.csv", self.funnels
+        yield "grid.csv", self.grid
+        yield "extended.csv", self.extended
+        yield "failures.csv", self.failures()
 
     def __str__(self) -> str:
         shown = self.areas[self.areas["method"] == "exact"]
@@ -186,15 +184,8 @@ class Basins:
     def __repr__(self) -> str:
         return f"<Basins of {len(self.trajectories)} pendulums>"
 
-    def _repr_html_(self) -> str:
-        columns = [
-            "com",
-            "plane",
-            "method",
-            "sign",
-            "mean_area",
-            "initial_area",
-            "minimum_area",
-            "proved_share",
-        ]
-        return self.areas[columns].to_html(index=False)
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The areas by pendulum, method and sign."""
+        areas = [f"{which}_area" for which in ("mean", "initial", "minimum")]
+        return self.areas[["com", "plane", "method", "sign", *areas, "proved_share"]]

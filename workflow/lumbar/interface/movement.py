@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID
 from lumbar.interface.person import Lift
+from lumbar.interface.result import Result
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Measures:
+class Measures(Result):
     """Measures of one lift."""
 
     body: pd.DataFrame
@@ -111,13 +112,10 @@ class Measures:
 
         return values_of_lift(self.course, self.facts)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``movement_measures.csv`` (the values) and ``movement_course.csv`` (every instant)."""
-        from lumbar.base.files import write_csv
-
-        folder = Path(folder)
-        write_csv(folder / "movement_measures.csv", self.values.assign(data=self.data))
-        write_csv(folder / "movement_course.csv", self.instants.assign(data=self.data))
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``movement_measures.csv`` (the values) and ``movement_course.csv`` (every instant)."""
+        yield "movement_measures.csv", self.values.assign(data=self.data)
+        yield "movement_course.csv", self.instants.assign(data=self.data)
 
     def __str__(self) -> str:
         from lumbar.lifting.measures.registry import MEASURES
@@ -134,5 +132,7 @@ class Measures:
     def __repr__(self) -> str:
         return f"<Measures of {self.facts['lift']}>"
 
-    def _repr_html_(self) -> str:
-        return self.values.to_html(index=False)
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The values."""
+        return self.values

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.interface.data_label import NOT_SAID, data_label
+from lumbar.interface.result import Result
 from lumbar.settings.key import SEED
 from lumbar.settings.survey import SurveySettings
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from lumbar.records.ratings import Ratings
+    from lumbar.tables.table import Table
     from lumbar.tissue.survey.survey_analysis import SurveyAnalysis
 
 
@@ -67,13 +69,23 @@ def analyse_survey(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Survey:
+class Survey(Result):
     """What a survey shows."""
 
     ratings: Ratings
     analysis: SurveyAnalysis
     """Tables, and all results as plain data."""
     settings: SurveySettings
+
+    @property
+    def data(self) -> str:
+        """Words for the source of the answers."""
+        return self.analysis.results["data"]
+
+    @property
+    def table(self) -> Table:
+        """Table 3.2."""
+        return self.analysis.tables["table_3_2"]
 
     def figures(self) -> dict[str, Figure]:
         """Return the pictures by file name."""
@@ -87,17 +99,11 @@ class Survey:
             ),
         }
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write the tables, ``survey.json`` and the figures."""
-        from lumbar.base.files import write_json
-        from lumbar.publishing.figures.style import save
-
-        folder, label = Path(folder), self.analysis.results["data"]
-        for name, table in self.analysis.tables.items():
-            table.write(folder / name)
-        write_json(folder / "survey.json", self.analysis.results)
-        for name, figure in self.figures().items():
-            save(figure, folder / name, label)
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """The tables, ``survey.json`` and the figures."""
+        yield from self.analysis.tables.items()
+        yield "survey.json", self.analysis.results
+        yield from self.figures().items()
 
     def __repr__(self) -> str:
         return f"<Survey of {len(self.ratings)} participants>"
@@ -112,6 +118,3 @@ class Survey:
             statistic, p_value = results[name]["statistic"], results[name]["p_value"]
             lines.append(f"{name}: {statistic:.2f}, {freedom}, p = {p_value:#.2g}")
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        return self.analysis.tables["table_3_2"].frame.to_html(index=False)

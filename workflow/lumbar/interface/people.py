@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID, data_label
+from lumbar.interface.result import Result
 from lumbar.settings.key import SEED
 from lumbar.settings.population import PopulationSettings
 from lumbar.settings.stability import GROUPS
@@ -104,7 +104,7 @@ def _groups_of(frame: pd.DataFrame) -> tuple[str, str]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeopleCompared:
+class PeopleCompared(Result):
     """What differs between groups and boxes."""
 
     comparisons: tuple[Comparison, ...]
@@ -132,14 +132,11 @@ class PeopleCompared:
 
         return comparison_figure(self.comparisons, self.groups)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``measure_comparison`` and ``measure_planning`` as tables, and the figure."""
-        from lumbar.publishing.figures.style import save
-
-        folder = Path(folder)
-        self.table.write(folder / "measure_comparison")
-        self.planning.write(folder / "measure_planning")
-        save(self.figure(), folder / "measure_comparison", self.data)
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``measure_comparison`` and ``measure_planning`` as tables, and the figure."""
+        yield "measure_comparison", self.table
+        yield "measure_planning", self.planning
+        yield "measure_comparison", self.figure()
 
     def __str__(self) -> str:
         return "\n".join(map(_sentence, self.comparisons))
@@ -148,9 +145,6 @@ class PeopleCompared:
         return (
             f"<PeopleCompared: {len(self.comparisons)} comparisons of {self.groups[0]} and {self.groups[1]}>"
         )
-
-    def _repr_html_(self) -> str:
-        return self.table._repr_html_()
 
 
 def _sentence(item: Comparison) -> str:

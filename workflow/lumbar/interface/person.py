@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import data_label
+from lumbar.interface.result import Result
 from lumbar.interface.trials import forces_of, static_of, trial_of
 from lumbar.lifting.movement import lift as lifting
 from lumbar.lifting.movement import lift_tables
@@ -130,7 +131,7 @@ def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Lift:
+class Lift(Result):
     """One analysed lift."""
 
     analysed: lifting.AnalysedLift
@@ -237,11 +238,9 @@ class Lift:
         """Lines on the events that the file itself holds, beside those detected."""
         return comparison(self.analysed.recording, self.analysed.events, self.settings.events.labels)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pendulum``, ``other_pivots``, ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
-        from lumbar.base.files import write_csv, write_json
-
-        folder, label = Path(folder), {"data": self.data}
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``pendulum``, ``other_pivots``, ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
+        label = {"data": self.data}
         tables = {
             "pendulum": self.states,
             "other_pivots": self.other_states,
@@ -253,19 +252,15 @@ class Lift:
             "landmarks": lift_tables.landmarks_frame(self.analysed),
         }
         for name, frame in tables.items():
-            write_csv(folder / f"{name}.csv", frame.assign(**label))
+            yield f"{name}.csv", frame.assign(**label)
         events = {name: event.as_dict() for name, event in self.analysed.events.items()}
         rules = plain(self.settings.events)
         in_file = {"file": self.file_events} if self.file_events else {}
-        write_json(
-            folder / "events.json", {"lift": self.name, "events": events, **in_file, "rules": rules, **label}
-        )
+        yield "events.json", {"lift": self.name, "events": events, **in_file, "rules": rules, **label}
         checked = {"force_plates": self.plates.as_dict() if self.plates else None}
-        sheet = self.sheet.as_dict() | {
-            "file": Path(self.sheet.file).name
-        }  # the same wherever recordings lie
-        write_json(folder / "quality.json", {"lift": self.name, **sheet, **label})
-        write_json(folder / "pendulum.json", {**self.facts, **checked, **label})
+        file = Path(self.sheet.file).name  # the same wherever recordings lie
+        yield "quality.json", {"lift": self.name, **self.sheet.as_dict(), "file": file, **label}
+        yield "pendulum.json", {**self.facts, **checked, **label}
 
     def __str__(self) -> str:
         lines = [*self._events_in_words(), *without_pendulum(self.analysed.missing)]
@@ -290,10 +285,10 @@ class Lift:
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"
 
-    def _repr_html_(self) -> str:
-        import pandas as pd
-
-        return pd.DataFrame([event.as_dict() for event in self.analysed.events.values()]).to_html(index=False)
+    @property
+    def shown(self) -> list[dict]:
+        """The events."""
+        return [event.as_dict() for event in self.analysed.events.values()]
 
 
 def without_pendulum(missing: Mapping[str, str]) -> list[str]:

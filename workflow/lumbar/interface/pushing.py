@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import data_label
 from lumbar.interface.person import Lift
+from lumbar.interface.result import Result
 from lumbar.settings.key import SEED
 from lumbar.settings.pushes import PushesSettings
 from lumbar.settings.stability import StabilitySettings
@@ -225,7 +226,7 @@ def _scored(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PushPrediction:
+class PushPrediction(Result):
     """The contest of the measures."""
 
     contest: Contest
@@ -276,16 +277,14 @@ class PushPrediction:
 
         return push_figure(self.contest.frame, self.frame)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``pushes.csv``, ``winner.json`` and the tables ``push_prediction`` and ``push_sensitivity``."""
-        from lumbar.base.files import write_csv, write_json
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``pushes.csv``, ``winner.json`` and the tables ``push_prediction`` and ``push_sensitivity``."""
         from lumbar.lifting.pushes.prediction import verdict_json
 
-        folder = Path(folder)
-        write_csv(folder / "pushes.csv", self.pushes.assign(data=self.data))
-        write_json(folder / "winner.json", verdict_json(self.winner, self.data))
-        self.table.write(folder / "push_prediction")
-        self.sensitivity.write(folder / "push_sensitivity")
+        yield "pushes.csv", self.pushes.assign(data=self.data)
+        yield "winner.json", verdict_json(self.winner, self.data)
+        yield "push_prediction", self.table
+        yield "push_sensitivity", self.sensitivity
 
     def __str__(self) -> str:
         return self.winner.sentence
@@ -293,5 +292,7 @@ class PushPrediction:
     def __repr__(self) -> str:
         return f"<PushPrediction: {len(self.pushes)} pushes, {self.winner.measure}>"
 
-    def _repr_html_(self) -> str:
-        return self.frame.to_html(index=False)
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The contests."""
+        return self.frame

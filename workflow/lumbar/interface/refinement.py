@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.interface.data_label import label_of, settings_or_default
+from lumbar.interface.result import Result
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -73,7 +72,7 @@ def refined(records, effects, settings, seed, data) -> Refinement:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Refinement:
+class Refinement(Result):
     """A base model with named effects: the models on the way and their errors."""
 
     records: list[Record]
@@ -148,13 +147,11 @@ class Refinement:
             for item in self.path
         ]
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``refined.json``: every model of the path, ready for export."""
-        from lumbar.base.files import write_json
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``refined.json``: every model of the path, ready for export."""
         from lumbar.tissue.diagnosis.selection.refine import refined_document
 
-        document = refined_document(self.path, self.experiment, self.data)
-        write_json(Path(folder) / "refined.json", document)
+        yield "refined.json", refined_document(self.path, self.experiment, self.data)
 
     def __str__(self) -> str:
         from lumbar.tissue.diagnosis.selection.refine import model_name
@@ -172,7 +169,7 @@ class Refinement:
     def __repr__(self) -> str:
         return f"<Refinement of {self.path[0].fit.structure.base.name}: {', '.join(self.effects) or 'no effect'}>"
 
-    def _repr_html_(self) -> str:
-        import pandas as pd
-
-        return pd.DataFrame(self.rows()).to_html(index=False)
+    @property
+    def shown(self) -> list[dict]:
+        """The error ladder."""
+        return self.rows()

@@ -6,11 +6,12 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.data_label import NOT_SAID
 from lumbar.interface.device import chosen_models
+from lumbar.interface.result import Result
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.models.fitted_model import FittedModel
 
@@ -109,7 +110,7 @@ def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, data:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Rendering:
+class Rendering(Result):
     """What models do on a device."""
 
     judgements: tuple[Judgement, ...]
@@ -165,15 +166,12 @@ class Rendering:
 
         return loop_figure(mended(self.judgements) or self.judgements[:2])
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write the table ``rendering`` and the figures ``closed_loop`` and, of transfer functions, ``z_width``."""
-        from lumbar.publishing.figures.style import save
-
-        folder = Path(folder)
-        self.table.write(folder / "rendering")
-        save(self.loop_figure(), folder / "closed_loop", self.data)
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """The table ``rendering`` and the figures ``closed_loop`` and, of transfer functions, ``z_width``."""
+        yield "rendering", self.table
+        yield "closed_loop", self.loop_figure()
         if self.linear:
-            save(self.z_width_figure(), folder / "z_width", self.data)
+            yield "z_width", self.z_width_figure()
 
     def __repr__(self) -> str:
         return f"<Rendering: {len(self)} loops>"
@@ -183,9 +181,6 @@ class Rendering:
         from lumbar.tissue.haptics.device_table import device_text
 
         return "\n".join([device_text(self.settings.device), *map(_told, self), *self.refused])
-
-    def _repr_html_(self) -> str:
-        return self.table.frame.to_html(index=False)
 
 
 def _told(item: Judgement) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.interface.data_label import data_label
+from lumbar.interface.result import Result
 from lumbar.records.record import Record
 from lumbar.settings.key import SEED
 from lumbar.settings.plain import plain
@@ -67,7 +68,7 @@ def bandwidth(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bandwidth:
+class Bandwidth(Result):
     """Bandwidth of surgeons' motion."""
 
     spectra: MotionSpectra
@@ -91,14 +92,12 @@ class Bandwidth:
             self.settings.reference_Hz,
         )
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write ``bandwidth.json`` and ``psd.csv``."""
-        from lumbar.base.files import write_csv, write_json
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """``bandwidth.json`` and ``psd.csv``."""
         from lumbar.tissue.signals.surgeon_motion import spectra_table
 
-        folder, welch = Path(folder), plain(self.settings.welch)
-        write_json(folder / "bandwidth.json", {**self.values, "welch": welch, "data": self.data})
-        write_csv(folder / "psd.csv", spectra_table(self.spectra).assign(data=self.data))
+        yield "bandwidth.json", {**self.values, "welch": plain(self.settings.welch), "data": self.data}
+        yield "psd.csv", spectra_table(self.spectra).assign(data=self.data)
 
     def rows(self) -> list[dict]:
         """One dict per quantity and rule."""
@@ -115,10 +114,10 @@ class Bandwidth:
     def __str__(self) -> str:
         return "\n".join(f"{row['quantity']}, {row['rule']}: {_text(row)}" for row in self.rows())
 
-    def _repr_html_(self) -> str:
-        import pandas as pd
-
-        return pd.DataFrame(self.rows()).to_html(index=False)
+    @property
+    def shown(self) -> list[dict]:
+        """The bandwidths."""
+        return self.rows()
 
 
 def _text(row: dict) -> str:
@@ -175,7 +174,7 @@ def design_signals(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Signals:
+class Signals(Result):
     """Excitation signals for a testing machine."""
 
     excitation: Excitation
@@ -197,17 +196,15 @@ class Signals:
 
         return excitation_figure(self.excitation.signals, self.band_Hz)
 
-    def save(self, folder: str | os.PathLike) -> None:
-        """Write every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
-        from lumbar.base.files import write_csv, write_json
+    def files(self) -> Iterator[tuple[str, Any]]:
+        """Every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
         from lumbar.tissue.signals.excitation import machine_file, multisine_description
 
-        folder = Path(folder)
         for signal in self.excitation.signals:
-            write_csv(folder / f"{signal.name}.csv", machine_file(signal))
+            yield f"{signal.name}.csv", machine_file(signal)
         described = multisine_description(self.excitation, self.settings)
-        write_json(folder / "multisine.json", {**described, "data": self.data})
-        write_csv(folder / "properties.csv", self.properties.frame.assign(data=self.data))
+        yield "multisine.json", {**described, "data": self.data}
+        yield "properties.csv", self.properties.frame.assign(data=self.data)
 
     def __repr__(self) -> str:
         return f"<Signals up to {self.band_Hz:g} Hz>"
@@ -216,5 +213,7 @@ class Signals:
         names = ", ".join(signal.name for signal in self.excitation.signals)
         return f"{names}: excited up to {self.band_Hz:g} Hz"
 
-    def _repr_html_(self) -> str:
-        return self.properties.frame.to_html(index=False)
+    @property
+    def shown(self) -> Table:
+        """The properties."""
+        return self.properties
