@@ -10,7 +10,7 @@ import pytest
 import lumbar
 
 VERBS = {name: getattr(lumbar, name) for name in lumbar.__all__}
-MODULES = sorted({verb.__module__ for verb in VERBS.values()} | {"lumbar.interface.data_label"})
+MODULES = sorted({verb.__module__ for verb in VERBS.values()} | {"lumbar.interface.verb"})
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -32,12 +32,12 @@ _VERBS = {
     "doctor": "lumbar.interface.doctor",
     "propose": "lumbar.interface.diagnosis",
     "export_fmu": "lumbar.interface.device",
-    "check_fmu": "lumbar.interface.fmu_checking",
+    "check_fmu": "lumbar.interface.device",
     "load_models": "lumbar.interface.device",
-    "render": "lumbar.interface.rendering",
+    "render": "lumbar.interface.device",
     "analyse_survey": "lumbar.interface.participants",
     "inspect": "lumbar.interface.inspecting",
-    "lift": "lumbar.interface.person",
+    "lift": "lumbar.interface.lift",
     "basins": "lumbar.interface.lift_basins",
     "lift_page": "lumbar.interface.lift_page",
     "compare_groups": "lumbar.interface.people",
@@ -84,7 +84,7 @@ def __getattr__(name: str):
         raise AttributeError(f"module 'lumbar' has no attribute {name!r}; its verbs are {', '.join(__all__)}")
     from importlib import import_module
 
-    from lumbar.interface.checked_settings import checking_settings
+    from lumbar.interface.verb import checking_settings
 
     verb = checking_settings(getattr(import_module(_VERBS[name]), name))
     globals()[name] = verb

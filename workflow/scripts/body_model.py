@@ -23,7 +23,7 @@ def main(
 
     from lumbar.base.errors import InputError
     from lumbar.interface.body_model import save_without_model
-    from lumbar.interface.person import lift as analyse
+    from lumbar.interface.lift import lift as analyse
 
     found = analyse(
         input.markers,

@@ -19,7 +19,7 @@ def main(
     import sys
     from pathlib import Path
 
-    from lumbar.interface.person import lift as analyse
+    from lumbar.interface.lift import lift as analyse
 
     found = analyse(
         input.markers,

@@ -21,7 +21,7 @@ def main(
     from dataclasses import replace
 
     from lumbar.base.files import write_csv
-    from lumbar.interface.measured_person import measure_person
+    from lumbar.interface.movement import measure_person
 
     analysed = []
     table = measure_person(

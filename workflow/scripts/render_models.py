@@ -9,9 +9,8 @@ from lumbar.settings.tissue import TissueSettings
 def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, data: str):
     """Judge the exported models on the study's device, fit passive ones, write tables, figures and the passive models."""
     from lumbar.base.files import write_json
-    from lumbar.interface.device import load_models
+    from lumbar.interface.device import load_models, rendering_of
     from lumbar.interface.reading import read_listed
-    from lumbar.interface.rendering import rendering_of
     from lumbar.publishing.figures.runtime_figures import nothing_to_show
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.fmu.build.export_model import find_models

@@ -13,7 +13,7 @@ from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import data_label
+from lumbar.interface.verb import data_label
 from lumbar.records.record import RecordSet
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.signals import SignalsSettings

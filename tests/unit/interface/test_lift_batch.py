@@ -14,8 +14,8 @@ import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.interface.lift import trial_of
 from lumbar.interface.lift_batch import lift_all, planned_lifts
-from lumbar.interface.trials import trial_of
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import DeclaredEvents, SubjectSettings, TrialSettings
 from study_settings import study_settings

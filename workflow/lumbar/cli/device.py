@@ -63,7 +63,7 @@ EXPORT = Command(
 
 def run_render(options) -> None:
     """Print what each model does; write table and figures where a folder is given."""
-    from lumbar.interface.rendering import render
+    from lumbar.interface.device import render
 
     settings = load_settings(*options.config)
     found = render(

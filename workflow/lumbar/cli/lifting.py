@@ -10,7 +10,7 @@ from lumbar.cli.options import DATA, OUTPUT, Command, option, path
 from lumbar.study.load_study import load_settings
 
 if TYPE_CHECKING:
-    from lumbar.interface.person import Lift
+    from lumbar.interface.lift import Lift
 
 
 def run_new_study(options) -> None:
@@ -51,8 +51,8 @@ def run_lift(options) -> None:
     if len(options.markers) > 1 or options.markers[0].is_dir():
         _run_all(options, study)
         return
+    from lumbar.interface.lift import lift
     from lumbar.interface.movement import measure_movement
-    from lumbar.interface.person import lift
 
     found = lift(
         options.markers[0],
@@ -86,8 +86,8 @@ def _closing(found: Lift, output: Path) -> list[str]:
 
 def _run_all(options, study) -> None:
     """Analyse several lifts; end with an error that names those without a result, after the others are written."""
+    from lumbar.interface.lift import subject_of
     from lumbar.interface.lift_batch import lift_all, planned_lifts
-    from lumbar.interface.person import subject_of
 
     if options.trial or options.forces or options.body_model:
         raise InputError(

@@ -115,7 +115,7 @@ def run_check(options) -> None:
     files = _files(options.paths)
     fmus = [file for file in files if _is_fmu(file)]
     if fmus:
-        from lumbar.interface.fmu_checking import check_fmu
+        from lumbar.interface.device import check_fmu
 
         for check in check_fmu(fmus, settings=settings.runtime):
             print(f"runtime: {check}")

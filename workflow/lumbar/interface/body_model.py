@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
-from lumbar.interface.result import Result
+from lumbar.interface.verb import Result
 from lumbar.lifting.body_model.lift_model import ModelledLift, model_of_lift
 from lumbar.lifting.movement.lift import no_deposit
 

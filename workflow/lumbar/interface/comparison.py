@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import label_of, settings_or_default
-from lumbar.interface.result import Result
+from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.models.fitted_model import FittedModel

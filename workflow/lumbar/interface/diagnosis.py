@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import label_of, settings_or_default
 from lumbar.interface.refinement import Refinement, refined
+from lumbar.interface.verb import label_of, settings_or_default
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 
 if TYPE_CHECKING:
-    from lumbar.interface.proposed_law import ProposedLaw
-    from lumbar.interface.thesis_models import ThesisModels
+    from lumbar.interface.identification import ThesisModels
     from lumbar.publishing.explorer.page import ExplorerPage
     from lumbar.tissue.diagnosis.evidence.evidence import Evidence
     from lumbar.tissue.diagnosis.law.proposal import Proposal
@@ -223,7 +222,6 @@ class Diagnosis:
         InputError
             For a pendulum: the library of terms is that of tissue. For records with the force as input.
         """
-        from lumbar.interface.proposed_law import ProposedLaw
         from lumbar.tissue.diagnosis.law.proposal import propose
 
         if self.settings.system != "tissue":
@@ -245,7 +243,7 @@ class Diagnosis:
     @cached_property
     def thesis_models(self) -> ThesisModels:
         """The thesis's models, ridge ARX and output error, of the same records; none beside force as the input."""
-        from lumbar.interface.thesis_models import ThesisModels, thesis_models
+        from lumbar.interface.identification import ThesisModels, thesis_models
 
         return ThesisModels() if self.settings.forward else thesis_models(self.verdict, self.study.tissue)
 
@@ -259,7 +257,7 @@ class Diagnosis:
         thesis : bool
             Whether the thesis's models stand beside; identifying them takes a few seconds.
         """
-        from lumbar.interface.thesis_models import NOT_IDENTIFIED
+        from lumbar.interface.identification import NOT_IDENTIFIED
         from lumbar.publishing.explorer.page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_blocks
 
@@ -332,3 +330,76 @@ class Diagnosis:
 
     def _repr_html_(self) -> str:
         return self.to_html()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProposedLaw:
+    """A law for what is missing, or that no short formula was found."""
+
+    proposal: Proposal
+    candidates: dict[str, Effect]
+    """The catalogue that did not suffice, whose names the law cannot take."""
+    data: str
+    """What the records are, for the file and the picture."""
+
+    @property
+    def found(self) -> bool:
+        """Whether a law is proposed."""
+        return self.proposal.law is not None
+
+    @property
+    def equation(self) -> str:
+        """The law as an expression; empty where none is proposed."""
+        from lumbar.tissue.diagnosis.law.proposal import form_found
+
+        return form_found(self.proposal).equation if self.found else ""
+
+    def to_yaml(self, name: str = "proposed_law") -> str:
+        """Return the effect's file.
+
+        Raises
+        ------
+        InputError
+            If no law is proposed, or the name cannot be an effect's.
+        """
+        from lumbar.tissue.diagnosis.law.proposal import effect_text
+        from lumbar.tissue.effects.notation import check_name
+
+        if not self.found:
+            raise InputError(f"no effect to write: {self.sentences[0]}")
+        check_name(name, self.candidates)
+        return effect_text(self.proposal, name, self.data)
+
+    def save(self, path: str | os.PathLike, name: str = "proposed_law") -> None:
+        """Write the effect's file, for ``improvement: effect_files``; errors as of `to_yaml`."""
+        from lumbar.base.files import write_text
+
+        write_text(path, self.to_yaml(name))
+
+    def draw(self, stem: str | os.PathLike) -> None:
+        """Write the picture of what is missing, ``stem.svg`` and ``stem.pdf``.
+
+        Raises
+        ------
+        InputError
+            If nothing is missing.
+        """
+        from lumbar.publishing.figures.law_figure import law_figure
+        from lumbar.publishing.figures.style import save
+
+        if not self.proposal.is_needed:
+            raise InputError(f"nothing to draw: {self.sentences[0]}")
+        save(law_figure(self.proposal), Path(stem), self.data)
+
+    @property
+    def sentences(self) -> list[str]:
+        """The proposal, in plain English."""
+        from lumbar.tissue.diagnosis.law.proposal import sentences
+
+        return sentences(self.proposal)
+
+    def __str__(self) -> str:
+        return "\n  ".join(self.sentences)
+
+    def __repr__(self) -> str:
+        return f"<ProposedLaw: {self.equation or 'no formula'}>"

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import settings_or_default
 from lumbar.interface.diagnosis import Diagnosis, diagnose
-from lumbar.interface.result import Result
+from lumbar.interface.verb import Result, settings_or_default
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 

@@ -160,7 +160,7 @@ def _plates(path: Path, layout) -> list[ForcePlate] | str:
 
 def _pipeline(path: Path, settings: LiftingSettings, height_m: float | None) -> tuple[bool, str]:
     """Whether a lift is analysed from the file with these settings, and what is found or why not."""
-    from lumbar.interface.person import lift
+    from lumbar.interface.lift import lift
 
     subject = replace(_STAND_IN, height_m=height_m or _STAND_IN.height_m)
     try:

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError, LumbarError
-from lumbar.interface.person import Lift, lift, without_pendulum
-from lumbar.interface.trials import lift_names, marker_files
+from lumbar.interface.lift import Lift, lift, lift_names, marker_files, without_pendulum
 from lumbar.lifting.movement.events import EVENTS, event_sources
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.subject import SubjectSettings, TrialSettings

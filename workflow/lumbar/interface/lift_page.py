@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import NOT_SAID
-from lumbar.interface.person import Lift
+from lumbar.interface.lift import Lift
+from lumbar.interface.verb import NOT_SAID
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:

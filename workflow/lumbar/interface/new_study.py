@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError
+from lumbar.interface.lift import marker_files
 from lumbar.interface.marker_set import MarkerSet, alias_text, joined_aliases, marker_set
-from lumbar.interface.trials import marker_files
 from lumbar.records.marker_file import NoMarkers
 from lumbar.records.unpacking import stem_of
 from lumbar.study.validation import FILL_IN

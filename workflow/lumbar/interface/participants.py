@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from lumbar.interface.data_label import NOT_SAID, data_label
-from lumbar.interface.result import Result
+from lumbar.interface.verb import NOT_SAID, Result, data_label
 from lumbar.settings.key import SEED
 from lumbar.settings.survey import SurveySettings
 

@@ -9,8 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import NOT_SAID, data_label
-from lumbar.interface.result import Result
+from lumbar.interface.verb import NOT_SAID, Result, data_label
 from lumbar.settings.key import SEED
 from lumbar.settings.population import PopulationSettings
 from lumbar.settings.stability import GROUPS

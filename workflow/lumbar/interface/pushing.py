@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
-from lumbar.interface.data_label import data_label
-from lumbar.interface.person import Lift
-from lumbar.interface.result import Result
+from lumbar.interface.lift import Lift
+from lumbar.interface.verb import Result, data_label
 from lumbar.settings.key import SEED
 from lumbar.settings.pushes import PushesSettings
 from lumbar.settings.stability import StabilitySettings

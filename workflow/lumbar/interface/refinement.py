@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from lumbar.interface.data_label import label_of, settings_or_default
-from lumbar.interface.result import Result
+from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lumbar.interface.data_label import data_label
-from lumbar.interface.result import Result
+from lumbar.interface.verb import Result, data_label
 from lumbar.records.record import Record
 from lumbar.settings.key import SEED
 from lumbar.settings.plain import plain

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lumbar.interface.lift import Lift
 from lumbar.interface.movement import measure_movement
-from lumbar.interface.person import Lift
 from lumbar.lifting.measures.lift_values import SENSITIVITY, long_table, measures_page, write_measures
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.publishing.figures.movement_figures import SHOWN, course_figure, support_figure

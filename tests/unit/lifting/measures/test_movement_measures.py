@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from lifting_cases import ATHLETE
 
+from lumbar.interface.lift import Lift, lift
 from lumbar.interface.movement import measure_movement
-from lumbar.interface.person import Lift, lift
 from lumbar.lifting.measures.back_load import Link, net_moment
 from lumbar.lifting.measures.course import Lifter, course_of_lift, links_above_l5s1
 from lumbar.lifting.measures.lift_values import COLUMNS, long_table

@@ -11,8 +11,8 @@ from lifting_cases import deposit
 from scipy.stats import mannwhitneyu
 
 from lumbar.base.errors import InputError
+from lumbar.interface.lift import Lift
 from lumbar.interface.movement import measure_movement
-from lumbar.interface.person import Lift
 from lumbar.interface.pushing import pooled_prediction, push_outcomes, push_prediction, push_states
 from lumbar.lifting.measures.course import Lifter
 from lumbar.lifting.movement.lift import analyse_lift

@@ -13,8 +13,7 @@ from scipy.signal import lfilter
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.interface.diagnosis import Diagnosis
-from lumbar.interface.proposed_law import ProposedLaw
+from lumbar.interface.diagnosis import Diagnosis, ProposedLaw
 from lumbar.records.record import Channel, Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings

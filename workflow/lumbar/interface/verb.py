@@ -1,0 +1,150 @@
+"""What all verbs share: settings that are checked, words for the source of the data, and how a result is saved and shown.
+
+Settings are plain dataclasses that take any value: a job that gets them from a checked study starts without Pydantic. So
+it is `import lumbar`'s own verbs, which a person calls, that check what they are given.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import is_dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lumbar.base.errors import InputError
+
+if TYPE_CHECKING:
+    from lumbar.records.record import Record
+    from lumbar.settings.study_settings import StudySettings
+
+
+NOT_SAID = "source not said"
+
+
+def checking_settings(verb: Callable) -> Callable:
+    """Return a verb that refuses settings with a wrong value.
+
+    Raises
+    ------
+    InputError
+        By the verb: with every key, what was found and what is allowed.
+    """
+
+    @wraps(verb)
+    def checked(*arguments, **named):
+        given = {name: _checked(value) for name, value in named.items()}
+        return verb(*map(_checked, arguments), **given)
+
+    return checked
+
+
+def _checked(value: Any) -> Any:
+    if not is_dataclass(value) or not hasattr(value, "__pydantic_config__"):
+        return value
+    from lumbar.base.errors import Problems
+    from lumbar.settings.plain import plain
+    from lumbar.study.validation import Origins, validated
+
+    problems = Problems(type(value).__name__)
+    found = validated(plain(value), type(value), problems, Origins())
+    problems.raise_if_any()
+    return found
+
+
+def data_label(given: str, sources: Iterable[str]) -> str:
+    """Return what was given; else the folder that the files come from, or a file alone.
+
+    Parameters
+    ----------
+    sources : iterable of str
+        Files; empty for what was read from none.
+
+    Examples
+    --------
+    >>> data_label("", ["recordings/tissue/chirp.csv", "recordings/tissue/noise.csv"])
+    'tissue'
+    >>> data_label("", ["answers.csv"])
+    'answers.csv'
+    >>> data_label("", [""])
+    'source not said'
+    """
+    files = [Path(source).resolve() for source in dict.fromkeys(sources) if source]
+    names = [file.name for file in files] if len(files) == 1 else [file.parent.name for file in files]
+    return given or ", ".join(dict.fromkeys(names)) or NOT_SAID
+
+
+def label_of(given: str, records: Iterable[Record]) -> str:
+    """Return `data_label` of records.
+
+    Raises
+    ------
+    InputError
+        If these are no records.
+    """
+    from lumbar.records.record import Record
+
+    found: list = [records] if isinstance(records, str | Path) else list(records)
+    if not all(isinstance(item, Record) for item in found):
+        raise InputError(f"records is {records!r:.80}: give records, e.g. lumbar.read('recordings')")
+    return data_label(given, (record.source for record in found))
+
+
+def settings_or_default(given: StudySettings | None) -> StudySettings:
+    """Return the settings of a study that were given, or the defaults.
+
+    Raises
+    ------
+    InputError
+        If they are those of a part of a study.
+    """
+    from lumbar.settings.study_settings import StudySettings
+
+    if not isinstance(given, StudySettings | None):
+        raise InputError(
+            f"settings is an object of class {type(given).__name__}: give those of a whole study, as lumbar.load_settings "
+            "returns them, or StudySettings(improvement=ImprovementSettings(most_effects=1))"
+        )
+    return given or StudySettings()
+
+
+class Result:
+    """What a verb found: printed it says so in sentences, a notebook shows its table, `save` writes its files."""
+
+    data: str
+    """Words for the source of the data."""
+
+    def files(self) -> Iterable[tuple[str, Any]]:
+        """Name and content of every file: frames (``.csv``), plain data (``.json``), published tables and figures (no ending)."""
+        raise NotImplementedError
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Write all `files` into a folder; tables and figures in each of their formats."""
+        for name, content in self.files():
+            _write(Path(folder) / name, content, self.data)
+
+    @property
+    def shown(self) -> Any:
+        """What a notebook shows: a published table, a frame or rows."""
+        return self.table  # type: ignore[attr-defined]  # of a subclass that has one
+
+    def _repr_html_(self) -> str:
+        import pandas as pd
+
+        return pd.DataFrame(getattr(self.shown, "frame", self.shown)).to_html(index=False)
+
+
+def _write(path: Path, content: Any, data: str) -> None:
+    from lumbar.base.files import write_csv, write_json
+
+    if path.suffix == ".csv":
+        write_csv(path, content)
+    elif path.suffix == ".json":
+        write_json(path, content)
+    elif hasattr(content, "write"):
+        content.write(path)
+    else:
+        from lumbar.publishing.figures.style import save
+
+        save(content, path, data)
