@@ -1,4 +1,4 @@
-"""Pages from the templates (``*.html.jinja``) that lie beside the modules they belong to."""
+"""Pages and files from the templates (``*.jinja``) that lie beside the modules they belong to."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 @cache
 def template(name: str):
-    """Return a `jinja2.Template` that escapes what it is given and refuses names it does not know.
+    """Return a `jinja2.Template` that refuses names it does not know, and escapes what it is given but in YAML.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def template(name: str):
 
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parents[1]),
-        autoescape=True,
+        autoescape=lambda name: not name.endswith(".yaml.jinja"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -303,50 +303,31 @@ def _study_text(
     unit: str,
     people: Mapping[str, Sequence[FoundRecording]],
 ) -> str:
-    items = [item for group in people.values() for item in group if not item.problem]
-    aliases = joined_aliases([item.set for item in items])
-    named = {item.forces for item in items}
-    forces = sorted(
-        str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix.lower() in FORCE_FILES
+    found = [item for group in people.values() for item in group]
+    read = [item for item in found if not item.problem]
+    named = {item.forces for item in read}
+    forces = [path for path in folder.rglob("*") if path.suffix.lower() in FORCE_FILES]
+    return _filled(
+        "new_study.yaml.jinja",
+        name=name,
+        root=str(folder.resolve()),
+        recordings=len(read),
+        unread=[item for item in found if item.problem],
+        forces=sorted({str(path.relative_to(folder)) for path in forces} - named),
+        people=list(people),
+        unit=unit,
+        up=axes[0],
+        forward=axes[1],
+        degrees=axes[2],
+        aliases=_alias_lines(joined_aliases([item.set for item in read])),
+        pivot=_pivot_line(read),
     )
-    forces = [path for path in forces if path not in named]
-    unread = [
-        f"#   {item.path}: {item.problem}" for group in people.values() for item in group if item.problem
-    ]
-    lines = [
-        SCHEMA,
-        f"# Written by 'lumbar new-study' from {len(items)} recordings. Replace every {FILL_IN}; nothing runs before.",
-        *(["# Files that cannot be read, and are in no subject:", *unread] if unread else []),
-        *([f"# Force records found, which no trial names: {', '.join(forces)}"] if forces else []),
-        f"study: {name}",
-        f"title: {name}",
-        "data: recordings",
-        f"data_root: {_quoted(str(folder.resolve()))}",
-        "data_source:",
-        f"  name: {FILL_IN}  # words for the source, as they stand on every table and figure",
-        f"  licence: {FILL_IN}",
-        f"  obtain: {FILL_IN}  # where somebody else gets the files from",
-        "chapters: [lifting, stability]",
-        "",
-        "lifting:",
-        f"  subjects: [{', '.join(people)}]",
-        "  markers:",
-        *([f"    unit: {unit}  # by the body's size: some files state none"] if unit else []),
-        f'    up: "{axes[0]}"  # as the body stands in the files',
-        f'    forward: "{axes[1]}"  # as the person faces'
-        + (f"; {axes[2]:.0f} degrees away from this axis" if axes[2] >= 1 else ""),
-        "    aliases:",
-        *_alias_lines(aliases),
-        *_pivot_lines(items),
-    ]
-    if len(people) > 1:
-        lines += [
-            "",
-            "stability:",
-            "  compare:  # two of the labels (experience) in config/subjects",
-            f"    groups: [{FILL_IN}, {FILL_IN}]",
-        ]
-    return "\n".join([*lines, ""])
+
+
+def _filled(file: str, **values) -> str:
+    from lumbar.base.templates import template
+
+    return template(f"interface/{file}").render(schema=SCHEMA, fill_in=FILL_IN, quoted=_quoted, **values)
 
 
 def _alias_lines(aliases: Mapping[str, tuple]) -> list[str]:
@@ -359,12 +340,12 @@ def _alias_lines(aliases: Mapping[str, tuple]) -> list[str]:
         where = "not measured" if len(reasons) == len(terms) else "where not measured"
         told = [f"{where}: {'; '.join(reasons)}"] if reasons else []
         told += [f"{term} is {NOTES[name, term]}" for term in terms if (name, term) in NOTES]
-        lines.append(f"      {name}: {text}" + (f"  # {'; '.join(told)}" if told else ""))
+        lines.append(f"{name}: {text}" + (f"  # {'; '.join(told)}" if told else ""))
     for name, purpose in NEEDED.items():
         if name not in aliases:
-            lines.append(f"      # {name}:  # not recognised; {purpose}")
+            lines.append(f"# {name}:  # not recognised; {purpose}")
     if not any(name.startswith("BOX_") for name in aliases):
-        lines.append("      # BOX_1:  # no markers on the box recognised: the hands stand for it")
+        lines.append("# BOX_1:  # no markers on the box recognised: the hands stand for it")
     return lines
 
 
@@ -376,7 +357,7 @@ _PIVOTS = {
 """Pivots, the default first, each with the sets of landmarks of which one suffices."""
 
 
-def _pivot_lines(items: Sequence[FoundRecording]) -> list[str]:
+def _pivot_line(items: Sequence[FoundRecording]) -> str:
     """The first pivot that all moving recordings hold, where it is not the default; a still one has no pendulum."""
     moving = [item for item in items if not item.static] or items
 
@@ -385,15 +366,15 @@ def _pivot_lines(items: Sequence[FoundRecording]) -> list[str]:
 
     without = [item.path for item in moving if not holds(item, "mid_ankle")]
     if not without:
-        return []
+        return ""
     where = "" if len(without) == len(moving) else f" in {', '.join(without)}"
     pivot = next((name for name in _PIVOTS if all(holds(item, name) for item in moving)), None)
     if pivot is None:
-        return [
-            f"  # pivot:  # no ankles are recognised{where}, and neither hips nor L5 in all files: "
+        return (
+            f"# pivot:  # no ankles are recognised{where}, and neither hips nor L5 in all files: "
             "without aliases for them there are no pendulums"
-        ]
-    return [f"  pivot: {pivot}  # no markers on both ankles are recognised{where}"]
+        )
+    return f"pivot: {pivot}  # no markers on both ankles are recognised{where}"
 
 
 def _static_of(read: Sequence[FoundRecording]) -> FoundRecording | None:
@@ -409,34 +390,7 @@ def _subject_text(study: str, person: str, items: Sequence[FoundRecording]) -> s
     read = [item for item in items if not item.problem]
     static = _static_of(read)
     trials = [item for item in read if item is not static]
-    lines = [
-        SCHEMA,
-        f"# Of the study {study}. Replace every {FILL_IN}; what is assumed and not measured belongs into 'assumed'.",
-        "subject:",
-        f"  name: {person}",
-        f"  sex: {FILL_IN}  # female, male or unknown",
-        f"  mass_kg: {FILL_IN}",
-        f"  height_m: {FILL_IN}",
-        f"  experience: {FILL_IN}  # label of the group that Table 4.1 counts the person to, or unknown",
-        "  # assumed: [mass_kg]",
-    ]
-    if static is not None:
-        lines.append(f"  static: {_quoted(static.path)}  # {static.facts}: nothing moves")
-    lines += [
-        "  # One entry per lift; window_s: [start, stop] takes a part of the file, events: {deposit_start_s: …} sets an event",
-        "  # by hand. Take away what is no lift. box_mass_kg: 0 where nothing is lifted.",
-        "  trials:",
-    ]
-    for item in trials:
-        lines += [
-            f"    # {item.facts}" + ("; nothing moves" if item.static else ""),
-            f"    - {{box_mass_kg: {FILL_IN}, markers: {_quoted(item.path)}{_forces_entry(item)}}}",
-        ]
-    return "\n".join([*lines, ""])
-
-
-def _forces_entry(item: FoundRecording) -> str:
-    return f", forces: {_quoted(item.forces)}" if item.forces else ""
+    return _filled("new_subject.yaml.jinja", study=study, person=person, static=static, trials=trials)
 
 
 def _quoted(text: str) -> str:
