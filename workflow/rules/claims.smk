@@ -16,7 +16,7 @@ rule run_config:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=50, seconds=1),
+        **job_size(peak_mb=50, seconds=1),
     params:
         config=plain(settings),
         subjects=plain(study.subjects),
@@ -45,7 +45,7 @@ rule workflow_figure:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=175, seconds=2),
+        **job_size(peak_mb=175, seconds=2),
     params:
         code=library_code("workflow_figure.py"),
         edges=lambda wildcards: rule_graph(workflow, "all", alike={"lift", "person"}),
@@ -93,7 +93,7 @@ rule examine_claims:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=80, seconds=2),
+        **job_size(peak_mb=80, seconds=2),
     params:
         code=library_code("claims.py"),
         names=list(EVIDENCE),

@@ -25,7 +25,7 @@ rule run_crate:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=200, seconds=1),
+        **job_size(peak_mb=200, seconds=1),
     params:
         study=STUDY,
         title=settings.title,

@@ -46,7 +46,7 @@ rule diagnose_records:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=230, seconds=15),
+        **job_size(peak_mb=230, seconds=15),
     params:
         code=library_code("diagnose_records.py"),
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),

@@ -37,7 +37,7 @@ rule lift:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=155, seconds=4),
+        **job_size(peak_mb=155, seconds=4),
     params:
         code=library_code("lift.py"),
         lift="{lift}",
@@ -72,7 +72,7 @@ if settings.lifting.body_model is not None:
         conda:
             CONDA
         resources:
-            **measured(peak_mb=220, seconds=30),
+            **job_size(peak_mb=220, seconds=30),
         params:
             code=library_code("body_model.py"),
             lift="{lift}",
@@ -110,7 +110,7 @@ if study.has("lifting"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=140 + 0.2 * len(study.lifts), seconds=4 + len(study.lifts)),
+            **job_size(peak_mb=140 + 0.2 * len(study.lifts), seconds=4 + len(study.lifts)),
         params:
             code=library_code("lifting_figures.py"),
             data=DATA,

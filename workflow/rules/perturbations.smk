@@ -19,7 +19,7 @@ if study.has("perturbations"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=215, seconds=12),
+            **job_size(peak_mb=215, seconds=12),
         params:
             code=library_code("perturbed_trials.py"),
             settings=plain(settings.perturbations),

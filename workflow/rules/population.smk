@@ -27,7 +27,7 @@ if study.has("population"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=210, seconds=9),
+            **job_size(peak_mb=210, seconds=9),
         params:
             code=library_code("measure_person.py"),
             subject=lambda wildcards: part(
@@ -58,7 +58,7 @@ if study.has("population"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=205 + 0.03 * len(study.lifts), seconds=10 + 0.01 * len(study.lifts)),
+            **job_size(peak_mb=205 + 0.03 * len(study.lifts), seconds=10 + 0.01 * len(study.lifts)),
         params:
             code=library_code("compare_people.py"),
             settings=plain(settings.population),

@@ -27,7 +27,7 @@ if study.has("pushes"):
             conda:
                 CONDA
             resources:
-                **measured(peak_mb=210, seconds=4),
+                **job_size(peak_mb=210, seconds=4),
             params:
                 code=library_code("push_bodies.py"),
                 settings=part(settings.pushes, *PUSHED_BY),
@@ -55,7 +55,7 @@ if study.has("pushes"):
             conda:
                 CONDA
             resources:
-                **measured(peak_mb=185, seconds=2),
+                **job_size(peak_mb=185, seconds=2),
             params:
                 code=library_code("push_bodies.py"),
                 settings=part(settings.pushes, *PUSHED_BY),
@@ -81,7 +81,7 @@ if study.has("pushes"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=210 + 0.04 * len(study.lifts), seconds=30 + 0.04 * len(study.lifts)),
+            **job_size(peak_mb=210 + 0.04 * len(study.lifts), seconds=30 + 0.04 * len(study.lifts)),
         params:
             code=library_code("push_prediction.py"),
             settings=plain(settings.pushes),

@@ -42,7 +42,7 @@ for group, checked in CHECKS.items():
         conda:
             CONDA
         resources:
-            **measured(peak_mb=90, seconds=2),
+            **job_size(peak_mb=90, seconds=2),
         params:
             code=library_code("check_recordings.py"),
             plan=lambda wildcards, chapters=checked: reading_plan(study, chapters),

@@ -27,7 +27,7 @@ rule report_page:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=250, seconds=6),
+        **job_size(peak_mb=250, seconds=6),
     params:
         code=library_code("report.py"),
     message:

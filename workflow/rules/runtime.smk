@@ -21,7 +21,7 @@ rule warm_compiler:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=30, seconds=1),
+        **job_size(peak_mb=30, seconds=1),
     params:
         code=library_code("warm_compiler.py"),
         targets=plain(settings.runtime.targets),
@@ -48,7 +48,7 @@ rule export_fmus:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=270, seconds=8),
+        **job_size(peak_mb=270, seconds=8),
     params:
         code=library_code("export_fmus.py"),
         settings=plain(settings.runtime),
@@ -76,7 +76,7 @@ rule check_fmus:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=220, seconds=6),
+        **job_size(peak_mb=220, seconds=6),
     params:
         code=library_code("check_fmus.py"),
         settings=plain(settings.runtime),
@@ -107,7 +107,7 @@ rule render_models:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=225, seconds=7),
+        **job_size(peak_mb=225, seconds=7),
     params:
         code=library_code("render_models.py"),
         settings=plain(settings.runtime),

@@ -20,7 +20,7 @@ rule design_signals:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=165, seconds=3),
+        **job_size(peak_mb=165, seconds=3),
     params:
         code=library_code("design_signals.py"),
         settings=plain(settings.signals),

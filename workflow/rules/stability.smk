@@ -26,7 +26,7 @@ rule basins_of_lift:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=220, seconds=17),
+        **job_size(peak_mb=220, seconds=17),
     params:
         code=library_code("basins_of_lift.py"),
         settings=part(settings.stability, *BASINS),
@@ -64,7 +64,7 @@ if study.has("stability"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=220 + 0.2 * len(study.lifts), seconds=10 + len(study.lifts)),
+            **job_size(peak_mb=220 + 0.2 * len(study.lifts), seconds=10 + len(study.lifts)),
         params:
             code=library_code("stability_tables.py"),
             settings=plain(settings.stability),
@@ -91,7 +91,7 @@ if study.has("stability"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=160 + 0.2 * len(study.lifts), seconds=6 + len(study.lifts)),
+            **job_size(peak_mb=160 + 0.2 * len(study.lifts), seconds=6 + len(study.lifts)),
         params:
             code=library_code("stability_figures.py"),
             settings=plain(settings.stability),
@@ -119,7 +119,7 @@ if study.has("stability"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=160 + 0.2 * len(study.lifts), seconds=6 + len(study.lifts)),
+            **job_size(peak_mb=160 + 0.2 * len(study.lifts), seconds=6 + len(study.lifts)),
         params:
             code=library_code("measure_movement.py"),
             settings=part(settings.stability, "pendulum", "measures"),
@@ -148,7 +148,7 @@ if study.has("stability"):
         conda:
             CONDA
         resources:
-            **measured(peak_mb=222, seconds=15),
+            **job_size(peak_mb=222, seconds=15),
         params:
             code=library_code("show_lifts.py"),
             settings=part(settings.stability, *MEASURED, "knots"),

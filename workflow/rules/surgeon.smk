@@ -18,7 +18,7 @@ rule surgeon_motion:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=195, seconds=7),
+        **job_size(peak_mb=195, seconds=7),
     params:
         code=library_code("surgeon_motion.py"),
         settings=plain(settings.surgeon),

@@ -17,7 +17,7 @@ rule survey_tables:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=155, seconds=4),
+        **job_size(peak_mb=155, seconds=4),
     params:
         code=library_code("survey_tables.py"),
         settings=plain(settings.survey),
@@ -43,7 +43,7 @@ rule survey_figures:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=95, seconds=3),
+        **job_size(peak_mb=95, seconds=3),
     params:
         code=library_code("survey_figures.py"),
         scale_labels=plain(settings.survey.scale_labels),

@@ -21,7 +21,7 @@ rule viscoelastic_models:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=130, seconds=3),
+        **job_size(peak_mb=130, seconds=3),
     params:
         code=library_code("viscoelastic_models.py"),
         data="definitions, no data",
@@ -50,7 +50,7 @@ rule identify_tissue:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=155, seconds=5),
+        **job_size(peak_mb=155, seconds=5),
     params:
         code=library_code("identify_tissue.py"),
         training=lambda wildcards: wildcards.training,
@@ -88,7 +88,7 @@ rule tissue_models:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=205, seconds=7),
+        **job_size(peak_mb=205, seconds=7),
     params:
         code=library_code("tissue_models.py"),
         tissue=plain(settings.tissue),

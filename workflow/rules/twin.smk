@@ -15,7 +15,7 @@ rule twin_survey:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=10, seconds=1),
+        **job_size(peak_mb=10, seconds=1),
     params:
         code=library_code("twin_survey.py"),
     message:
@@ -36,7 +36,7 @@ rule twin_surgeon:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=80, seconds=2),
+        **job_size(peak_mb=80, seconds=2),
     params:
         code=library_code("twin_surgeon.py"),
         records=[part(record, "name", "surgeon") for record in settings.surgeon.records],
@@ -67,7 +67,7 @@ if study.cohort:
         conda:
             CONDA
         resources:
-            **measured(peak_mb=50, seconds=1),
+            **job_size(peak_mb=50, seconds=1),
         params:
             code=library_code("twin_person.py"),
             # Without the other groups and the numbers of persons: whoever is added makes nobody anew.
@@ -100,7 +100,7 @@ elif study.synthetic and study.lifts:
         conda:
             CONDA
         resources:
-            **measured(peak_mb=120, seconds=2),
+            **job_size(peak_mb=120, seconds=2),
         params:
             code=library_code("twin_lifting.py"),
             settings=plain(settings.twin.lifting),
@@ -136,7 +136,7 @@ if study.synthetic and HIP_MOMENTS:
         conda:
             CONDA
         resources:
-            **measured(peak_mb=120, seconds=2),
+            **job_size(peak_mb=120, seconds=2),
         params:
             code=library_code("twin_hip_moment.py"),
             settings=plain(settings.twin.lifting),
@@ -163,7 +163,7 @@ rule twin_tissue:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=45, seconds=1),
+        **job_size(peak_mb=45, seconds=1),
     params:
         code=library_code("twin_tissue.py"),
         tissue=plain(settings.twin.tissue),
@@ -188,7 +188,7 @@ rule twin_two_hidden_effects:
     conda:
         CONDA
     resources:
-        **measured(peak_mb=125, seconds=3),
+        **job_size(peak_mb=125, seconds=3),
     params:
         code=library_code("twin_two_hidden_effects.py"),
         settings=plain(settings.twin.two_hidden_effects),

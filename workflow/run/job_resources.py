@@ -13,7 +13,7 @@ START_S = 60
 """Until a job's own work begins, where many jobs read the environment from one file system."""
 
 
-def measured(peak_mb: float, seconds: float) -> dict:
+def job_size(peak_mb: float, seconds: float) -> dict:
     """Resources of a rule: what was measured with head-room, as many times as the job was tried.
 
     Parameters

@@ -147,7 +147,7 @@ def _period(text: str) -> tuple[str, float]:
     return name, value
 
 
-def _refined(options) -> Refinement:
+def _refinement(options) -> Refinement:
     """Fit the base with the effects of ``--add`` to the records of the folder."""
     from lumbar.interface.refinement import refine
 
@@ -170,17 +170,17 @@ def _model(required: bool = False) -> tuple:
 
 def run_compare(options) -> None:
     """Fit the model, compare it with every record, write table, pictures and page, and tell it."""
-    _save_and_print(_refined(options).compare(), options)
+    _save_and_print(_refinement(options).compare(), options)
 
 
 def run_locate(options) -> None:
     """Fit the model, see where it fails on every record, write table, pictures and page, and tell it."""
-    _save_and_print(_refined(options).locate(), options)
+    _save_and_print(_refinement(options).locate(), options)
 
 
 def run_refine(options) -> None:
     """Refit base and effects jointly, write refined.json, print the error ladder."""
-    _save_and_print(_refined(options), options)
+    _save_and_print(_refinement(options), options)
 
 
 def _save_and_print(found, options) -> None:

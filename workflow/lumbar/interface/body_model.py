@@ -60,7 +60,7 @@ class LiftModel(Result):
             yield f"body_model_{name}.csv", table.assign(data=self.data)
 
     @property
-    def shown(self) -> pd.DataFrame:
+    def notebook_table(self) -> pd.DataFrame:
         """The areas with their intervals."""
         return self.areas
 

@@ -139,7 +139,7 @@ class OnRecords(Result):
         return found
 
     @property
-    def _told(self) -> list[str]:
+    def _finding_lines(self) -> list[str]:
         return [item.sentence for item in self.findings]
 
     def save(self, folder: str | os.PathLike) -> None:
@@ -195,7 +195,7 @@ class Comparisons(OnRecords):
         return comparison_page(self.simulated, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
-        return "\n".join([*(item.comparison.sentence for item in self.simulated), *self._told])
+        return "\n".join([*(item.comparison.sentence for item in self.simulated), *self._finding_lines])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -223,4 +223,6 @@ class Locations(OnRecords):
         return location_page(self.simulated, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
-        return "\n".join(["\n  ".join(item.location.sentences) for item in self.simulated] + self._told)
+        return "\n".join(
+            ["\n  ".join(item.location.sentences) for item in self.simulated] + self._finding_lines
+        )

@@ -356,10 +356,10 @@ class Rendering(Result):
         """Device and hand, then one paragraph per loop."""
         from lumbar.tissue.haptics.device_table import device_text
 
-        return "\n".join([device_text(self.settings.device), *map(_told, self), *self.refused])
+        return "\n".join([device_text(self.settings.device), *map(_loop_sentence, self), *self.refused])
 
 
-def _told(item: Judgement) -> str:
+def _loop_sentence(item: Judgement) -> str:
     run = item.run
     does = (
         f"simulated, it oscillates at {run.frequency:.3g} Hz with {run.peak_to_peak:.3g} N peak to peak"

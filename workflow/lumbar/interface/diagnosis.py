@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.interface.refinement import Refinement, refined
+from lumbar.interface.refinement import Refinement, fit_effects
 from lumbar.interface.verb import label_of, settings_or_default
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
@@ -195,7 +195,7 @@ class Diagnosis:
 
     def refit(self, effects: Iterable[str]) -> Refinement:
         """Fit the base with these effects and no others; arguments and errors as of `lumbar.refine`."""
-        return refined(self.records, list(effects), self.settings, self.study.seed, self.data)
+        return fit_effects(self.records, list(effects), self.settings, self.study.seed, self.data)
 
     def with_effects(self, effects: Iterable[str]) -> Refinement:
         """Return the base with these effects as the page of the diagnosis shows it.

@@ -220,7 +220,7 @@ class Identification(Result):
         )
 
     @property
-    def shown(self) -> Table:
+    def notebook_table(self) -> Table:
         """Table 3.1."""
         return self.table_3_1
 

@@ -289,7 +289,7 @@ class Lift(Result):
         return f"<Lift {self.name}>"
 
     @property
-    def shown(self) -> list[dict]:
+    def notebook_table(self) -> list[dict]:
         """The events."""
         return [event.as_dict() for event in self.analysed.events.values()]
 

@@ -121,7 +121,7 @@ class Basins(Result):
         return self._found[1]
 
     @cached_property
-    def computed(self) -> LiftBasins:
+    def _basins(self) -> LiftBasins:
         """Areas, funnels and what could not be computed."""
         from lumbar.lifting.stability.basins import basins_of_lift
         from lumbar.lifting.stability.model.trajectories import THESIS
@@ -139,12 +139,12 @@ class Basins(Result):
     @property
     def areas(self) -> pd.DataFrame:
         """One row per centre of mass, plane, method and sign of gravity, with the checks."""
-        return self.computed.summary
+        return self._basins.summary
 
     @property
     def funnels(self) -> pd.DataFrame:
         """The exact funnels, knot by knot."""
-        return self.computed.funnels
+        return self._basins.funnels
 
     @cached_property
     def _extended(self) -> tuple[pd.DataFrame, list[Failure]]:
@@ -162,7 +162,7 @@ class Basins(Result):
         """Basins that could not be computed, with their reasons."""
         from lumbar.lifting.stability.model.failures import failures_frame
 
-        return failures_frame([*self.without_trajectory, *self.computed.failures, *self._extended[1]])
+        return failures_frame([*self.without_trajectory, *self._basins.failures, *self._extended[1]])
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``boa.csv``, ``funnel.csv``, ``grid.csv``, ``extended.csv`` and ``failures.csv``."""
@@ -184,7 +184,7 @@ class Basins(Result):
         return f"<Basins of {len(self.trajectories)} pendulums>"
 
     @property
-    def shown(self) -> pd.DataFrame:
+    def notebook_table(self) -> pd.DataFrame:
         """The areas by pendulum, method and sign."""
         areas = [f"{which}_area" for which in ("mean", "initial", "minimum")]
         return self.areas[["com", "plane", "method", "sign", *areas, "proved_share"]]

@@ -38,7 +38,7 @@ class PlannedLift:
     """None for a file that is named by itself."""
 
     @property
-    def lost(self) -> str:
+    def missing_file(self) -> str:
         """File that the trial names, for messages."""
         return self.trial.markers if self.trial else ""
 
@@ -122,7 +122,7 @@ def lift_all(
     for item in lifts:
         try:
             if item.markers is None:
-                raise InputError(f"{item.lost} is not in the folder")
+                raise InputError(f"{item.missing_file} is not in the folder")
             found = lift(
                 item.markers,
                 subject,

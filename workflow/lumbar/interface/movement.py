@@ -139,7 +139,7 @@ class Measures(Result):
         return f"<Measures of {self.facts['lift']}>"
 
     @property
-    def shown(self) -> pd.DataFrame:
+    def notebook_table(self) -> pd.DataFrame:
         """The values."""
         return self.values
 

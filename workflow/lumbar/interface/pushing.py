@@ -292,6 +292,6 @@ class PushPrediction(Result):
         return f"<PushPrediction: {len(self.pushes)} pushes, {self.winner.measure}>"
 
     @property
-    def shown(self) -> pd.DataFrame:
+    def notebook_table(self) -> pd.DataFrame:
         """The contests."""
         return self.frame

@@ -57,10 +57,10 @@ def refine(
     """
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
-    return refined(list(records), list(effects), chosen, settings.seed, label_of(data, records))
+    return fit_effects(list(records), list(effects), chosen, settings.seed, label_of(data, records))
 
 
-def refined(records, effects, settings, seed, data) -> Refinement:
+def fit_effects(records, effects, settings, seed, data) -> Refinement:
     """Fit the base with these effects, each added in turn, on records of a manageable size."""
     from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
     from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
@@ -104,12 +104,12 @@ class Refinement(Result):
     def add(self, *effects: str) -> Refinement:
         """Refit with these effects more."""
         wanted = list(dict.fromkeys([*self.effects, *effects]))
-        return refined(self.records, wanted, self.settings, self.seed, self.data)
+        return fit_effects(self.records, wanted, self.settings, self.seed, self.data)
 
     def remove(self, *effects: str) -> Refinement:
         """Refit without these effects."""
         wanted = [name for name in self.effects if name not in effects]
-        return refined(self.records, wanted, self.settings, self.seed, self.data)
+        return fit_effects(self.records, wanted, self.settings, self.seed, self.data)
 
     def compare(self) -> Comparisons:
         """Compare the model with every record."""
@@ -169,6 +169,6 @@ class Refinement(Result):
         return f"<Refinement of {self.path[0].fit.structure.base.name}: {', '.join(self.effects) or 'no effect'}>"
 
     @property
-    def shown(self) -> list[dict]:
+    def notebook_table(self) -> list[dict]:
         """The error ladder."""
         return self.rows()

@@ -114,7 +114,7 @@ class Bandwidth(Result):
         return "\n".join(f"{row['quantity']}, {row['rule']}: {_text(row)}" for row in self.rows())
 
     @property
-    def shown(self) -> list[dict]:
+    def notebook_table(self) -> list[dict]:
         """The bandwidths."""
         return self.rows()
 
@@ -213,6 +213,6 @@ class Signals(Result):
         return f"{names}: excited up to {self.band_Hz:g} Hz"
 
     @property
-    def shown(self) -> Table:
+    def notebook_table(self) -> Table:
         """The properties."""
         return self.properties

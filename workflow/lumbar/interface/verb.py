@@ -125,14 +125,14 @@ class Result:
             _write(Path(folder) / name, content, self.data)
 
     @property
-    def shown(self) -> Any:
+    def notebook_table(self) -> Any:
         """What a notebook shows: a published table, a frame or rows."""
         return self.table  # type: ignore[attr-defined]  # of a subclass that has one
 
     def _repr_html_(self) -> str:
         import pandas as pd
 
-        return pd.DataFrame(getattr(self.shown, "frame", self.shown)).to_html(index=False)
+        return pd.DataFrame(getattr(self.notebook_table, "frame", self.notebook_table)).to_html(index=False)
 
 
 def _write(path: Path, content: Any, data: str) -> None:
