@@ -10,7 +10,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 
 import psutil
 import pytest
@@ -19,9 +19,11 @@ from snakemake.cli import get_argument_parser
 from snakemake.scheduling.job_scheduler import JobScheduler
 from snakemake.settings.types import MaxJobsPerTimespan
 
+from lumbar.settings.plain import part
+from lumbar.settings.stability import PendulumSettings, StabilitySettings
 from patience import PATIENCE_S, seen
 from run.job_forks import execute_script
-from run.job_resources import measured
+from run.job_resources import job_size
 from run.job_starts import lift_limit
 from run.killed_jobs import remove_half_written
 
@@ -38,8 +40,8 @@ def job(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(killed_jobs, "end_with_parent", lambda: None)  # this process is none of Snakemake's
 
-    def call(main, log=tmp_path / "rule.log"):
-        snakemake = SimpleNamespace(rule="a_rule", log=[str(log)], input=None, output=None, params={})
+    def call(main, log=tmp_path / "rule.log", params=MappingProxyType({})):
+        snakemake = SimpleNamespace(rule="a_rule", log=[str(log)], input=None, output=None, params=params)
         status = 0
         try:
             module.run(main, snakemake)
@@ -78,6 +80,30 @@ def test_what_is_no_programming_error_ends_in_one_line(job, error, status, said)
     first, second, *rest = shown.splitlines()
     assert (first, rest) == ("half way", [])
     assert second.startswith(said)
+
+
+def test_a_job_takes_the_rules_parameters_as_the_classes_that_it_names(job):
+    taken = []
+
+    def main(input, output, settings: StabilitySettings, lifts: tuple[str, ...], rate: float | None):
+        taken.extend([settings.pendulum, lifts, rate])
+
+    given = {"settings": part(StabilitySettings(), "pendulum"), "lifts": ["a", "b"], "rate": 100}
+    assert job(main, params={**given, "code": "digest"})[0] == 0
+    assert taken == [PendulumSettings(), ("a", "b"), 100.0]
+    status, shown, _ = job(main, params=given | {"seed": 1})
+    assert status == 1
+    assert "the rule passes lifts, rate, seed, settings; the job takes lifts, rate, settings" in shown
+
+
+@pytest.mark.parametrize("read", [float, bool, str, list, lambda value: value.sign, lambda value: value + 1])
+def test_a_key_that_the_rule_does_not_pass_cannot_be_read(job, read):
+    def main(input, output, settings: StabilitySettings):
+        read(settings.pendulum)
+
+    status, shown, _ = job(main, params={"settings": part(StabilitySettings(), "knots")})
+    assert status == 1
+    assert "the rule does not pass StabilitySettings.pendulum" in shown
 
 
 def test_a_programming_error_keeps_its_traceback(job):
@@ -141,10 +167,10 @@ def test_a_file_that_the_system_refuses_is_told_by_the_command(tmp_path):
 JOB = """
 import os, sys, time
 from pathlib import Path
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 sys.path.insert(0, {scripts!r})
 from job import run
-def main(*_):
+def main(input, output):
     Path({said!r}).write_text(str(os.getpid()))
     time.sleep(3600)
 run(main, SimpleNamespace(rule="a_rule", log=[{log!r}], input=None, output=None, params={}))
@@ -152,7 +178,7 @@ run(main, SimpleNamespace(rule="a_rule", log=[{log!r}], input=None, output=None,
 STARTED = "import subprocess, sys; subprocess.run(['bash', '-c', f'set -euo pipefail;  {sys.executable} ' + sys.argv[1]])"
 FORKED = """
 import sys
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from run.job_forks import execute_script
 if __name__ == "__main__":
     execute_script(SimpleNamespace(resources={"tmpdir": "/tmp"}, bench_record=None), sys.argv[1])
@@ -264,7 +290,7 @@ def test_a_limit_of_the_user_stays(asked):
 
 
 def test_a_job_asks_for_head_room_and_for_more_with_every_attempt():
-    resources = measured(peak_mb=100.5, seconds=12)
+    resources = job_size(peak_mb=100.5, seconds=12)
     # 400 MB of two Snakemakes and twice 101; 60 s to begin and ten times 12.
     assert [resources["mem_mb"](None, attempt=attempt) for attempt in (1, 2, 3)] == [602, 1204, 1806]
     assert [resources["runtime"](None, attempt=attempt) for attempt in (1, 2)] == [3, 6]
@@ -273,7 +299,7 @@ def test_a_job_asks_for_head_room_and_for_more_with_every_attempt():
 def test_every_rule_with_a_script_says_what_it_needs_and_groups_in_profiles_exist(project):
     rules = [path.read_text(encoding="utf-8") for path in (project / "workflow" / "rules").glob("*.smk")]
     for text in rules:
-        assert text.count("**measured(") == len(re.findall(r"^ +script:", text, flags=re.M))
+        assert text.count("**job_size(") == len(re.findall(r"^ +script:", text, flags=re.M))
     groups = set(re.findall(r'group:\n +"(\w+)"', "\n".join(rules)))
     for profile in ("slurm", "kubernetes"):
         settings = yaml.safe_load(
