@@ -91,7 +91,7 @@ def doctor(
         limits=machine_limits(settings.signals.machine, own.verdict.experiment),
         seed=settings.seed,
     )
-    return Examined(own, examination)
+    return Examined(own, examination, own.data)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -102,6 +102,7 @@ class Examined(Result):
     """Of the records themselves."""
     examination: Examination
     """What was put in and what was said of it."""
+    data: str
 
     def __getitem__(self, effect: str) -> EffectSize:
         """From what size on an effect would have been named."""
@@ -110,11 +111,6 @@ class Examined(Result):
                 return item
         known = ", ".join(item.form.effect for item in self.examination.effects)
         raise InputError(f"effect {effect!r} was not put in; put in were {known}")
-
-    @property
-    def data(self) -> str:
-        """Words for the source of the data."""
-        return self.diagnosis.data
 
     @cached_property
     def table(self) -> Table:

@@ -64,7 +64,8 @@ def analyse_survey(
     if isinstance(ratings, str | os.PathLike):
         data = data_label(data, [os.fspath(ratings)])
         ratings = read_ratings(ratings, settings.layout)
-    return Survey(ratings, analyse(ratings, settings, seed, data or NOT_SAID), settings)
+    data = data or NOT_SAID
+    return Survey(ratings, analyse(ratings, settings, seed, data), settings, data)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,11 +76,7 @@ class Survey(Result):
     analysis: SurveyAnalysis
     """Tables, and all results as plain data."""
     settings: SurveySettings
-
-    @property
-    def data(self) -> str:
-        """Words for the source of the answers."""
-        return self.analysis.results["data"]
+    data: str
 
     @property
     def table(self) -> Table:
