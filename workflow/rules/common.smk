@@ -10,11 +10,8 @@ WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
 from run.dependencies import library_code
-from run.job_environment import set_job_environment
+from run.jobs import job_size, lift_limit, remove_half_written, set_job_environment
 from run.job_forks import fork_scripts
-from run.job_resources import job_size
-from run.job_starts import lift_limit
-from run.killed_jobs import remove_half_written
 from run.rule_graph import rule_graph
 from run.run_log import watch
 from lumbar.study.artefacts import read_artefacts

@@ -89,7 +89,7 @@ def run_forked(server, target, arguments: tuple, bench_record) -> None:
 
 def _run(begin: Connection, path: str, temporary: str) -> None:
     """Run a script as Python would when started with its path."""
-    from run.killed_jobs import end_with_parent
+    from run.jobs import end_with_parent
 
     # The server, once killed: Snakemake then holds the job for failed and removes its files.
     end_with_parent()

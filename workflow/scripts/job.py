@@ -58,7 +58,7 @@ def run(main, snakemake) -> None:
     errors: they keep their traceback.
     """
     from lumbar.base.errors import explained
-    from run.killed_jobs import end_with_parent
+    from run.jobs import end_with_parent
 
     end_with_parent()
     terminal = sys.stderr

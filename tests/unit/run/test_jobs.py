@@ -23,9 +23,7 @@ from lumbar.settings.plain import part
 from lumbar.settings.stability import PendulumSettings, StabilitySettings
 from patience import PATIENCE_S, seen
 from run.job_forks import execute_script
-from run.job_resources import job_size
-from run.job_starts import lift_limit
-from run.killed_jobs import remove_half_written
+from run.jobs import job_size, lift_limit, remove_half_written
 
 WORKFLOW = Path(__file__).resolve().parents[3] / "workflow"
 
@@ -36,9 +34,9 @@ def job(tmp_path, monkeypatch, capsys):
     monkeypatch.syspath_prepend(str(WORKFLOW / "scripts"))
     import job as module
 
-    from run import killed_jobs
+    from run import jobs
 
-    monkeypatch.setattr(killed_jobs, "end_with_parent", lambda: None)  # this process is none of Snakemake's
+    monkeypatch.setattr(jobs, "end_with_parent", lambda: None)  # this process is none of Snakemake's
 
     def call(main, log=tmp_path / "rule.log", params=MappingProxyType({})):
         snakemake = SimpleNamespace(rule="a_rule", log=[str(log)], input=None, output=None, params=params)

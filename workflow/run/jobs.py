@@ -1,0 +1,109 @@
+"""Jobs of a run: the environment they inherit, what they ask of a cluster, how they start, and what a killed run leaves."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import signal
+import sys
+from collections import defaultdict
+from math import ceil
+from pathlib import Path
+
+
+def set_job_environment(workflow: Path) -> None:
+    """Make the library importable without installation, and results the same bytes for any number of cores.
+
+    Parameters
+    ----------
+    workflow : Path
+        Folder that holds the library.
+    """
+    from lumbar.base.environment import use_one_thread
+
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(workflow), os.environ.get("PYTHONPATH")]))
+    os.environ["SOURCE_DATE_EPOCH"] = "0"
+    use_one_thread()
+
+
+SNAKEMAKE_MB = 400
+"""Of the two Snakemakes that stay in memory beside a job on SLURM: 160 MB each at 4 lifts, 195 MB at 6000."""
+MEMORY_HEAD_ROOM = 2
+TIME_HEAD_ROOM = 10
+"""Recordings may be longer than those measured, processors and file systems slower."""
+START_S = 60
+"""Until a job's own work begins, where many jobs read the environment from one file system."""
+
+
+def job_size(peak_mb: float, seconds: float) -> dict:
+    """Resources of a rule: what was measured with head-room, as many times as the job was tried.
+
+    Parameters
+    ----------
+    peak_mb : float
+        Largest resident memory of the rule's jobs (``max_rss`` of their benchmarks).
+    seconds : float
+        Longest processor time (``cpu_time``).
+
+    Returns
+    -------
+    dict
+        ``mem_mb`` and ``runtime`` (min), for the rule's ``resources:``.
+    """
+    memory = SNAKEMAKE_MB + MEMORY_HEAD_ROOM * ceil(peak_mb)
+    minutes = ceil((START_S + TIME_HEAD_ROOM * seconds) / 60)
+    return {
+        "mem_mb": lambda wildcards, attempt: attempt * memory,
+        "runtime": lambda wildcards, attempt: attempt * minutes,
+    }
+
+
+SNAKEMAKES_OWN = (100, 1)
+"""Jobs and seconds, where nobody asks for another limit; a study has fewer than a hundred jobs."""
+
+
+def lift_limit(scheduler) -> None:
+    """Start jobs as soon as a core is free, unless the user set another limit than Snakemake's own.
+
+    With a limit, every job that ends begins a chain of looks at all inputs of all waiting jobs, once a second until the run
+    ends (`JobScheduler._schedule_reevalutation`): after twenty jobs they take a tenth of a core, and the end waits for the last.
+
+    Parameters
+    ----------
+    scheduler : snakemake.scheduling.job_scheduler.JobScheduler
+        Of a run that begins.
+    """
+    limit = scheduler.workflow.scheduling_settings.max_jobs_per_timespan
+    if limit is not None and (limit.max_jobs, limit.timespan) == SNAKEMAKES_OWN:
+        scheduler.job_rate_limiter = None
+
+
+_PR_SET_PDEATHSIG = 1
+"""Of Linux's prctl(2): the signal that a process gets when its parent ends."""
+
+
+def end_with_parent() -> None:
+    """Let this process be killed when its parent ends, on Linux: it would go on writing beside the next call's jobs."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def remove_half_written(workflow) -> None:
+    """Remove what lies half written beside the outputs that the run makes: they are locked, so nobody else is writing there.
+
+    Parameters
+    ----------
+    workflow : snakemake.workflow.Workflow
+        With its graph of jobs.
+    """
+    from lumbar.base.files import half_written
+
+    made = defaultdict(set)
+    for job in workflow.dag.needrun_jobs():
+        for path in map(Path, job.output):
+            made[path.parent].add(path.name)
+    for folder, names in made.items():
+        for name, left in half_written(folder):
+            if name in names:
+                shutil.rmtree(left, ignore_errors=True)
