@@ -84,7 +84,7 @@ def __getattr__(name: str):
         raise AttributeError(f"module 'lumbar' has no attribute {name!r}; its verbs are {', '.join(__all__)}")
     from importlib import import_module
 
-    from lumbar.interface.verb import checking_settings
+    from lumbar.interface.checked_settings import checking_settings
 
     verb = checking_settings(getattr(import_module(_VERBS[name]), name))
     globals()[name] = verb

@@ -1,15 +1,9 @@
-"""What all verbs share: settings that are checked, words for the source of the data, and how a result is saved and shown.
-
-Settings are plain dataclasses that take any value: a job that gets them from a checked study starts without Pydantic. So
-it is `import lumbar`'s own verbs, which a person calls, that check what they are given.
-"""
+"""What all verbs share: words for the source of the data, settings of a study, and how a result is saved and shown."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from dataclasses import is_dataclass
-from functools import wraps
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,36 +15,6 @@ if TYPE_CHECKING:
 
 
 NOT_SAID = "source not said"
-
-
-def checking_settings(verb: Callable) -> Callable:
-    """Return a verb that refuses settings with a wrong value.
-
-    Raises
-    ------
-    InputError
-        By the verb: with every key, what was found and what is allowed.
-    """
-
-    @wraps(verb)
-    def checked(*arguments, **named):
-        given = {name: _checked(value) for name, value in named.items()}
-        return verb(*map(_checked, arguments), **given)
-
-    return checked
-
-
-def _checked(value: Any) -> Any:
-    if not is_dataclass(value) or not hasattr(value, "__pydantic_config__"):
-        return value
-    from lumbar.base.errors import Problems
-    from lumbar.settings.plain import plain
-    from lumbar.study.validation import Origins, validated
-
-    problems = Problems(type(value).__name__)
-    found = validated(plain(value), type(value), problems, Origins())
-    problems.raise_if_any()
-    return found
 
 
 def data_label(given: str, sources: Iterable[str]) -> str:
