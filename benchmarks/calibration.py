@@ -42,7 +42,7 @@ from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
 from lumbar.tissue.diagnosis.selection.refine import refined_fit
-from lumbar.tissue.diagnosis.selection.thresholds import shipped
+from lumbar.tissue.diagnosis.selection.thresholds import null_distribution
 from lumbar.tissue.effects.catalogue import TISSUE as CATALOGUE
 from lumbar.tissue.models.model_data import FittedParameter
 
@@ -72,7 +72,7 @@ def null_row(condition: str, number: int) -> dict:
         "verdict": verdict.verdict,
         "named": "+".join(named),
         "findings": "+".join(sorted({item.kind for item in verdict.findings})),
-        "p_value": shipped().p_value(ratio, sum(len(item.forms) for item in CATALOGUE.values())),
+        "p_value": null_distribution().p_value(ratio, sum(len(item.forms) for item in CATALOGUE.values())),
         "p_shown": min((item.p_value for item in shown if item.candidate.effects[0] in false), default=1.0),
     }
 

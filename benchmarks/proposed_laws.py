@@ -25,7 +25,6 @@ from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.law import proposal as law_proposal
-from lumbar.tissue.diagnosis.law.proposal import form_found
 from lumbar.tissue.diagnosis.law.terms import library
 from lumbar.tissue.diagnosis.selection.candidate import evaluate
 from lumbar.tissue.models.bases import BASES
@@ -65,14 +64,14 @@ def law_row(name: str, make, seed: int = 0) -> dict:
     found = diagnose(seen).propose().proposal
     row = {"law": name, "catalogue": "+".join(found.before.effects), "formula": "", "marked": ""}
     if found.law is not None:
-        form = form_found(found)
+        form = found.form
         row["formula"] = "; ".join([form.equation, *(f"{symbol}' = {rate}" for symbol, rate in form.state)])
         row["on"] = "+".join(["KB", *found.law.start.effects])
         row["marked"] = (
             "" if found.extrapolation is None else "holds" if found.extrapolation.holds else "does not"
         )
     else:
-        row["formula"] = "; ".join(["none", *(item.refused for item in found.tried)])
+        row["formula"] = "; ".join(["none", *(refused for _, refused in found.tried)])
     row["surface"] = (
         "".join([found.surfaces[0].first.symbol, found.surfaces[0].second.symbol]) if found.is_needed else ""
     )
@@ -123,7 +122,7 @@ def null_proposes(seed: int, forced: bool) -> tuple[str, int]:
         found = law_proposal._searched(empty, library(), "tissue")
     else:
         found = law_proposal.propose(experiment, base)
-    return (form_found(found).equation if found.law else ""), len(found.tried)
+    return (found.form.equation if found.law else ""), len(found.tried)
 
 
 def folder_row(folder: Path) -> dict:
@@ -139,9 +138,9 @@ def folder_row(folder: Path) -> dict:
         "case": folder.name,
         "verdict": diagnosis.verdict.verdict,
         "catalogue": "+".join(found.before.effects),
-        "formula": form_found(found).equation
+        "formula": found.form.equation
         if found.law
-        else "none: " + "; ".join(i.refused for i in found.tried),
+        else "none: " + "; ".join(refused for _, refused in found.tried),
         "noise": round(noise, 4),
         "base": round(error(found.base.fit, held) / noise, 2),
         "before": round(error(found.before.fit, held) / noise, 2),

@@ -30,11 +30,11 @@ from lumbar.tissue.diagnosis.evidence.evidence import (
     gather_evidence,
     write_diagnosis,
 )
-from lumbar.tissue.diagnosis.evidence.ties import detectable_effects, threshold_ratio
+from lumbar.tissue.diagnosis.evidence.ties import detectable_effects
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution, shipped
+from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution, null_distribution
 from lumbar.tissue.diagnosis.selection.verdict import runner_up
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.signature import RATES, SHARE, signatures, standard_motion
@@ -61,7 +61,7 @@ def hardening():
     """Diagnosis of records with a cubic spring, with its evidence."""
     tests = records(lambda z: 0.01 * z**3)
     diagnosis = diagnose(tests)
-    return diagnosis, gather_evidence(diagnosis, tests, DiagnosisSettings(), 1), tests
+    return diagnosis, gather_evidence(diagnosis, DiagnosisSettings(), 1), tests
 
 
 def text_of(page: str) -> str:
@@ -127,9 +127,7 @@ def test_pictures_of_a_diagnosis(hardening, tmp_path):
 def test_limits_name_what_is_missing_in_the_records():
     (one, _) = records(periods=2)
     diagnosis = diagnose([one])
-    page = text_of(
-        diagnosis_page(diagnosis, gather_evidence(diagnosis, [one], DiagnosisSettings(), 1), TISSUE, "x")
-    )
+    page = text_of(diagnosis_page(diagnosis, gather_evidence(diagnosis, DiagnosisSettings(), 1), TISSUE, "x"))
     assert "there is one record only" in page
     assert "no record repeats" in page
     assert "the best candidate gains" in page
@@ -140,9 +138,9 @@ def test_an_effect_at_the_detectable_size_gains_the_threshold():
     tests = records()
     diagnosis = diagnose(tests)
     assert diagnosis.selected == ()
-    found = {item.effect: item for item in detectable_effects(diagnosis, TISSUE, shipped())}
+    found = {item.effect: item for item in detectable_effects(diagnosis, TISSUE, null_distribution())}
     forms = sum(len(effect.forms) for effect in TISSUE.values())
-    threshold = threshold_ratio(shipped(), forms)
+    threshold = null_distribution().threshold(forms)
     # Inertia has one form and no shape: one size is stated.
     stated = found["inertia"]
     assert stated.easiest == pytest.approx(stated.hardest)
@@ -164,9 +162,9 @@ def acceleration(position: np.ndarray) -> np.ndarray:
 
 def test_the_threshold_is_the_gain_that_one_in_a_hundred_nulls_reach():
     null = NullDistribution(np.sort(np.random.default_rng(1).chisquare(3, 1000)), 30)
-    threshold = threshold_ratio(null, 30)
+    threshold = null.threshold(30)
     assert null.p_value(threshold, 30) <= LEVEL < null.p_value(threshold - 0.2, 30)
-    assert threshold_ratio(null, 60) > threshold
+    assert null.threshold(60) > threshold
 
 
 FORMS = [form for effect in TISSUE.values() for form in effect.forms]

@@ -156,9 +156,7 @@ class Diagnosis:
         """Ties, the experiment that settles them, what these records would have shown, what remains."""
         from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
 
-        return gather_evidence(
-            self.verdict, self.records, self.settings, self.study.seed, self.study.signals.machine
-        )
+        return gather_evidence(self.verdict, self.settings, self.study.seed, self.study.signals.machine)
 
     @cached_property
     def base_on_records(self) -> list[ResidualReport]:
@@ -350,9 +348,7 @@ class ProposedLaw:
     @property
     def equation(self) -> str:
         """The law as an expression; empty where none is proposed."""
-        from lumbar.tissue.diagnosis.law.proposal import form_found
-
-        return form_found(self.proposal).equation if self.found else ""
+        return self.proposal.form.equation if self.found else ""
 
     def to_yaml(self, name: str = "proposed_law") -> str:
         """Return the effect's file.
@@ -394,9 +390,7 @@ class ProposedLaw:
     @property
     def sentences(self) -> list[str]:
         """The proposal, in plain English."""
-        from lumbar.tissue.diagnosis.law.proposal import sentences
-
-        return sentences(self.proposal)
+        return self.proposal.sentences
 
     def __str__(self) -> str:
         return "\n  ".join(self.sentences)

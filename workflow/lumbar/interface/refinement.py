@@ -154,11 +154,11 @@ class Refinement(Result):
 
     def __str__(self) -> str:
         from lumbar.tissue.diagnosis.selection.refine import model_name
-        from lumbar.tissue.diagnosis.selection.verdict import told_apart
+        from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
 
         unit = self.experiment.output_unit
-        training = told_apart([item.train_rms for item in self.path], 4)
-        unseen = told_apart([item.test_rms for item in self.path], 4)
+        training = distinguishing_digits([item.train_rms for item in self.path], 4)
+        unseen = distinguishing_digits([item.test_rms for item in self.path], 4)
         lines = [
             f"{model_name(item.fit)}: {own} {unit} in training, {other} unseen"
             for item, own, other in zip(self.path, training, unseen, strict=True)

@@ -16,7 +16,7 @@ from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import refine
-from lumbar.tissue.diagnosis.selection.thresholds import NullDistribution, shipped
+from lumbar.tissue.diagnosis.selection.thresholds import NullDistribution, null_distribution
 from lumbar.tissue.diagnosis.selection.verdict import details, headline
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 
@@ -226,10 +226,14 @@ def test_p_values_of_the_null_table():
     assert table.p_value(np.log(2) * 2) == pytest.approx(0.5, abs=0.04)
     assert table.p_value(40.0) == pytest.approx(np.exp(-20), rel=0.5)
     assert table.p_value(10.0, forms=56) == pytest.approx(2 * table.p_value(10.0))
-    assert len(shipped().ratios) >= 200
+    assert len(null_distribution().ratios) >= 200
     for system, catalogue in CATALOGUES.items():
         # Of candidates that have come since, the probability grows in proportion.
-        assert 0.9 <= shipped(system).forms / sum(len(effect.forms) for effect in catalogue.values()) <= 1
+        assert (
+            0.9
+            <= null_distribution(system).forms / sum(len(effect.forms) for effect in catalogue.values())
+            <= 1
+        )
 
 
 @pytest.mark.parametrize(

@@ -24,11 +24,8 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.law.law_form import form_of
 from lumbar.tissue.diagnosis.law.proposal import (
     effect_text,
-    finding,
-    form_found,
     law_beside,
     propose,
-    sentences,
     with_law,
 )
 from lumbar.tissue.diagnosis.law.search import Search
@@ -39,7 +36,7 @@ from lumbar.tissue.diagnosis.law.validation import (
     is_dissipative,
     least_work,
     stays_bounded,
-    thinned,
+    thin,
 )
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
@@ -156,10 +153,10 @@ def needle():
 
 
 def test_friction_along_a_needle_is_found(needle):
-    assert form_found(needle).equation == "k_1*max(z, 0)*tanh(v/v_s)"
+    assert needle.form.equation == "k_1*max(z, 0)*tanh(v/v_s)"
     assert needle.law.fit.linear[-1] == pytest.approx(0.25, rel=0.03)
     assert needle.law.own_nonlinear[0] == pytest.approx(2.0, rel=0.1)
-    assert form_found(needle).linear[0].unit == "{y}/{x}"
+    assert needle.form.linear[0].unit == "{y}/{x}"
     assert needle.share_removed > 0.95
 
 
@@ -177,12 +174,12 @@ def test_the_missing_force_is_seen_over_position_and_velocity(needle):
 
 
 def test_the_proposal_says_what_it_is_and_where_it_was_found(needle):
-    said = " ".join(sentences(needle))
+    said = " ".join(needle.sentences)
     assert "found in these data, not known physics" in said
     low, high = needle.range.low, needle.range.high
     assert f"z from {low:.3g} to {high:.3g} mm" in said
     assert needle.range.speed == pytest.approx(np.abs(needle.experiment.training.motion.velocity).max())
-    found = finding(needle)
+    found = needle.finding
     assert found.kind == "proposed_law"
     assert found.value == needle.law.candidate.test_rms
 
@@ -191,7 +188,7 @@ def test_the_file_is_an_effect_that_refines_the_model_as_well(needle, tmp_path):
     path = tmp_path / "needle.yaml"
     path.write_text(effect_text(needle, "needle", "a test"), encoding="utf-8")
     effect = load_effects(path)["needle"]
-    assert effect.forms[0].equation == form_found(needle).equation
+    assert effect.forms[0].equation == needle.form.equation
     assert "not known physics" in effect.mechanism
     refined = lumbar.refine(
         records(depth_friction),
@@ -214,8 +211,8 @@ def test_a_lateral_axis_that_nobody_recorded_has_no_formula(tmp_path):
     found = propose(prepared, base, terms=terms(*FEW))
     assert found.law is None
     assert found.is_needed
-    assert sentences(found)[0].startswith("No short formula found")
-    assert finding(found).kind == "proposed_law"
+    assert found.sentences[0].startswith("No short formula found")
+    assert found.finding.kind == "proposed_law"
 
 
 def test_nothing_is_proposed_where_nothing_is_missing():
@@ -338,7 +335,7 @@ def test_a_law_is_looked_for_where_one_effect_more_still_leaves_much(diagnosed, 
 def test_terms_are_chosen_at_a_lower_rate_and_the_law_is_fitted_to_every_sample(monkeypatch):
     monkeypatch.setattr(f"{__name__}.STEP", 0.001)
     prepared, base = experiment(cogging)
-    lower = thinned(prepared)
+    lower = thin(prepared)
     assert lower.training.motion.sampling_time == pytest.approx(0.003)
     assert np.array_equal(lower.tests[0].force, prepared.tests[0].force[::3])
     found = propose(prepared, base, terms=terms("cogging", "position_z3"))
@@ -349,7 +346,7 @@ def test_terms_are_chosen_at_a_lower_rate_and_the_law_is_fitted_to_every_sample(
 
 def test_records_that_are_slow_enough_stay_the_very_same():
     prepared, _ = experiment(cogging)
-    assert thinned(prepared) is prepared
+    assert thin(prepared) is prepared
 
 
 def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, diagnosed, needle):
@@ -364,7 +361,7 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
     assert diagnosis.propose().proposal is needle
     diagnosis.save(tmp_path, pictures=False)
     effect = load_effects(tmp_path / "proposed_law.yaml")["proposed_law"]
-    assert effect.forms[0].equation == form_found(needle).equation
+    assert effect.forms[0].equation == needle.form.equation
     said = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
     assert [item["kind"] for item in said["findings"]][-1] == "proposed_law"
     replace(diagnosis, proposal=None).save(tmp_path, pictures=False)

@@ -21,7 +21,7 @@ from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_ba
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, by_score, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.selection.verdict import told_apart
+from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.structure import Structure
@@ -101,12 +101,12 @@ def test_a_branch_that_explains_little_of_what_is_left_does_not_take_the_place_o
 
 
 def test_errors_that_fall_read_as_falling():
-    assert told_apart([1.42, 1.404, 1.398, 1.3951], 2) == ["1.42", "1.404", "1.398", "1.395"]
-    assert told_apart([0.23, 0.0099], 4) == ["0.23", "0.0099"]
+    assert distinguishing_digits([1.42, 1.404, 1.398, 1.3951], 2) == ["1.42", "1.404", "1.398", "1.395"]
+    assert distinguishing_digits([0.23, 0.0099], 4) == ["0.23", "0.0099"]
 
 
 def test_equal_errors_need_no_digits():
-    assert told_apart([1.4, 1.4, 1.4 + 1e-12], 2) == ["1.4", "1.4", "1.4"]
+    assert distinguishing_digits([1.4, 1.4, 1.4 + 1e-12], 2) == ["1.4", "1.4", "1.4"]
 
 
 def test_the_figure_of_a_ladder_tells_its_rungs_apart():

@@ -73,14 +73,14 @@ def ribbed(tmp_path_factory):
 
 
 def test_an_equation_in_yaml_is_named_with_its_numbers(ribbed):
-    diagnosis, tests, settings = ribbed
+    diagnosis, _, settings = ribbed
     assert diagnosis.verdict == "named"
     assert diagnosis.selected == ("ribs",)
     fit = diagnosis.model.fit
     assert fit.nonlinear[-1] == pytest.approx(1.7, rel=0.01)
     assert fit.linear[-2:] == pytest.approx([0.2, 0.0], abs=0.01)
     page = diagnosis_page(
-        diagnosis, gather_evidence(diagnosis, tests, settings, 1), settings.catalogue, "synthetic twin"
+        diagnosis, gather_evidence(diagnosis, settings, 1), settings.catalogue, "synthetic twin"
     )
     text = unescape(re.sub(r"<[^>]+>", " ", page))
     assert "ribs" in text

@@ -16,10 +16,10 @@ from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.diagnosis.selection.verdict import (
     Ranked,
     Verdict,
+    distinguishing_digits,
     effects_text,
     readable,
     runner_up,
-    told_apart,
 )
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.fmu.build.equation_svg import equation_svg
@@ -91,7 +91,7 @@ def _chance(diagnosis: Verdict) -> str:
 
 def _next_best(diagnosis: Verdict) -> str:
     second, unit = runner_up(diagnosis).candidate, diagnosis.experiment.output_unit
-    own, other = told_apart([diagnosis.model.test_rms, second.test_rms], 3)
+    own, other = distinguishing_digits([diagnosis.model.test_rms, second.test_rms], 3)
     return f"The next best, {effects_text(second.effects)}, leaves {other} {unit} on unseen records instead of {own} {unit}."
 
 
@@ -107,7 +107,7 @@ def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictur
     tied = [set(other.effects) for other in diagnosis.tied_with]
     forms = candidate.fit.structure.forms
     unit, system = diagnosis.experiment.output_unit, candidate.fit.structure.base.system
-    before, after = told_apart([diagnosis.base.test_rms, candidate.test_rms], 3)
+    before, after = distinguishing_digits([diagnosis.base.test_rms, candidate.test_rms], 3)
     new = [name for name in effects if name not in diagnosis.selected] or effects
     return Card(
         key=model_key(effects),

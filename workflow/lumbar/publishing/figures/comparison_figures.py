@@ -17,7 +17,7 @@ from lumbar.publishing.figures.style import (
 )
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.residuals.compare import Comparison
-from lumbar.tissue.diagnosis.selection.verdict import told_apart
+from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
 from lumbar.tissue.effects.signature import RATES, Signature, pictured_form, signatures
 from lumbar.tissue.models.form import Effect
 
@@ -199,7 +199,7 @@ def ladder_figure(rungs: list[dict], unit: str, floor: float | None):
         label="unseen records",
     )
     for shift, key in ((-0.19, "train_rms"), (0.19, "test_rms")):
-        words = told_apart([rung[key] for rung in rungs], 2)
+        words = distinguishing_digits([rung[key] for rung in rungs], 2)
         for place, rung, told in zip(places, rungs, words, strict=True):
             axes.annotate(
                 told,

@@ -18,7 +18,7 @@ from lumbar.publishing.pages.html import document, figure, heading, listing, par
 from lumbar.publishing.pages.record_pages import LOCATION_CAPTION, comparison_blocks
 from lumbar.tables.words import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
-from lumbar.tissue.diagnosis.evidence.evidence import Evidence, undecided
+from lumbar.tissue.diagnosis.evidence.evidence import Evidence, limitations
 from lumbar.tissue.diagnosis.evidence.ties import ALIKE
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_explained
@@ -83,7 +83,7 @@ def evidence_blocks(
         blocks += [heading("Can it be told from the others?"), *_ties(diagnosis, evidence)]
     blocks += [figure(svg, caption) for caption, svg in pictures.items()]
     blocks += [heading("What remains"), *_remains(diagnosis, evidence)]
-    blocks += [heading("What these records cannot decide"), listing(undecided(diagnosis, evidence))]
+    blocks += [heading("What these records cannot decide"), listing(limitations(diagnosis, evidence))]
     return blocks
 
 

@@ -22,11 +22,10 @@ from lumbar.tissue.diagnosis.doctor.effect_sizes import (
 from lumbar.tissue.diagnosis.doctor.faults import FAULTS, Fault, FaultOutcomes, fault_outcomes
 from lumbar.tissue.diagnosis.doctor.injection import Truth
 from lumbar.tissue.diagnosis.evidence.discrimination import CLEAR, ExcitationCandidate, excitation_family
-from lumbar.tissue.diagnosis.evidence.ties import threshold_ratio
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
-from lumbar.tissue.diagnosis.selection.thresholds import shipped
+from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
 from lumbar.tissue.effects.catalogue import choose, without_channels
 from lumbar.tissue.models.form import Effect
@@ -102,7 +101,7 @@ def examine(
     unchanged = diagnosis_or_refusal(truth.records(truth.fit), len(verdict.selected) + 1, diagnose)
     base = truth.fit.structure.base
     nothing = judge_effect(unchanged, "", verdict.selected, base.name)
-    least_gain = threshold_ratio(shipped(base.system), sum(len(effect.forms) for effect in usable.values()))
+    least_gain = null_distribution(base.system).threshold(number_of_forms(usable))
     sizes = [
         effect_size(truth, effect, least_gain, diagnose)
         for effect in track(list(wanted.values()), "effects tried")

@@ -13,6 +13,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, nonlinear_starts, shape_bounds
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
+from lumbar.tissue.diagnosis.selection.candidate import with_forms
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.models.form import Form, Place
@@ -302,15 +303,6 @@ class Injection:
 
 def without_effect(fit: Fit, effect: str) -> tuple[Fit, Form, np.ndarray]:
     """Take an effect out of a fitted model: the model without it, its form and its nonlinear parameters."""
-    structure = fit.structure
-    form = next(item for item in structure.forms if item.effect == effect)
-    position = len(structure.base.linear)
-    keep = np.ones(len(fit.linear), dtype=bool)
-    for item in structure.forms:
-        if item is form:
-            keep[position : position + len(item.linear)] = False
-        position += len(item.linear)
-    base, parts = structure.nonlinear_of(fit.nonlinear)
-    rest = structure.without(effect)
-    nonlinear = np.concatenate([base, *(parts[item.key] for item in rest.forms)])
-    return replace(fit, structure=rest, linear=fit.linear[keep], nonlinear=nonlinear), form, parts[form.key]
+    form = next(item for item in fit.structure.forms if item.effect == effect)
+    _, nonlinear = fit.structure.nonlinear_of(fit.nonlinear)
+    return with_forms(fit, fit.structure.without(effect).forms), form, nonlinear[form.key]

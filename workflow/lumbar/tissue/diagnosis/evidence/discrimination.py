@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.evidence.ties import noise_rms
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
@@ -36,6 +35,10 @@ _ROUNDED = 0.08
 """Seconds over which corners are rounded: a machine cannot turn at once."""
 _ONSET = 1.0
 """Seconds over which motion sets in after rest."""
+REFITTED = 4
+"""How many excitations, the best to first order, are judged with full refits."""
+CLEAR = 6.0
+"""Noise standard deviations that are enough; beyond it an excitation within the range already recorded is preferred."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,12 +194,6 @@ def motion_csv(motion: Motion, unit: str) -> str:
     return stream.getvalue()
 
 
-REFITTED = 4
-"""How many excitations, the best to first order, are judged with full refits."""
-CLEAR = 6.0
-"""Noise standard deviations that are enough; beyond it an excitation within the range already recorded is preferred."""
-
-
 @dataclass(frozen=True, eq=False)
 class Separation:
     """The excitation that separates tied candidates best."""
@@ -255,7 +252,7 @@ def separating_excitation(diagnosis: Verdict, limits: Kinematics | None = None) 
     further = any(form.channels for item in candidates for form in item.fit.structure.forms)
     if not diagnosis.tied_with or further:
         return None
-    experiment, noise = diagnosis.experiment, noise_rms(diagnosis)
+    experiment, noise = diagnosis.experiment, diagnosis.noise_rms
     training = experiment.training
     family = excitation_family(training.motion, experiment.input_unit, limits)
     rivals = diagnosis.tied_with

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.files import write_json, write_text
-from lumbar.records.record import Record
 from lumbar.tables.words import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, excitation_csv, separating_excitation
 from lumbar.tissue.diagnosis.evidence.ties import (
@@ -19,16 +18,19 @@ from lumbar.tissue.diagnosis.evidence.ties import (
     Ties,
     detectable_effects,
     signal_angles,
-    threshold_ratio,
 )
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
-from lumbar.tissue.diagnosis.selection.thresholds import TIED, NullDistribution, shipped
+from lumbar.tissue.diagnosis.selection.thresholds import (
+    TIED,
+    NullDistribution,
+    null_distribution,
+    number_of_forms,
+)
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
 from lumbar.tissue.effects.catalogue import without_channels
 from lumbar.tissue.models.form import Effect
@@ -37,6 +39,13 @@ from lumbar.tissue.signals.spectrum import occupied_band
 
 if TYPE_CHECKING:
     from lumbar.settings.signals import MachineSettings
+
+_WIDE = 0.5
+"""Half width of an interval, as a share of the value, from which on a parameter is poorly known."""
+_NAMED = 4
+"""Effects named as the hardest to see."""
+LADDER_COLUMNS = ("rung", "effects", "forms", "train_rms", "test_rms", "unit", "noise_floor_rms", "data")
+EXCITATION = "separating_excitation.csv"
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +70,6 @@ class Evidence:
 
 def gather_evidence(
     diagnosis: Verdict,
-    records: list[Record],
     settings: DiagnosisSettings,
     seed: int,
     machine: MachineSettings | None = None,
@@ -70,8 +78,6 @@ def gather_evidence(
 
     Parameters
     ----------
-    records : list of Record
-        Those it was made from.
     settings : DiagnosisSettings
         Those it was made with.
     seed : int
@@ -80,29 +86,22 @@ def gather_evidence(
         Its limits; taken where the input is in mm.
     """
     experiment = diagnosis.experiment
-    null = shipped(diagnosis.base.fit.structure.base.system)
+    null = null_distribution(diagnosis.base.fit.structure.base.system)
     catalogue, _ = without_channels(settings.candidates, experiment.training.motion.channels)
-    forms = sum(len(effect.forms) for effect in catalogue.values())
+    threshold = null.threshold(number_of_forms(catalogue))
+    remaining = compare_and_locate(
+        experiment.records, diagnosis.model.fit, experiment.floor, experiment.floor_from, seed,
+        experiment.surface, experiment.session,
+    )  # fmt: skip
     if settings.forward:
         # What tells effects apart is worked out for motions that are prescribed.
-        remaining = compare_and_locate(
-            experiment.records, diagnosis.model.fit, experiment.floor, experiment.floor_from, seed
-        )
-        return Evidence(remaining, None, None, [], threshold_ratio(null, forms), null, [])
+        return Evidence(remaining, None, None, [], threshold, null, [])
     return Evidence(
-        remaining=compare_and_locate(
-            experiment.records,
-            diagnosis.model.fit,
-            experiment.floor,
-            experiment.floor_from,
-            seed,
-            experiment.surface,
-            experiment.session,
-        ),
+        remaining=remaining,
         ties=signal_angles(diagnosis),
         separation=separating_excitation(diagnosis, machine_limits(machine, experiment)),
         detectable=detectable_effects(diagnosis, catalogue, null),
-        threshold=threshold_ratio(null, forms),
+        threshold=threshold,
         null=null,
         other_forms=_other_forms(diagnosis, catalogue),
     )
@@ -124,35 +123,36 @@ def _other_forms(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Candi
         others = tuple(form for form in effect.forms if form.name != mine.name)
         if not others:
             continue
-        rest = model.fit.structure.without(mine.effect)
-        base, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
-        start = np.concatenate([base, *(parts[form.key] for form in rest.forms)])
-        without = evaluate(fit(rest, experiment.training, start), experiment)
+        without = drop_effect(model, mine.effect, experiment)
         found += extend(without, {mine.effect: replace(effect, forms=others)}, experiment)
     return found
 
 
-_WIDE = 0.5
-"""Half width of an interval, as a share of the value, from which on a parameter is poorly known."""
-_NAMED = 4
-"""Effects named as the hardest to see."""
-
-
-def undecided(diagnosis: Verdict, evidence: Evidence) -> list[str]:
+def limitations(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     """Return one sentence per limit of the evidence."""
-    return [
-        *_range(diagnosis),
-        *_unseen(diagnosis),
-        *_noise(diagnosis),
-        *_mechanism(diagnosis),
-        *_form(diagnosis, evidence),
-        *_parameters(diagnosis),
-        *_too_small(diagnosis, evidence),
-    ]
-
-
-def _range(diagnosis: Verdict) -> list[str]:
     experiment = diagnosis.experiment
+    found = [_range(experiment)]
+    if experiment.tests[0].name == experiment.training.name:
+        found.append(
+            "Whether the model holds for another excitation: there is one record only, and its last part stands in for an "
+            "unseen one. Record a second excitation."
+        )
+    if experiment.floor is None:
+        found.append(
+            "Whether what remains is noise: no record repeats. Record at least three periods of one excitation and give its "
+            "period."
+        )
+    if diagnosis.tied_with:
+        others = " or ".join(effects_text(item.effects) for item in diagnosis.tied_with)
+        found.append(
+            f"Whether it is {effects_text(diagnosis.selected)} or {others}: both explain the records equally well."
+        )
+    found += _other_forms_as_good(diagnosis, evidence)
+    found += _wide_parameters(diagnosis)
+    return found + _too_small(diagnosis, evidence)
+
+
+def _range(experiment: Experiment) -> str:
     motions = [item.motion for item in (experiment.training, *experiment.tests)]
     positions = np.concatenate([item.position for item in motions])
     speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
@@ -161,40 +161,13 @@ def _range(diagnosis: Verdict) -> list[str]:
     bottom, top = (f"{frequency:.2g}" for frequency in band)
     frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"
     unit = experiment.input_unit
-    return [
+    return (
         f"Anything outside {positions.min():.3g} to {positions.max():.3g} {unit}, above {speed:.3g} {unit}/s or "
         f"{frequencies}: the tool did not move there."
-    ]
+    )
 
 
-def _unseen(diagnosis: Verdict) -> list[str]:
-    experiment = diagnosis.experiment
-    if experiment.tests[0].name != experiment.training.name:
-        return []
-    return [
-        "Whether the model holds for another excitation: there is one record only, and its last part stands in for an "
-        "unseen one. Record a second excitation."
-    ]
-
-
-def _noise(diagnosis: Verdict) -> list[str]:
-    if diagnosis.experiment.floor is not None:
-        return []
-    return [
-        "Whether what remains is noise: no record repeats. Record at least three periods of one excitation and give its period."
-    ]
-
-
-def _mechanism(diagnosis: Verdict) -> list[str]:
-    if not diagnosis.tied_with:
-        return []
-    others = " or ".join(effects_text(item.effects) for item in diagnosis.tied_with)
-    return [
-        f"Whether it is {effects_text(diagnosis.selected)} or {others}: both explain the records equally well."
-    ]
-
-
-def _form(diagnosis: Verdict, evidence: Evidence) -> list[str]:
+def _other_forms_as_good(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     """Other mathematical forms of the selected effects that fit as well."""
     chosen = {form.key for form in diagnosis.model.fit.structure.forms}
     found = [
@@ -210,7 +183,7 @@ def _form(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     return [f"The mathematical form: {', '.join(found)} explains the records as well as {named}."]
 
 
-def _parameters(diagnosis: Verdict) -> list[str]:
+def _wide_parameters(diagnosis: Verdict) -> list[str]:
     if not diagnosis.selected:
         return []
     wide = [
@@ -235,10 +208,6 @@ def _too_small(diagnosis: Verdict, evidence: Evidence) -> list[str]:
         f"training record ({readable(easiest.effect)}); hardest to see in this excitation, depending on their "
         f"parameters: {listed} {unit}."
     ]
-
-
-LADDER_COLUMNS = ("rung", "effects", "forms", "train_rms", "test_rms", "unit", "noise_floor_rms", "data")
-EXCITATION = "separating_excitation.csv"
 
 
 def write_diagnosis(diagnosis: Verdict, evidence: Evidence, folder: Path, data: str) -> None:

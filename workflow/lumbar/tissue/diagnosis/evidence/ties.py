@@ -20,12 +20,16 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import (
     tangent_basis,
 )
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
-from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, TIED, NullDistribution
+from lumbar.tissue.diagnosis.selection.thresholds import TIED, NullDistribution, number_of_forms
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.models.form import Effect, Form
 
 ALIKE = 15.0
 """Degrees: candidates of one cluster add forces that differ by no more (97 % of the force in common)."""
+_STARTS = 3
+"""Starting nonlinear parameters tried of every form: the first, the middle and the last of its grid."""
+_NOTHING = 1e-9
+"""A share of the force that is left by rounding alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +68,7 @@ def signal_angles(diagnosis: Verdict) -> Ties | None:
     added = np.stack([simulation_over(item.fit, records) - base for item in candidates], axis=1)
     added = beyond(basis, added)
     size = np.sqrt(np.sum(added**2, axis=0))
-    noise = noise_rms(diagnosis)
+    noise = diagnosis.noise_rms
     # A candidate that adds less than noise would hide has no direction to speak of.
     seen = [index for index in range(len(candidates)) if index == 0 or size[index] ** 2 > TIED * noise**2]
     candidates, added = [candidates[index] for index in seen], added[:, seen]
@@ -72,12 +76,6 @@ def signal_angles(diagnosis: Verdict) -> Ties | None:
     hidden = min(1.0, np.sqrt(TIED) * noise / size[0]) if size[0] > 0 else 1.0
     resolution = float(np.degrees(np.arcsin(hidden)))
     return Ties(candidates, angles, complete_linkage(angles, max(ALIKE, resolution)), resolution)
-
-
-def noise_rms(diagnosis: Verdict) -> float:
-    """Noise per sample: the floor, or what the model leaves of its training record where there is none."""
-    floor = diagnosis.experiment.floor
-    return diagnosis.model.train_rms if floor is None else floor.rms
 
 
 def _with_tied(diagnosis: Verdict) -> list[Candidate]:
@@ -130,10 +128,6 @@ def complete_linkage(angles: np.ndarray, largest: float) -> list[list[int]]:
     return sorted(clusters)
 
 
-_STARTS = 3
-"""Starting nonlinear parameters tried of every form: the first, the middle and the last of its grid."""
-
-
 @dataclass(frozen=True)
 class Detectable:
     """Smallest effect that the training record would show."""
@@ -143,13 +137,6 @@ class Detectable:
     hardest: float
     """`easiest`, `hardest`: RMS of the force it must add, in the output's unit, for the form and shape that the record
     shows best and worst."""
-
-
-def threshold_ratio(null: NullDistribution, forms: int) -> float:
-    """Smallest likelihood-ratio statistic that an effect may be selected on: its probability is `LEVEL`."""
-    candidates = np.linspace(0.0, 4 * null.ratios[-1], 4001)
-    probabilities = np.array([null.p_value(ratio, forms) for ratio in candidates])
-    return float(candidates[np.argmax(probabilities <= LEVEL)])
 
 
 def detectable_effects(
@@ -162,8 +149,7 @@ def detectable_effects(
     Effects that are no force beside the tissue's are judged by the change they make at their starting nonlinear parameters.
     """
     fit, data = diagnosis.model.fit, diagnosis.experiment.training
-    forms = sum(len(effect.forms) for effect in catalogue.values())
-    least = noise_rms(diagnosis) * np.sqrt(threshold_ratio(null, forms) / data.size)
+    least = diagnosis.noise_rms * np.sqrt(null.threshold(number_of_forms(catalogue)) / data.size)
     basis = tangent_basis(fit, [data])
     found = []
     for effect in catalogue.values():
@@ -177,10 +163,6 @@ def detectable_effects(
                 )
             )
     return sorted(found, key=lambda item: item.easiest)
-
-
-_NOTHING = 1e-9
-"""A share of the force that is left by rounding alone."""
 
 
 def _shares_left(fit: Fit, form: Form, data: FitData, basis: np.ndarray) -> list[float]:

@@ -54,6 +54,11 @@ class Experiment:
     session: bool = False
     """Whether each record begins in the state in which the one before it left the tissue."""
 
+    @property
+    def noise(self) -> float:
+        """RMS of the noise floor; 0 where it is not known."""
+        return 0.0 if self.floor is None else self.floor.rms
+
     def with_origin(self, surface: float) -> Experiment:
         """The same records, their positions counted from here."""
         shift = surface - self.surface
@@ -75,6 +80,18 @@ class Experiment:
     def without_whitening(self) -> Experiment:
         """The same records, their errors taken as they are."""
         return self._each(lambda item: item.without_whitening())
+
+    def with_data(
+        self, change: Callable[[FitData], FitData], joint: type[JointData] = JointData
+    ) -> Experiment:
+        """The same experiment, the data of every record changed; `joint` holds those that are fitted together."""
+
+        def changed(data: FitData) -> FitData:
+            if isinstance(data, JointData):
+                return replace(joint.of([change(part) for part in data.parts]), own_zero=data.own_zero)
+            return change(data)
+
+        return self._each(changed)
 
     def _each(self, change: Callable[[FitData], FitData]) -> Experiment:
         return replace(self, training=change(self.training), tests=[change(item) for item in self.tests])

@@ -17,12 +17,12 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.forward.forward_fit import EVALUATIONS, fit_forward
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, exchange_base, fit_base
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.driven_motion import MOTION, ForceBalance
 from lumbar.tissue.models.measured_motion import with_measured_motion, without_noise
@@ -70,24 +70,6 @@ class ForwardJointData(JointData):
         return max(part.scale(kind) for part in self.parts)
 
 
-def forward_experiment(experiment: Experiment) -> Experiment:
-    """The same experiment with its records as forward ones."""
-    return replace(
-        experiment,
-        training=_forward(experiment.training),
-        tests=[_forward(item) for item in experiment.tests],
-    )
-
-
-def _forward(data: FitData) -> FitData:
-    if isinstance(data, JointData):
-        joint = ForwardJointData.of([_forward(part) for part in data.parts])
-        return replace(joint, own_zero=data.own_zero)
-    return ForwardData(
-        data.name, data.motion, data.force, data.whitening, data.settling_time, own_zero=data.own_zero
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class CarriedData(FitData):
     """A forward record turned round: attributes as of `FitData`, of the motion as measured and the force."""
@@ -126,28 +108,16 @@ class CarriedJointData(JointData):
         return np.concatenate([part.error(piece) for part, piece in pieces])
 
 
-def carried(experiment: Experiment, response: Response) -> Experiment:
+def turn_round(experiment: Experiment, response: Response) -> Experiment:
     """A forward experiment turned round."""
 
-    def turned(data: FitData) -> FitData:
-        if isinstance(data, JointData):
-            return replace(CarriedJointData.of([turned(part) for part in data.parts]), own_zero=data.own_zero)
-        assert isinstance(data, ForwardData)
-        moved, force = data.moved, data.motion.position
+    def turned(data: ForwardData) -> CarriedData:
+        moved = data.moved
         motion = Motion(moved.time, moved.position, moved.sampling_time)
-        return CarriedData(
-            data.name,
-            motion,
-            force,
-            data.whitening,
-            data.settling_time,
-            own_zero=data.own_zero,
-            response=response,
-        )
+        known = (data.whitening, data.settling_time, data.own_zero)
+        return CarriedData(data.name, motion, data.motion.position, *known, response=response)
 
-    return replace(
-        experiment, training=turned(experiment.training), tests=[turned(item) for item in experiment.tests]
-    )
+    return experiment.with_data(turned, CarriedJointData)
 
 
 def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Response:
@@ -188,22 +158,22 @@ def measured_response(data: FitData) -> Response:
     return lambda wanted: np.interp(wanted, frequency, ratio)
 
 
-def fitted_base(experiment: Experiment, base: Base) -> tuple[Experiment, np.ndarray, np.ndarray]:
-    """A base fitted to a forward experiment turned round: the experiment, carried through it, and its parameters."""
+def fit_turned_round(experiment: Experiment, base: Base) -> tuple[np.ndarray, np.ndarray]:
+    """Linear and nonlinear parameters of a base fitted to a forward experiment turned round."""
     training = experiment.training
     first = training.records[0]
-    seen = carried(experiment, measured_response(first))
+    response = measured_response(first)
     for _ in range(_TURNS):
-        found = fit_base(Structure(base), seen.training)
+        found = joint_fit.fit_base(Structure(base), turn_round(experiment, response).training)
         linear = found.linear
         if not linear.any():  # no material at all: what does not follow the force is stiff
             spring = [item.name == "spring_stiffness" for item in base.linear]
             linear = np.where(spring, _STIFF * np.std(training.motion.position) / np.std(training.force), 0.0)
-        seen = carried(experiment, response_of(base, linear, found.nonlinear))
-    return seen, linear, found.nonlinear
+        response = response_of(base, linear, found.nonlinear)
+    return linear, found.nonlinear
 
 
-def prepared_forward(records: list[Record], settings: DiagnosisSettings) -> Experiment:
+def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Experiment:
     """Forward records ready for a diagnosis.
 
     Raises
@@ -217,23 +187,27 @@ def prepared_forward(records: list[Record], settings: DiagnosisSettings) -> Expe
             "begins in the state that its own motion tells; leave session out"
         )
     seen = [with_measured_motion(record) for record in records]
-    return replace(forward_experiment(settings.prepare(seen)), records=tuple(seen))
+
+    def forward(data: FitData) -> ForwardData:
+        known = (data.whitening, data.settling_time, data.own_zero)
+        return ForwardData(data.name, data.motion, data.force, *known)
+
+    return replace(settings.prepare(seen).with_data(forward, ForwardJointData), records=tuple(seen))
 
 
-def shortened(experiment: Experiment) -> Experiment:
+def beginning(experiment: Experiment) -> Experiment:
     """The experiment with no more of every record than a search needs; the same one where none is longer."""
 
     def short(data: FitData) -> FitData:
         return data.split(_LONG / data.size)[0] if data.size > _LONG else data
 
-    training, tests = short(experiment.training), [short(item) for item in experiment.tests]
-    kept = [training, *tests]
-    if all(one is other for one, other in zip(kept, [experiment.training, *experiment.tests], strict=True)):
+    if max(item.size for item in (experiment.training, *experiment.tests)) <= _LONG:
         return experiment
-    return replace(experiment, training=training, tests=tests)
+    tests = [short(item) for item in experiment.tests]
+    return replace(experiment, training=short(experiment.training), tests=tests)
 
 
-def simulated(
+def fit_by_simulation(
     experiment: Experiment,
     structure: ForwardStructure,
     linear: np.ndarray,
@@ -246,7 +220,13 @@ def simulated(
     return evaluate(found, experiment)
 
 
-def chosen_base(experiment: Experiment, name: str) -> Candidate:
+def resume_fit(experiment: Experiment, model: Candidate, evaluations: int = EVALUATIONS) -> Candidate:
+    """Fit a model to an experiment from where a fit to another one has ended."""
+    fit = model.fit
+    return fit_by_simulation(experiment, fit.structure, fit.linear, fit.nonlinear, fit.zero, evaluations)
+
+
+def choose_forward_base(experiment: Experiment, name: str) -> Candidate:
     """The base of a name, or the one of `FORWARD_BASES` that explains all records best, fitted by simulation.
 
     Raises
@@ -258,24 +238,18 @@ def chosen_base(experiment: Experiment, name: str) -> Candidate:
         if BASES[name].contact or BASES[name].system != "tissue":
             known = ", ".join(FORWARD_BASES)
             raise InputError(f"base {name}: records with the force as input know the bases {known}")
-        return simulated_base(experiment, BASES[name])
-    turned = [fitted_base(experiment, BASES[item]) for item in FORWARD_BASES]
+        return simulate_base(experiment, BASES[name])
     # All carried through the response of the first, which has all that the others have but a second relaxation.
-    _, linear, nonlinear = turned[0]
-    seen = carried(experiment, response_of(BASES[FORWARD_BASES[0]], linear, nonlinear))
-
-    def score(name: str) -> float:
-        return evaluate(fit_base(Structure(BASES[name]), seen.training), seen).score
-
-    ranked = sorted(FORWARD_BASES, key=score)
-    found = [simulated_base(experiment, BASES[name]) for name in ranked[:_SIMULATED]]
+    first = BASES[FORWARD_BASES[0]]
+    seen = turn_round(experiment, response_of(first, *fit_turned_round(experiment, first)))
+    ranked = sorted(FORWARD_BASES, key=lambda name: fit_base(BASES[name], seen).score)
+    found = [simulate_base(experiment, BASES[name]) for name in ranked[:_SIMULATED]]
     return min(found, key=lambda item: item.score if np.isfinite(item.score) else np.inf)
 
 
-def simulated_base(experiment: Experiment, base: Base) -> Candidate:
-    """A base fitted turned round, and from there by simulation."""
-    _, linear, nonlinear = fitted_base(experiment, base)
-    return simulated(experiment, ForwardStructure(base), linear, nonlinear)
+def simulate_base(experiment: Experiment, base: Base) -> Candidate:
+    """Fit a base turned round, and from there by simulation."""
+    return fit_by_simulation(experiment, ForwardStructure(base), *fit_turned_round(experiment, base))
 
 
 def better_base(model: Candidate, seen: Experiment) -> Base | None:
@@ -283,15 +257,7 @@ def better_base(model: Candidate, seen: Experiment) -> Base | None:
 
     What a model lacks may have passed for a relaxation or a mass as long as it was lacking.
     """
-    structure = model.fit.structure
-    _, parts = structure.nonlinear_of(model.fit.nonlinear)
-    acting = [parts[form.key] for form in structure.forms]
-
-    def score(base: Base) -> float:
-        bare = fit_base(Structure(base), seen.training)
-        start = np.concatenate([bare.nonlinear, *acting])
-        return evaluate(fit(Structure(base, structure.forms), seen.training, start), seen).score
-
-    bases = {name: BASES[name] for name in (structure.base.name, *FORWARD_BASES)}
-    best = min(bases, key=lambda name: score(bases[name]))
-    return None if best == structure.base.name else bases[best]
+    own = model.fit.structure.base
+    bases = [own, *(BASES[name] for name in FORWARD_BASES if name != own.name)]
+    best = min(bases, key=lambda base: exchange_base(model, base, seen).score)
+    return None if best is own else best

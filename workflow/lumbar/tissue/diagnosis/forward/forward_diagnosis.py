@@ -9,35 +9,171 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit_base
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.forward.forward_base import (
+    beginning,
     better_base,
-    carried,
-    chosen_base,
-    prepared_forward,
+    choose_forward_base,
+    fit_by_simulation,
+    prepare_forward,
     response_of,
-    shortened,
-    simulated,
-    simulated_base,
+    resume_fit,
+    simulate_base,
+    turn_round,
 )
 from lumbar.tissue.diagnosis.forward.forward_fit import EVALUATIONS
 from lumbar.tissue.diagnosis.forward.sensor import sensor_candidates
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, unseen_improvement
-from lumbar.tissue.diagnosis.selection.findings import linear_alternative, linear_finding, offsets
+from lumbar.tissue.diagnosis.selection.candidate import (
+    Candidate,
+    add_form,
+    fit_base,
+    is_adequate,
+    unseen_improvement,
+)
+from lumbar.tissue.diagnosis.selection.findings import linear_alternative, offsets
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
-from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN, shipped
+from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import MOTION_SENSOR
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.driven_motion import can_be_simulated
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.structure import ForwardStructure, Structure
+from lumbar.tissue.models.structure import ForwardStructure
 
 _RIVALS = 5
 """Sets of effects, beside those named, that are simulated."""
+_LEAST_EXPLAINED = 0.05
+"""Share of the motion's variance that a base must explain for effects to be looked for beside it."""
+_POLISHED = 4
+"""Evaluations of the error on all of long records, from the fit to their beginning."""
+
+
+def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> Verdict:
+    """Diagnose what a base model is missing on forward records (force in, motion out).
+
+    Parameters
+    ----------
+    records : list of Record
+        With the force as channel ``input`` and the motion as ``output``.
+
+    Returns
+    -------
+    Verdict
+        In the unit of the motion; its fits simulate from force to motion.
+
+    Raises
+    ------
+    InputError
+        For a base with contact, and for records that cannot be used.
+    """
+    experiment, base = prepare_with_base(records, settings)
+    found = _diagnose(beginning(experiment), base, settings)
+    if found.experiment is not experiment:
+        found = _on_all(found, experiment, settings)
+    found = _behind_sensor(found, settings)
+    findings = [replace(item, kind="motion_offset") for item in offsets(found)]
+    adequate = is_adequate(found.model, experiment)
+    alternative = None if adequate else linear_alternative(found.model, experiment)
+    if alternative is not None:
+        # Where linear dynamics of higher order surely explain more, they are told and nothing is named.
+        found = replace(found, verdict="unexplained", tied_with=[], verdict_after="unexplained")
+        findings.append(alternative[1])
+    return replace(found, findings=tuple(findings), diagnosed_again=False)
+
+
+def prepare_with_base(records: list[Record], settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
+    """Forward records ready for a diagnosis, and the base that is named or that they ask for, on their beginning."""
+    experiment = prepare_forward(records, settings)
+    base = choose_forward_base(beginning(experiment), settings.base)
+    if experiment.error_dwarfs_noise(base.train_rms):
+        experiment = experiment.without_whitening()
+        base = resume_fit(beginning(experiment), base)
+    return experiment, base
+
+
+def forward_catalogue(catalogue: dict[str, Effect], base: Base) -> dict[str, Effect]:
+    """The effects that can be simulated from force to motion, without what the base has itself."""
+    known = set(base.form.parsed_equation.columns)
+    found = {}
+    for name, effect in catalogue.items():
+        forms = tuple(
+            form
+            for form in effect.forms
+            if can_be_simulated(form) and not known >= set(form.parsed_equation.columns)
+        )
+        if forms:
+            found[name] = replace(effect, forms=forms)
+    return found
+
+
+def _diagnose(experiment: Experiment, base: Candidate, settings: DiagnosisSettings) -> Verdict:
+    """Name by the turned-round records, keep what simulation confirms; once effects are known, ask for the base again."""
+    data = experiment.training
+    if base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(np.var(data.trim(data.force))):
+        # The motion hardly follows the force: nothing can be carried through a response that is not there.
+        return Confirmation(experiment, base, settings).diagnosis()
+    found, seen = _diagnose_with_base(experiment, base, settings)
+    if settings.base != CHOSEN_BY_DATA or not found.selected:
+        return found
+    other = better_base(found.model, seen)
+    return (
+        found
+        if other is None
+        else _diagnose_with_base(experiment, simulate_base(experiment, other), settings)[0]
+    )
+
+
+def _diagnose_with_base(
+    experiment: Experiment, base: Candidate, settings: DiagnosisSettings
+) -> tuple[Verdict, Experiment]:
+    """A diagnosis with one base, and the turned-round records that it was searched on."""
+    model = base.fit.structure.base
+    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, model))
+    response = response_of(model, base.fit.linear, base.fit.nonlinear)
+    seen = turn_round(experiment, response)
+    named = Selection(seen, fit_base(model, seen), usable).diagnosis()
+    rivals = [*named.tied_with, *(item.candidate for item in named.ranking)]
+    # A constant force moves what it acts on by the static response.
+    static = float(response(np.zeros(1))[0].real)
+    judge = Confirmation(experiment, base, usable, named.path[1:], rivals, lambda fit: -fit.zero * static)
+    return judge.diagnosis(), seen
+
+
+def _on_all(found: Verdict, experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
+    """The same models fitted to all of long records and judged there, with the best rival."""
+    base = resume_fit(experiment, found.base, _POLISHED)
+    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, base.fit.structure.base))
+    rivals = [item.candidate for item in found.ranking if set(item.candidate.effects) != set(found.selected)]
+    named = [*found.path[1:], *found.tied_with, *rivals[:1]]
+    return Confirmation(experiment, base, usable, named, evaluations=_POLISHED).diagnosis()
+
+
+def _behind_sensor(found: Verdict, settings: DiagnosisSettings) -> Verdict:
+    """Linear dynamics behind a sensor that is not linear, where they surely explain all records better."""
+    experiment = found.experiment
+    if is_adequate(found.model, experiment):
+        return found
+    forms = {name: settings.candidates[name].forms for name in MOTION_SENSOR}
+    for before, after in sorted(sensor_candidates(experiment, forms), key=lambda pair: pair[1].score):
+        judge = Selection(experiment, before, settings, singles=[])
+        surely = unseen_improvement(found.model, after, experiment) > UNSEEN
+        if not (judge.passes(before, after) and surely and after.score < found.model.score - TIED):
+            continue
+        judge.tried = [after]
+        share = judge.share_removed(after)
+        return replace(
+            found,
+            base=before,
+            verdict=judge.verdict(after, [], share),
+            path=[before, after],
+            tied_with=[],
+            ranking=[*judge.ranking(after), *found.ranking],
+            explainable_share_removed=share,
+            verdict_after=judge.verdict_after(after, None),
+        )
+    return found
 
 
 class Confirmation(Selection):
@@ -68,7 +204,7 @@ class Confirmation(Selection):
         zero_of: Callable[[Fit], float] = lambda fit: fit.zero,
         evaluations: int = EVALUATIONS,
     ):
-        super().__init__(experiment, base, settings, shipped("tissue"), singles=[])
+        super().__init__(experiment, base, settings, singles=[])
         self.named = named
         self.rivals = rivals
         self.zero_of = zero_of
@@ -85,10 +221,7 @@ class Confirmation(Selection):
         self.simulate(rivals[:_RIVALS])
         path = [self.base]
         while larger := [item for item in self.tried if self.follows(path[-1], item)]:
-            fewest = min(len(item.effects) for item in larger)
-            path.append(
-                min((item for item in larger if len(item.effects) == fewest), key=lambda item: item.score)
-            )
+            path.append(min(larger, key=lambda item: (len(item.effects), item.score)))
         return path
 
     def simulate(self, models: Sequence[Candidate]) -> None:
@@ -99,155 +232,18 @@ class Confirmation(Selection):
             if structure.forms and structure.forms not in known:
                 known.add(structure.forms)
                 start = item.fit.linear, item.fit.nonlinear, self.zero_of(item.fit)
-                found = simulated(self.experiment, structure, *start, self.evaluations)
+                found = fit_by_simulation(self.experiment, structure, *start, self.evaluations)
                 if np.isfinite(found.score):
                     self.tried.append(found)
 
     def follows(self, before: Candidate, after: Candidate) -> bool:
         """Whether a larger set may be selected after another one."""
-        if not set(after.effects) > set(before.effects) or not self.passes(before, after):
-            return False
-        return before is self.base or self.worthwhile(before, after)
+        may = self.passes if before is self.base else self.is_further
+        return set(after.effects) > set(before.effects) and may(before, after)
 
     def further(self, model: Candidate) -> Candidate | None:
         """What was not named turned round is not looked for."""
         return None
-
-
-_LEAST_EXPLAINED = 0.05
-"""Share of the motion's variance that a base must explain for effects to be looked for beside it."""
-_POLISHED = 4
-"""Evaluations of the error on all of long records, from the fit to their beginning."""
-
-
-def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> Verdict:
-    """Diagnose what a base model is missing on forward records (force in, motion out).
-
-    Parameters
-    ----------
-    records : list of Record
-        With the force as channel ``input`` and the motion as ``output``.
-
-    Returns
-    -------
-    Verdict
-        In the unit of the motion; its fits simulate from force to motion.
-
-    Raises
-    ------
-    InputError
-        For a base with contact, and for records that cannot be used.
-    """
-    experiment, base = prepared_base(records, settings)
-    found = _confirmed(shortened(experiment), base, settings)
-    if found.experiment is not experiment:
-        found = _on_all(found, experiment, settings)
-    found, linear = _beside_linear(_behind_sensor(found, settings))
-    zeros = [replace(item, kind="motion_offset") for item in offsets(found)]
-    return replace(found, findings=(*zeros, *linear), diagnosed_again=False)
-
-
-def prepared_base(records: list[Record], settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
-    """Forward records ready for a diagnosis, and the base that is named or that they ask for, on their beginning."""
-    experiment = prepared_forward(records, settings)
-    base = chosen_base(shortened(experiment), settings.base)
-    if experiment.error_dwarfs_noise(base.train_rms):
-        experiment, fit = experiment.without_whitening(), base.fit
-        base = simulated(shortened(experiment), fit.structure, fit.linear, fit.nonlinear, fit.zero)
-    return experiment, base
-
-
-def forward_catalogue(catalogue: dict[str, Effect], base: Base) -> dict[str, Effect]:
-    """The effects that can be simulated from force to motion, without what the base has itself."""
-    known = set(base.form.parsed_equation.columns)
-    found = {}
-    for name, effect in catalogue.items():
-        forms = tuple(
-            form
-            for form in effect.forms
-            if can_be_simulated(form) and not known >= set(form.parsed_equation.columns)
-        )
-        if forms:
-            found[name] = replace(effect, forms=forms)
-    return found
-
-
-def _confirmed(experiment: Experiment, base: Candidate, settings: DiagnosisSettings) -> Verdict:
-    """Name by the turned-round records, keep what simulation confirms; once effects are known, ask for the base again."""
-    data = experiment.training
-    if base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(np.var(data.trim(data.force))):
-        # The motion hardly follows the force: nothing can be carried through a response that is not there.
-        return Confirmation(experiment, base, settings).diagnosis()
-    found, seen = _named(experiment, base, settings)
-    if settings.base != CHOSEN_BY_DATA or not found.selected:
-        return found
-    other = better_base(found.model, seen)
-    return found if other is None else _named(experiment, simulated_base(experiment, other), settings)[0]
-
-
-def _named(
-    experiment: Experiment, base: Candidate, settings: DiagnosisSettings
-) -> tuple[Verdict, Experiment]:
-    """A diagnosis with one base, and the turned-round records that it was searched on."""
-    model = base.fit.structure.base
-    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, model))
-    response = response_of(model, base.fit.linear, base.fit.nonlinear)
-    seen = carried(experiment, response)
-    turned = evaluate(fit_base(Structure(model), seen.training), seen)
-    named = Selection(seen, turned, usable, shipped("tissue")).diagnosis()
-    rivals = [*named.tied_with, *(item.candidate for item in named.ranking)]
-    # A constant force moves what it acts on by the static response.
-    static = float(response(np.zeros(1))[0].real)
-    judge = Confirmation(experiment, base, usable, named.path[1:], rivals, lambda fit: -fit.zero * static)
-    return judge.diagnosis(), seen
-
-
-def _on_all(found: Verdict, experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
-    """The same models fitted to all of long records and judged there, with the best rival."""
-    fit = found.base.fit
-    base = simulated(experiment, fit.structure, fit.linear, fit.nonlinear, fit.zero, _POLISHED)
-    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, fit.structure.base))
-    rivals = [item.candidate for item in found.ranking if set(item.candidate.effects) != set(found.selected)]
-    named = [*found.path[1:], *found.tied_with, *rivals[:1]]
-    return Confirmation(experiment, base, usable, named, evaluations=_POLISHED).diagnosis()
-
-
-def _behind_sensor(found: Verdict, settings: DiagnosisSettings) -> Verdict:
-    """Linear dynamics behind a sensor that is not linear, where they surely explain all records better."""
-    experiment, null = found.experiment, shipped("tissue")
-    if is_adequate(found.model, experiment):
-        return found
-    forms = {name: settings.candidates[name].forms for name in MOTION_SENSOR}
-    for before, after in sorted(sensor_candidates(experiment, forms), key=lambda pair: pair[1].score):
-        judge = Selection(experiment, before, settings, null, singles=[])
-        surely = unseen_improvement(found.model, after, experiment) > UNSEEN
-        if not (judge.passes(before, after) and surely and after.score < found.model.score - TIED):
-            continue
-        judge.tried = [after]
-        share = judge.share_removed(after)
-        return replace(
-            found,
-            base=before,
-            verdict=judge.verdict(after, [], share),
-            path=[before, after],
-            tied_with=[],
-            ranking=[*judge.ranking(after), *found.ranking],
-            explainable_share_removed=share,
-            verdict_after=judge.verdict_after(after, None),
-        )
-    return found
-
-
-def _beside_linear(found: Verdict) -> tuple[Verdict, list[Finding]]:
-    """Where linear dynamics of higher order surely explain more, they are told and nothing is named."""
-    experiment = found.experiment
-    if is_adequate(found.model, experiment):
-        return found, []
-    linear = linear_alternative(found.model, experiment)
-    if linear is None:
-        return found, []
-    said = [linear_finding(linear, found.model, experiment)]
-    return replace(found, verdict="unexplained", tied_with=[], verdict_after="unexplained"), said
 
 
 def refine_forward(
@@ -273,7 +269,7 @@ def refine_forward(
     NumericalError
         If an effect makes the model worse.
     """
-    experiment, base = prepared_base(records, settings)
+    experiment, base = prepare_with_base(records, settings)
     model = base.fit.structure.base
     usable = forward_catalogue(effects, model)
     for name in effects:
@@ -282,15 +278,17 @@ def refine_forward(
             raise InputError(
                 f"{name}: it cannot be added to {model.name} from force to motion; those that can are {known}"
             )
-    short = shortened(experiment)
-    seen = carried(short, response_of(model, base.fit.linear, base.fit.nonlinear))
-    turned, path = evaluate(fit_base(Structure(model), seen.training), seen), [_on(experiment, base)]
+    short = beginning(experiment)
+    seen = turn_round(short, response_of(model, base.fit.linear, base.fit.nonlinear))
+    turned = fit_base(model, seen)
+    path = [base if short is experiment else resume_fit(experiment, base)]
     for effect in usable.values():
-        added = [evaluate(add(turned.fit, form, seen.training), seen) for form in effect.forms]
+        added = [add_form(turned, form, seen) for form in effect.forms]
         turned = min(added, key=lambda item: item.score)
         structure = ForwardStructure(model, turned.fit.structure.forms)
-        found = simulated(short, structure, turned.fit.linear, turned.fit.nonlinear, path[-1].fit.zero)
-        found = _on(experiment, found)
+        start = turned.fit.linear, turned.fit.nonlinear, path[-1].fit.zero
+        found = fit_by_simulation(short, structure, *start)
+        found = found if short is experiment else resume_fit(experiment, found)
         if found.fit.squared_error > path[-1].fit.squared_error * (1 + 1e-6):
             raise NumericalError(
                 f"{effect.name}: added, it raises the error on {experiment.training.name} from {path[-1].train_rms:.4g} to "
@@ -298,11 +296,3 @@ def refine_forward(
             )
         path.append(found)
     return experiment, path
-
-
-def _on(experiment: Experiment, model: Candidate) -> Candidate:
-    """A model that was fitted to the beginning of records, fitted to all of them."""
-    if shortened(experiment) is experiment:
-        return model
-    fit = model.fit
-    return simulated(experiment, fit.structure, fit.linear, fit.nonlinear, fit.zero)

@@ -1,4 +1,4 @@
-"""Propose a law for what is missing, or say that no short formula was found."""
+"""Propose a law for what is missing, or say that no short formula was found: in words, and as the file of an own effect."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ from lumbar.tissue.diagnosis.law.validation import (
     is_dissipative,
     motions,
     stays_bounded,
-    thinned,
+    thin,
 )
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     evaluate,
     is_adequate,
     likelihood_ratio,
+    refit,
     unseen_improvement,
 )
-from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, LEVEL, shipped
+from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, LEVEL, null_distribution
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.model_data import unit_of
-from lumbar.tissue.models.parameter import NonlinearParameter
+from lumbar.tissue.models.parameter import NonlinearParameter, Parameter
 
 NAME = "proposed_law"
 CONFIRMED = 3.09
@@ -48,6 +49,15 @@ LEAST_SHARE = 0.75
 """Share of what the best model of the catalogue leaves to explain of them that a law must remove: the error then halves."""
 _NEARLY = 1.05
 """Error beside that of a law on the catalogue's best model, up to which the law on the base alone is preferred."""
+MARK = "found in these data, not known physics"
+_SIGNS = {1: "positive", -1: "negative", 0: "any"}
+_AROUND = 1.5
+"""Factor below and above the value found within which another fit of the law begins."""
+_FEW = 2
+"""Nonlinear parameters that a fit can begin with at several values each; with more it begins with those found."""
+_REACH = (0.2, 5.0)
+_CLEARLY = 0.5
+"""Error of a law on the base alone beside that of the effects selected, up to which they are but a likeness of it."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +72,6 @@ class Range:
 
 
 @dataclass(frozen=True, eq=False)
-class Tried:
-    """A law that was looked at, and why it is not proposed; empty where it is."""
-
-    law: Law
-    refused: str
-
-
-@dataclass(frozen=True, eq=False)
 class Proposal:
     """A law for what is missing, or none."""
 
@@ -79,8 +81,8 @@ class Proposal:
     """`base`, `before`: the base alone; the best model that the catalogue gave."""
     law: Law | None
     """Its candidate is judged on all unseen records."""
-    tried: list[Tried]
-    """Every law that came so far as to be tested, with what it failed."""
+    tried: list[tuple[Law, str]]
+    """Every law that came so far as to be tested, with what it failed; empty where it is proposed."""
     share_removed: float
     """Share of what `before` leaves to explain, on unseen seconds that no choice has looked at, that the law removes."""
     certainty: float
@@ -113,6 +115,71 @@ class Proposal:
         """Whether the law grows with time or path from each record's start."""
         return bool(knows(self.terms) & {"time", "path"})
 
+    @property
+    def form(self) -> Form:
+        """The form of the proposed law."""
+        return self.law.fit.structure.forms[-1]
+
+    @property
+    def words(self) -> str:
+        """What the law consists of."""
+        return "; ".join(term.words for term in self.terms)
+
+    @property
+    def found_for(self) -> str:
+        """Where the law was found, and what is known of it beyond."""
+        found, unit, force = self.range, self.experiment.input_unit, self.experiment.output_unit
+        where = f"z from {found.low:.3g} to {found.high:.3g} {unit}, |v| up to {found.speed:.3g} {unit}/s"
+        tried = self.extrapolation
+        if tried is None:
+            return f"{where}; whether it holds beyond that range was not tried: the records are too short"
+        said = (
+            f"{where}; fitted to the inner {100 * INNER:.0f} % of that range it errs by {tried.inner_rms:.3g} {force} outside, "
+            f"beside {tried.all_rms:.3g} {force} when fitted to all"
+        )
+        if tried.beyond_rms is not None:
+            said += f", and by {tried.beyond_rms:.3g} {force} on unseen samples beyond the range"
+        return f"{said}; farther on it is a guess" if tried.holds else f"{said}: it does not extrapolate"
+
+    @property
+    def sentences(self) -> list[str]:
+        """The proposal, in plain English."""
+        unit, floor, before = self.experiment.output_unit, self.experiment.floor, self.before
+        beside = "" if floor is None else f", noise floor {floor.rms:.3g} {unit}"
+        said = f"unseen error {before.test_rms:.3g} {unit}{beside}"
+        name = "+".join([before.fit.structure.base.name, *before.effects])
+        if not self.is_needed:
+            return [f"No law is needed: {name} leaves nothing but noise ({said})."]
+        best = self.surfaces[0]
+        on = "+".join([before.fit.structure.base.name, *self.left_by.effects])
+        seen = (
+            f"Without a formula, the best smooth function of {best.first.words} and {best.second.words} explains "
+            f"{100 * best.share:.0f} % of what {on} leaves to explain."
+        )
+        if self.law is None:
+            tried = [(" + ".join(term.name for term in law.terms), refused) for law, refused in self.tried]
+            return [
+                f"No short formula found for what {name} leaves ({said}).",
+                seen,
+                *(f"Not proposed: {terms}: {refused}." for terms, refused in tried),
+            ]
+        states = "".join(f", d{symbol}/dt = {rate}" for symbol, rate in self.form.state)
+        return [
+            f"Proposed for {on}: F = {self.form.equation}{states} ({self.words}); {MARK}.",
+            f"The unseen error falls from {before.test_rms:.3g} to {self.law.candidate.test_rms:.3g} {unit}{beside}; "
+            f"{100 * self.share_removed:.0f} % of what was missing is gone on unseen seconds that no choice has looked at "
+            f"({self.certainty:.1f} standard errors).",
+            seen,
+            f"It was found for {self.found_for}.",
+        ]
+
+    @property
+    def finding(self) -> Finding:
+        """The proposal as a finding of ``diagnosis.json``: its value is the unseen error that is left."""
+        left = self.before if self.law is None else self.law.candidate
+        words = " ".join(self.sentences)
+        return Finding("proposed_law", words, left.test_rms, self.experiment.output_unit)
+
 
 def propose(
     experiment: Experiment,
@@ -141,23 +208,23 @@ def propose(
     """
     before = before or base
     none = Proposal(experiment, base, before, None, [], 0.0, 0.0, None, _range(experiment))
-    return _searched(none, library() if terms is None else terms, system) if none.is_needed else none
+    return _search(none, library() if terms is None else terms, system) if none.is_needed else none
 
 
-def _searched(none: Proposal, terms: Sequence[Term], system: str) -> Proposal:
+def _search(none: Proposal, terms: Sequence[Term], system: str) -> Proposal:
     """The proposal with what a search finds, beside the base and beside the catalogue's best model."""
     experiment, base, before = none.experiment, none.base, none.before
     chosen_on, confirmed_on = alternate(experiment)
-    lower = thinned(experiment)
+    lower = thin(experiment)
     search = Search(chosen_on if lower is experiment else alternate(lower)[0], terms)
     starts = [base] if before.effects == base.effects else [base, before]
     test = _Test(experiment, confirmed_on, before, len(terms), system)
     tried, passed = [], []
     for start in starts:
-        for law in reversed(search.laws(_restarted(start, search.experiment))):
-            law = _settled(law, start, experiment)
+        for law in reversed(search.laws(refit(start.fit.structure, start.fit.nonlinear, search.experiment))):
+            law = _on_all(law, start, experiment)
             refused = test.refuses(law)
-            tried.append(Tried(law, refused))
+            tried.append((law, refused))
             if not refused:
                 passed.append(law)
                 break
@@ -178,12 +245,7 @@ def _searched(none: Proposal, terms: Sequence[Term], system: str) -> Proposal:
     )
 
 
-def _restarted(start: Candidate, experiment: Experiment) -> Candidate:
-    """The same model fitted to the training record of another experiment."""
-    return evaluate(fit(start.fit.structure, experiment.training, start.fit.nonlinear), experiment)
-
-
-def _settled(law: Law, start: Candidate, experiment: Experiment) -> Law:
+def _on_all(law: Law, start: Candidate, experiment: Experiment) -> Law:
     """The law refitted to the whole training record, its amplitudes with the signs that were found, judged on all records."""
     own = law.fit.linear[len(start.fit.linear) :]
     signs = tuple(int(np.sign(value)) for value in own) or None
@@ -204,7 +266,7 @@ class _Test:
 
     def refuses(self, law: Law) -> str:
         """What a law fails; empty where it passes."""
-        p_value = shipped(self.system).p_value(
+        p_value = null_distribution(self.system).p_value(
             likelihood_ratio(law.start, law.candidate, self.experiment), self.terms
         )
         share = self.share_removed(law.fit)
@@ -227,7 +289,7 @@ class _Test:
 
     def share_removed(self, found: Fit) -> float:
         """Share of what the catalogue's best model leaves to explain."""
-        noise = 0.0 if self.experiment.floor is None else self.experiment.floor.rms**2
+        noise = self.experiment.noise**2
         left = self.before.fit.rms(*self.unseen.tests) ** 2
         return float((left - found.rms(*self.unseen.tests) ** 2) / max(left - noise, 1e-300))
 
@@ -242,111 +304,26 @@ def _range(experiment: Experiment) -> Range:
     )
 
 
-MARK = "found in these data, not known physics"
-_SIGNS = {1: "positive", -1: "negative", 0: "any"}
-_AROUND = 1.5
-"""Factor below and above the value found within which another fit of the law begins."""
-_FEW = 2
-"""Nonlinear parameters that a fit can begin with at several values each; with more it begins with those found."""
-_REACH = (0.2, 5.0)
-
-
-def form_found(proposal: Proposal) -> Form:
-    """The form of a proposed law."""
-    return proposal.law.fit.structure.forms[-1]
-
-
-def words(proposal: Proposal) -> str:
-    """What the law consists of."""
-    return "; ".join(term.words for term in proposal.law.terms)
-
-
-def range_words(proposal: Proposal) -> str:
-    """Where the law was found."""
-    found, unit = proposal.range, proposal.experiment.input_unit
-    return f"z from {found.low:.3g} to {found.high:.3g} {unit}, |v| up to {found.speed:.3g} {unit}/s"
-
-
-def extrapolation_words(proposal: Proposal) -> str:
-    """What is known of the law beyond the range it was found in."""
-    tried = proposal.extrapolation
-    if tried is None:
-        return "whether it holds beyond that range was not tried: the records are too short"
-    unit = proposal.experiment.output_unit
-    said = (
-        f"fitted to the inner {100 * INNER:.0f} % of that range it errs by {tried.inner_rms:.3g} {unit} outside, beside "
-        f"{tried.all_rms:.3g} {unit} when fitted to all"
-    )
-    if tried.beyond_rms is not None:
-        said += f", and by {tried.beyond_rms:.3g} {unit} on unseen samples beyond the range"
-    return f"{said}; farther on it is a guess" if tried.holds else f"{said}: it does not extrapolate"
-
-
-def sentences(proposal: Proposal) -> list[str]:
-    """The proposal, in plain English."""
-    unit, floor = proposal.experiment.output_unit, proposal.experiment.floor
-    beside = "" if floor is None else f", noise floor {floor.rms:.3g} {unit}"
-    before = proposal.before
-    said = f"unseen error {before.test_rms:.3g} {unit}{beside}"
-    name = "+".join([before.fit.structure.base.name, *before.effects])
-    if not proposal.is_needed:
-        return [f"No law is needed: {name} leaves nothing but noise ({said})."]
-    best = proposal.surfaces[0]
-    on = "+".join([before.fit.structure.base.name, *proposal.left_by.effects])
-    seen = (
-        f"Without a formula, the best smooth function of {best.first.words} and {best.second.words} explains "
-        f"{100 * best.share:.0f} % of what {on} leaves to explain."
-    )
-    if proposal.law is None:
-        refused = [f"{_tried_words(item.law)}: {item.refused}" for item in proposal.tried]
-        return [
-            f"No short formula found for what {name} leaves ({said}).",
-            seen,
-            *(f"Not proposed: {one}." for one in refused),
-        ]
-    law, form = proposal.law, form_found(proposal)
-    states = "".join(f", d{symbol}/dt = {rate}" for symbol, rate in form.state)
-    return [
-        f"Proposed for {on}: F = {form.equation}{states} ({words(proposal)}); {MARK}.",
-        f"The unseen error falls from {before.test_rms:.3g} to {law.candidate.test_rms:.3g} {unit}{beside}; "
-        f"{100 * proposal.share_removed:.0f} % of what was missing is gone on unseen seconds that no choice has looked at "
-        f"({proposal.certainty:.1f} standard errors).",
-        seen,
-        f"It was found for {range_words(proposal)}; {extrapolation_words(proposal)}.",
-    ]
-
-
-def _tried_words(law) -> str:
-    return " + ".join(term.name for term in law.terms)
-
-
-def finding(proposal: Proposal) -> Finding:
-    """The proposal as a finding of ``diagnosis.json``: its value is the unseen error that is left."""
-    left = proposal.before if proposal.law is None else proposal.law.candidate
-    words = " ".join(sentences(proposal))
-    return Finding("proposed_law", words, left.test_rms, proposal.experiment.output_unit)
-
-
 def effect_text(proposal: Proposal, name: str = NAME, data: str = "") -> str:
     """The YAML file of a proposed law: `lumbar.tissue.effects.notation.load_effects` reads it."""
-    law, form, experiment = proposal.law, form_found(proposal), proposal.experiment
+    law, form, experiment = proposal.law, proposal.form, proposal.experiment
     offset = len(law.start.fit.linear), len(law.start.fit.nonlinear)
-    linear = list(zip(form.linear, law.fit.linear[offset[0] :], strict=True))
-    nonlinear = list(zip(form.nonlinear, law.fit.nonlinear[offset[1] :], strict=True))
-    units = experiment.input_unit, experiment.output_unit
+    linear = zip(form.linear, law.fit.linear[offset[0] :], strict=True)
+    nonlinear = zip(form.nonlinear, law.fit.nonlinear[offset[1] :], strict=True)
+    points = 3 if len(form.nonlinear) <= _FEW else 1
     entries = [
-        *(_linear_entry(item, value, units) for item, value in linear),
+        *(_entry(item, value, f"sign: {_SIGNS[item.sign]}", experiment) for item, value in linear),
         *(
-            _nonlinear_entry(
-                item, value, experiment.training.scale(item.scale), 3 if len(nonlinear) <= _FEW else 1, units
+            _entry(
+                item, value, _start(item, value / experiment.training.scale(item.scale), points), experiment
             )
             for item, value in nonlinear
         ),
     ]
-    mechanism = f"{MARK[0].upper()}{MARK[1:]}: {words(proposal)}."
-    source = f"lumbar propose{f' on {data}' if data else ''}: {range_words(proposal)}; {extrapolation_words(proposal)}"
+    mechanism = f"{MARK[0].upper()}{MARK[1:]}: {proposal.words}."
+    source = f"lumbar propose{f' on {data}' if data else ''}: {proposal.found_for}"
     lines = [
-        *(f"# {line}" for line in sentences(proposal)),
+        *(f"# {line}" for line in proposal.sentences),
         f"name: {name}",
         f"mechanism: {_quoted(mechanism)}",
         f"source: {_quoted(source)}",
@@ -370,27 +347,18 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-def _linear_entry(item, value: float, units: tuple[str, str]) -> str:
-    return (
-        f'  {item.symbol}: {{name: {item.name}, unit: "{item.unit}", sign: {_SIGNS[item.sign]}}}'
-        f"  # {value:.4g} {unit_of(item.unit, *units)}"
-    )
+def _entry(item: Parameter, value: float, how: str, experiment: Experiment) -> str:
+    unit = unit_of(item.unit, experiment.input_unit, experiment.output_unit)
+    return f'  {item.symbol}: {{name: {item.name}, unit: "{item.unit}", {how}}}  # {value:.4g} {unit}'
 
 
-def _nonlinear_entry(
-    item: NonlinearParameter, value: float, scale: float, points: int, units: tuple[str, str]
-) -> str:
-    """Its fit begins around the value that was found."""
+def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
+    """A fit begins around the value that was found."""
     around = _AROUND if points > 1 else 1.0
-    low, high = value / scale / around, value / scale * around
     return (
-        f'  {item.symbol}: {{name: {item.name}, unit: "{item.unit}", start: [{low:.6g}, {high:.6g}], scale: {item.scale}, '
-        f"points: {points}, reach: [{_REACH[0]:g}, {_REACH[1]:g}]}}  # {value:.4g} {unit_of(item.unit, *units)}"
+        f"start: [{scaled / around:.6g}, {scaled * around:.6g}], scale: {item.scale}, points: {points}, "
+        f"reach: [{_REACH[0]:g}, {_REACH[1]:g}]"
     )
-
-
-_CLEARLY = 0.5
-"""Error of a law on the base alone beside that of the effects selected, up to which they are but a likeness of it."""
 
 
 def law_beside(verdict: Verdict) -> Proposal | None:
@@ -417,7 +385,7 @@ def with_law(verdict: Verdict, proposal: Proposal | None) -> Verdict:
     """
     if proposal is None or proposal.law is None:
         return verdict
-    found = replace(verdict, findings=(*verdict.findings, finding(proposal)))
+    found = replace(verdict, findings=(*verdict.findings, proposal.finding))
     alone = not proposal.left_by.effects
     if alone and verdict.selected and proposal.law.candidate.test_rms < _CLEARLY * verdict.model.test_rms:
         return replace(found, verdict="unexplained", tied_with=[])

@@ -130,7 +130,7 @@ class Search:
                     found.append(_Column(term, start, added_forces(model, form, data, start)))
         return found
 
-    def lengthened(self, law: Law) -> list[Law]:
+    def lengthen(self, law: Law) -> list[Law]:
         """The law with one term more, in the best ways, best first."""
         bare = not law.terms
         if not bare and law.terms[0].place is Place.OUTPUT:
@@ -144,7 +144,7 @@ class Search:
             if sum(len(item) == STARTS for item in starts.values()) >= REFITTED and len(starts) >= REFITTED:
                 break
         found = [
-            self.refitted(law, (*law.terms, term), np.concatenate([law.own_nonlinear, start]))
+            self.refit(law, (*law.terms, term), np.concatenate([law.own_nonlinear, start]))
             for group in list(starts.values())[:REFITTED]
             for term, start in group
         ]
@@ -159,7 +159,7 @@ class Search:
         states = sum(len(item.state) for item in (*law.terms, term))
         return states <= MOST_STATES and all(item.name != term.name for item in law.terms)
 
-    def refitted(
+    def refit(
         self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool = False
     ) -> Law | None:
         """These terms fitted jointly with what they are added to; None where the fit ends nowhere or at a bound.
@@ -192,16 +192,16 @@ class Search:
             )
             if not (term.becomes and item.symbol == "z_e")
         ]
-        return self.refitted(law, plain, np.array(kept))
+        return self.refit(law, plain, np.array(kept))
 
-    def exchanged(self, law: Law) -> Law:
+    def exchange(self, law: Law) -> Law:
         """The law with each term in turn taken out and what then fits best put in, as long as that scores better."""
         for term in law.terms[: len(law.terms) if len(law.terms) > 1 else 0]:
             rest = tuple(item for item in law.terms if item.name != term.name)
             if len(rest) == len(law.terms):
                 continue
-            shorter = self.refitted(law, rest, self.nonlinear_of(law, rest))
-            longer = [] if shorter is None else self.lengthened(shorter)
+            shorter = self.refit(law, rest, self.nonlinear_of(law, rest))
+            longer = [] if shorter is None else self.lengthen(shorter)
             if longer and longer[0].candidate.score < law.candidate.score - 1.0:
                 law = longer[0]
         return law
@@ -215,7 +215,7 @@ class Search:
             [value for value, owner in zip(law.own_nonlinear, owners, strict=True) if owner in names]
         )
 
-    def simplified(self, law: Law) -> Law:
+    def simplify(self, law: Law) -> Law:
         """The law with parameters of several terms that mean the same as one, where it then scores better."""
         each = distinct(law.terms)
         apart = [item.symbol for term in each for item in term.nonlinear]
@@ -224,7 +224,7 @@ class Search:
         if len(set(kept)) == len(apart):
             return law
         start = np.array([value[symbol] for symbol in dict.fromkeys(kept)])
-        shared = self.refitted(law, law.terms, start, shared=True)
+        shared = self.refit(law, law.terms, start, shared=True)
         return law if shared is None or shared.candidate.score > law.candidate.score else shared
 
     def past_steps(self, structure: Structure, nonlinear: np.ndarray, first: int) -> np.ndarray:
@@ -247,8 +247,7 @@ class Search:
     def worthwhile(self, before: Law, after: Law) -> bool:
         """Whether a term more explains a share worth its place, on the training record and on unseen blocks."""
         removed = before.candidate.train_rms**2 - after.candidate.train_rms**2
-        floor = self.experiment.floor
-        noise = 0.0 if floor is None else floor.rms**2
+        noise = self.experiment.noise**2
         explainable = max(after.start.train_rms**2 - noise, 0.0)
         if removed < max(WORTHWHILE * explainable, _LEAST * noise):
             return False
@@ -260,13 +259,13 @@ class Search:
         best: list[Law] = []
         for _ in range(MOST_TERMS):
             longer = sorted(
-                (item for law in beam for item in self.lengthened(law)), key=lambda item: item.candidate.score
+                (item for law in beam for item in self.lengthen(law)), key=lambda item: item.candidate.score
             )
             before = best[-1] if best else beam[0]
             longer = [item for item in longer if self.worthwhile(before, item)]
             if not longer:
                 break
-            best.append(self.simplified(self.exchanged(longer[0])))
+            best.append(self.simplify(self.exchange(longer[0])))
             beam = longer[:BEAM]
             if is_adequate(best[-1].candidate, self.experiment):
                 break

@@ -100,7 +100,7 @@ def surfaces(fit: Fit, experiment: Experiment) -> list[Surface]:
         place.symbol: np.concatenate([item.trim(values[place.symbol]) for item, values in each])
         for place in COORDINATES
     }
-    noise = 0.0 if experiment.floor is None else experiment.floor.rms**2
+    noise = experiment.noise**2
     found = []
     for first, second in combinations(COORDINATES, 2):
         values = known[first.symbol], known[second.symbol]

@@ -15,10 +15,27 @@ from lumbar.tissue.models.motion import Motion
 
 BLOCK = 1.0
 """Seconds of a block."""
+STRETCH = 1.5
+"""Amplitude and speed beyond the records at which a law must stay bounded."""
+_LARGEST = 10.0
+"""Force there, in the largest force of the records."""
+_SIZES = (0.3, 0.65, 1.0)
+"""Amplitudes of the cycles in half ranges, and their speeds in the largest, at which work is counted."""
+_CYCLES, _STEPS = 4, 200
+_ROUNDING = 1e-3
+"""Work given away, as a share of force times amplitude, that is none."""
+INNER = 0.7
+"""Share of the ranges of position and speed that the trial of extrapolation fits to."""
+_AS_GOOD = 1.15
+"""Error outside a range, in that inside or of a fit to all of it, up to which a law counts as extrapolating."""
+_FEWEST = 50
+"""Samples that an error is taken from."""
+_ENOUGH = 6000
+"""Samples of the training record that are left, if its excitation allows it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen(FitData):
+class PartialData(FitData):
     """A record of which only some samples count; simulated as a whole."""
 
     whole: FitData = None
@@ -26,7 +43,7 @@ class Chosen(FitData):
     """Over the samples that count of the whole."""
 
     @classmethod
-    def of(cls, whole: FitData, keep: np.ndarray) -> Chosen:
+    def of(cls, whole: FitData, keep: np.ndarray) -> PartialData:
         """Let only these samples of a record count."""
         return cls(
             whole.name,
@@ -62,8 +79,8 @@ def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
     for item in experiment.tests:
         block = max(1, round(BLOCK / item.motion.sampling_time))
         even = np.arange(item.size) // block % 2 == 0
-        first.append(Chosen.of(item, even))
-        second.append(Chosen.of(item, ~even))
+        first.append(PartialData.of(item, even))
+        second.append(PartialData.of(item, ~even))
     return replace(experiment, tests=first), replace(experiment, tests=second)
 
 
@@ -73,23 +90,6 @@ def within(data: FitData, fitted: FitData, share: float) -> np.ndarray:
     middle, half = (ranged.max() + ranged.min()) / 2, np.ptp(ranged) / 2
     near = np.abs(data.trim(data.motion.position) - middle) <= share * half
     return near & (np.abs(data.trim(data.motion.velocity)) <= share * fastest)
-
-
-STRETCH = 1.5
-"""Amplitude and speed beyond the records at which a law must stay bounded."""
-_LARGEST = 10.0
-"""Force there, in the largest force of the records."""
-_SIZES = (0.3, 0.65, 1.0)
-"""Amplitudes of the cycles in half ranges, and their speeds in the largest, at which work is counted."""
-_CYCLES, _STEPS = 4, 200
-_ROUNDING = 1e-3
-"""Work given away, as a share of force times amplitude, that is none."""
-INNER = 0.7
-"""Share of the ranges of position and speed that the trial of extrapolation fits to."""
-_AS_GOOD = 1.15
-"""Error outside a range, in that inside or of a fit to all of it, up to which a law counts as extrapolating."""
-_FEWEST = 50
-"""Samples that an error is taken from."""
 
 
 def motions(data: FitData) -> list[Motion]:
@@ -170,9 +170,9 @@ def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
     inner = within(training, training, INNER)
     if min(inner.sum(), (~inner).sum()) < _FEWEST:
         return None
-    again = refit(fit.structure, Chosen.of(training, inner), fit.nonlinear)
-    outer = Chosen.of(training, ~inner)
-    beyond = [Chosen.of(item, ~within(item, training, 1.0)) for item in experiment.tests]
+    again = refit(fit.structure, PartialData.of(training, inner), fit.nonlinear)
+    outer = PartialData.of(training, ~inner)
+    beyond = [PartialData.of(item, ~within(item, training, 1.0)) for item in experiment.tests]
     enough = sum(item.size for item in beyond) >= _FEWEST
     return Extrapolation(
         again.rms(outer),
@@ -182,11 +182,7 @@ def extrapolation(fit: Fit, experiment: Experiment) -> Extrapolation | None:
     )
 
 
-_ENOUGH = 6000
-"""Samples of the training record that are left, if its excitation allows it."""
-
-
-def thinned(experiment: Experiment) -> Experiment:
+def thin(experiment: Experiment) -> Experiment:
     """The experiment with every n-th sample of its records, as many as leave `PER_CYCLE` in the fastest cycle of each.
 
     As where records are too long for a diagnosis, nothing is filtered. Errors are then taken as they are: the colour of the
@@ -199,24 +195,16 @@ def thinned(experiment: Experiment) -> Experiment:
     factor = min(room, experiment.training.size // _ENOUGH)
     if factor < 2:
         return experiment
-    training, *tests = (_thinned(item, factor) for item in records)
-    return replace(experiment, training=training, tests=tests)
 
+    def every_nth(data: FitData) -> FitData:
+        motion, kept = data.motion, slice(data.begins % factor, None, factor)
+        position = motion.position[kept]
+        step = factor * motion.sampling_time
+        channels = {name: values[kept] for name, values in motion.channels.items()}
+        lower = Motion(np.arange(len(position)) * step, position, step, motion.smooth, channels)
+        whitening, begins = np.ones(1), data.begins // factor
+        return FitData(
+            data.name, lower, data.force[kept], whitening, data.settling_time, data.own_zero, begins
+        )
 
-def _thinned(data: FitData, factor: int) -> FitData:
-    if isinstance(data, JointData):
-        found = JointData.of([_thinned(part, factor) for part in data.parts])
-        return replace(found, own_zero=data.own_zero)
-    motion, kept = data.motion, slice(data.begins % factor, None, factor)
-    position = motion.position[kept]
-    step = factor * motion.sampling_time
-    channels = {name: values[kept] for name, values in motion.channels.items()}
-    lower = Motion(np.arange(len(position)) * step, position, step, motion.smooth, channels)
-    return FitData(
-        data.name,
-        lower,
-        data.force[kept],
-        settling_time=data.settling_time,
-        own_zero=data.own_zero,
-        begins=data.begins // factor,
-    )
+    return experiment.with_data(every_nth, JointData)

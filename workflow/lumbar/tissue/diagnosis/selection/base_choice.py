@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     best_by_effect,
-    evaluate,
+    exchange_base,
+    fit_base,
     is_adequate,
     is_worthwhile,
+    refit,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.structure import Structure
 
 TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
 """Bases of a fastened tool that are tried."""
@@ -61,8 +62,8 @@ def choose_base(
     if name != CHOSEN_BY_DATA:
         if BASES[name].contact:
             return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)
-        return experiment, _fitted(experiment, name)
-    fastened = min((_fitted(experiment, base) for base in TISSUE_BASES), key=lambda item: item.score)
+        return experiment, fit_base(BASES[name], experiment)
+    fastened = min((fit_base(BASES[base], experiment) for base in TISSUE_BASES), key=lambda item: item.score)
     if not _springs_show_contact(experiment):
         return experiment, fastened
     rivals = [fastened, *extend(fastened, catalogue, experiment)]
@@ -80,7 +81,10 @@ def _springs_show_contact(experiment: Experiment) -> bool:
     surface = first_surface(experiment)
     if surface is None:
         return False
-    fastened, touched = _fitted(experiment, "LE"), _fitted(experiment.with_origin(surface), "LE-contact")
+    fastened, touched = (
+        fit_base(BASES["LE"], experiment),
+        fit_base(BASES["LE-contact"], experiment.with_origin(surface)),
+    )
     return touched.fit.squared_error < _SPRINGS * fastened.fit.squared_error
 
 
@@ -92,33 +96,16 @@ def base_beside(model: Candidate, experiment: Experiment) -> str | None:
     the other parameters (a mass m beside a dashpot b is m + bτ beside a branch).
     """
     mine = model.fit.structure.base
-    _, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
-    forms = model.fit.structure.forms
-    found = []
-    for name in CONTACT_BASES if mine.contact else TISSUE_BASES:
-        other = BASES[name]
-        if other is mine:
-            continue
-        bare = fit_base(Structure(other), experiment.training)
-        start = np.concatenate([bare.nonlinear, *(parts[form.key] for form in forms)])
-        found.append(evaluate(fit(Structure(other, forms), experiment.training, start), experiment))
-    bare = _fitted(experiment, mine.name)
+    bases = [BASES[name] for name in (CONTACT_BASES if mine.contact else TISSUE_BASES) if name != mine.name]
+    bare = fit_base(mine, experiment)
     found = [
         item
-        for item in found
+        for item in (exchange_base(model, base, experiment) for base in bases)
         if item.score < model.score - TIED
-        and (_parameters(item) < _parameters(model) or is_worthwhile(bare, model, item, experiment))
+        and (item.parameters < model.parameters or is_worthwhile(bare, model, item, experiment))
     ]
     best = min(found, key=lambda item: item.score, default=None)
     return best and best.fit.structure.base.name
-
-
-def _parameters(model: Candidate) -> int:
-    return len(model.fit.structure.linear) + len(model.fit.structure.nonlinear)
-
-
-def _fitted(experiment: Experiment, name: str) -> Candidate:
-    return evaluate(fit_base(Structure(BASES[name]), experiment.training), experiment)
 
 
 def first_surface(experiment: Experiment) -> float | None:
@@ -152,9 +139,9 @@ def at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experime
     if start is None:
         start = float(experiment.training.motion.position.min())
     first = experiment.with_origin(start)
-    best = min((_fitted(first, name) for name in names), key=lambda item: item.fit.squared_error)
+    best = min((fit_base(BASES[name], first) for name in names), key=lambda item: item.fit.squared_error)
     experiment, best = with_surface(experiment, best, start)
-    found = [_fitted(experiment, name) for name in names if name != best.fit.structure.base.name]
+    found = [fit_base(BASES[name], experiment) for name in names if name != best.fit.structure.base.name]
     return experiment, min([best, *found], key=lambda item: item.score)
 
 
@@ -168,7 +155,7 @@ def _surface_of_refined(
     if not refined:
         return experiment, base
     moved, _ = min(refined, key=lambda pair: pair[1].score)
-    return moved, evaluate(fit(base.fit.structure, moved.training, base.fit.nonlinear), moved)
+    return moved, refit(base.fit.structure, base.fit.nonlinear, moved)
 
 
 def with_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
@@ -180,14 +167,15 @@ def with_surface(experiment: Experiment, model: Candidate, start: float) -> tupl
 
     reach = _SEARCHED * float(np.ptp(experiment.training.motion.position))
 
-    def refitted(surface: float):
-        return fit(
-            model.fit.structure, experiment.with_origin(surface).training, model.fit.nonlinear
-        ).squared_error
+    def squared_error(surface: float) -> float:
+        training = experiment.with_origin(surface).training
+        return fit(model.fit.structure, training, model.fit.nonlinear).squared_error
 
     found = minimize_scalar(
-        refitted, bounds=(start - reach, start + reach), method="bounded", options={"xatol": 1e-3 * reach}
+        squared_error,
+        bounds=(start - reach, start + reach),
+        method="bounded",
+        options={"xatol": 1e-3 * reach},
     )
     moved = experiment.with_origin(float(found.x))
-    refit = fit(model.fit.structure, moved.training, model.fit.nonlinear)
-    return moved, evaluate(refit, moved)
+    return moved, refit(model.fit.structure, model.fit.nonlinear, moved)

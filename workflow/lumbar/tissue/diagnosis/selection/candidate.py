@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, shape_bounds
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, prediction_variance, scaled_covariance
 from lumbar.tissue.diagnosis.noise.noise_floor import prediction_error_filter
 from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
+from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.model_data import FittedParameter
 from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.structure import Structure
 
 _MOST_LEFT = 0.5
 """Share of a response's variance that a model without a known noise floor may leave and still be adequate."""
@@ -30,6 +33,8 @@ _EARLY = 0.6
 """Share of the training record from which the rest is predicted."""
 _FREEDOM = 4
 """Degrees of freedom of Student's t for unseen errors."""
+_AT_BOUND = 1e-3
+"""Distance from a bound, as a share of the logarithmic range, within which a parameter counts as at it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +71,50 @@ def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
     score += (len(fit.linear) + len(fit.nonlinear)) * np.log(training.size + len(unseen))
     train_rms = training.compute_once(("rms", fit), lambda: fit.rms(training))
     return Candidate(fit, train_rms, float(np.sqrt(np.mean(errors**2))), float(score))
+
+
+def fit_base(base: Base, experiment: Experiment) -> Candidate:
+    """Fit a base without effects."""
+    return evaluate(joint_fit.fit_base(Structure(base), experiment.training), experiment)
+
+
+def refit(structure: Structure, start: np.ndarray, experiment: Experiment) -> Candidate:
+    """Fit a structure from these nonlinear parameters on."""
+    return evaluate(joint_fit.fit(structure, experiment.training, start), experiment)
+
+
+def add_form(model: Candidate, form: Form, experiment: Experiment) -> Candidate:
+    """Refit a model with one form more."""
+    return evaluate(joint_fit.add(model.fit, form, experiment.training), experiment)
+
+
+def drop_effect(model: Candidate, name: str, experiment: Experiment) -> Candidate:
+    """Refit a model without one of its effects."""
+    rest = with_forms(model.fit, model.fit.structure.without(name).forms)
+    return refit(rest.structure, rest.nonlinear, experiment)
+
+
+def exchange_base(model: Candidate, base: Base, experiment: Experiment) -> Candidate:
+    """Refit the effects of a model beside another base."""
+    structure = model.fit.structure
+    bare = joint_fit.fit_base(Structure(base), experiment.training)
+    acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
+    return refit(Structure(base, structure.forms), np.concatenate([bare.nonlinear, acting]), experiment)
+
+
+def with_forms(fit: Fit, forms: Sequence[Form]) -> Fit:
+    """The same fitted parameters with some of the forms only, or with all in another order."""
+    structure = fit.structure
+    sizes = [len(structure.base.linear), *(len(form.linear) for form in structure.forms)]
+    first, *parts = np.split(fit.linear, np.cumsum(sizes)[:-1])
+    linear = {form.key: part for form, part in zip(structure.forms, parts, strict=True)}
+    base, nonlinear = structure.nonlinear_of(fit.nonlinear)
+    return replace(
+        fit,
+        structure=Structure(structure.base, tuple(forms)),
+        linear=np.concatenate([first, *(linear[form.key] for form in forms)]),
+        nonlinear=np.concatenate([base, *(nonlinear[form.key] for form in forms)]),
+    )
 
 
 def _robust_scale(errors: np.ndarray) -> float:
@@ -113,7 +162,7 @@ def later_improvement(before: Candidate, after: Candidate, experiment: Experimen
     """
     training = experiment.training
     early, later = training.compute_once("early and later", lambda: training.split(_EARLY))
-    fits = [refit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
+    fits = [joint_fit.fit(item.fit.structure, early, item.fit.nonlinear) for item in (before, after)]
     return _improvement(*fits, [later])
 
 
@@ -165,7 +214,7 @@ def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experime
     """
     if is_adequate(after, experiment):
         return True
-    floor = 0.0 if experiment.floor is None else experiment.floor.rms
+    floor = experiment.noise
     share = WORTHWHILE if floor else WORTHWHILE_BLIND
     of_base, of_rest = (max(item.train_rms**2 - floor**2, 0.0) for item in (base, before))
     removed = before.train_rms**2 - after.train_rms**2
@@ -215,10 +264,6 @@ def by_score(candidates: list[Candidate]) -> list[Candidate]:
             alike = []
         alike.append(item)
     return ordered + sorted(alike, key=lambda item: item.effects)
-
-
-_AT_BOUND = 1e-3
-"""Distance from a bound, as a share of the logarithmic range, within which a parameter counts as at it."""
 
 
 def contradictions(fit: Fit, experiment: Experiment) -> list[str]:

@@ -7,15 +7,13 @@ from dataclasses import replace
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.linear.linear_dynamics import nonlinear_share
 from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate
-from lumbar.tissue.diagnosis.selection.findings import linear_alternative, linear_finding, offsets
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, refit
+from lumbar.tissue.diagnosis.selection.findings import linear_alternative, offsets
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
-from lumbar.tissue.diagnosis.selection.thresholds import shipped
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import without_channels
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
@@ -52,10 +50,10 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
         as_recorded = settings.prepare(records) if experiment.faults else experiment
         turned = direction_or_sign(as_recorded)
         if turned is not None:
-            return replace(_turned(as_recorded, settings, turned), not_tried=not_tried)
-    found = _searched(experiment, settings)
+            return replace(_unexplained(as_recorded, settings, turned), not_tried=not_tried)
+    found = _search(experiment, settings)
     if experiment.error_dwarfs_noise(found.model.train_rms):
-        found = _searched(experiment.without_whitening(), settings)
+        found = _search(experiment.without_whitening(), settings)
     found = _with_own_zeros(found, settings)
     found, linear = _beside_linear(found, settings)
     return replace(found, not_tried=not_tried, findings=(*experiment.faults, *offsets(found), *linear))
@@ -72,17 +70,17 @@ def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
     with_zeros = experiment.with_own_zeros()
 
     def helps(item: Candidate) -> bool:
-        again = evaluate(refit(item.fit.structure, with_zeros.training, item.fit.nonlinear), with_zeros)
-        return again.test_rms < _ZEROS_HELP * item.test_rms
+        refitted = refit(item.fit.structure, item.fit.nonlinear, with_zeros)
+        return refitted.test_rms < _ZEROS_HELP * item.test_rms
 
     accumulating = any(settings.candidates[name].accumulates for name in found.selected)
     if not (accumulating or any(helps(item) for item in found.path)):
         return found
-    searched = _searched(with_zeros, settings)
-    better = searched.model.test_rms < _ZEROS_HELP * found.model.test_rms
-    simpler = len(searched.selected) < len(found.selected)
-    as_good = searched.model.test_rms < found.model.test_rms / _ZEROS_HELP
-    return searched if better or (simpler and as_good) else found
+    again = _search(with_zeros, settings)
+    better = again.model.test_rms < _ZEROS_HELP * found.model.test_rms
+    simpler = len(again.selected) < len(found.selected)
+    as_good = again.model.test_rms < found.model.test_rms / _ZEROS_HELP
+    return again if better or (simpler and as_good) else found
 
 
 def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
@@ -94,44 +92,33 @@ def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict
     experiment = found.experiment
     if settings.system != "tissue" or is_adequate(found.model, experiment):
         return found, []
-    linear = linear_alternative(found.model, experiment)
-    if linear is None:
+    alternative = linear_alternative(found.model, experiment)
+    if alternative is None:
         return found, []
-    said = [linear_finding(linear, found.model, experiment)]
+    linear, finding = alternative
     if (nonlinear_share(experiment, linear.fit) or 0.0) > _NONLINEAR:
-        return replace(found, verdict="unexplained", tied_with=[]), said
+        return replace(found, verdict="unexplained", tied_with=[]), [finding]
     only = {name: effect for name, effect in settings.candidates.items() if effect.linear}
     if not set(found.selected) <= set(only):
-        found = _searched(experiment, replace(settings, catalogue=only))
+        found = _search(experiment, replace(settings, catalogue=only))
         if linear_alternative(found.model, experiment) is None:
-            return found, said
-    return replace(found, verdict="unexplained", tied_with=[]), said
+            return found, [finding]
+    return replace(found, verdict="unexplained", tied_with=[]), [finding]
 
 
-def _turned(experiment: Experiment, settings: DiagnosisSettings, turned: Finding) -> Verdict:
+def _unexplained(experiment: Experiment, settings: DiagnosisSettings, turned: Finding) -> Verdict:
     """No effect is looked for in records whose input and output, or a sign, are the wrong way round."""
     experiment, base = choose_base(experiment, settings.base, settings.candidates)
-    return Verdict(
-        experiment,
-        base,
-        "unexplained",
-        [base],
-        [],
-        [],
-        0.0,
-        "unexplained",
-        findings=(turned,),
-    )
+    return Verdict(experiment, base, "unexplained", [base], [], [], 0.0, "unexplained", findings=(turned,))
 
 
-def _searched(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
+def _search(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
     """Choose the base and select effects; once they are known, choose the base again."""
-    null = shipped(settings.system)
     experiment, base = choose_base(experiment, settings.base, settings.candidates)
-    found = Selection(experiment, base, settings, null).diagnosis()
+    found = Selection(experiment, base, settings).diagnosis()
     if settings.base != CHOSEN_BY_DATA or found.model is found.base:
         return found
     other = base_beside(found.model, experiment)
     if other is None:
         return found
-    return Selection(*choose_base(experiment, other, settings.candidates), settings, null).diagnosis()
+    return Selection(*choose_base(experiment, other, settings.candidates), settings).diagnosis()

@@ -69,30 +69,28 @@ def _own_zeros(fit: Fit, experiment: Experiment) -> list[Finding]:
     return found
 
 
-def linear_alternative(model: Candidate, experiment: Experiment) -> Candidate | None:
-    """Linear model of higher order that explains all records surely better than a selected one; None where there is none.
+def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candidate, Finding] | None:
+    """Linear model of higher order that explains all records surely better than a selected one, and what it reaches.
 
-    By likelihood and number of parameters, and by the loss on unseen records. Contact that is lost is never linear.
+    By likelihood and number of parameters, and by the loss on unseen records. None where there is none; contact that is lost is
+    never linear.
     """
     if model.fit.structure.base.contact:
         return None
     linear = evaluate(linear_dynamics(experiment), experiment)
-    surely = unseen_improvement(model, linear, experiment) > UNSEEN
-    return linear if surely and linear.score < model.score - TIED else None
-
-
-def linear_finding(linear: Candidate, model: Candidate, experiment: Experiment) -> Finding:
-    """Say what linear dynamics reach."""
-    unit, kind, order = experiment.output_unit, linear.fit.kind, linear.fit.order
+    if unseen_improvement(model, linear, experiment) <= UNSEEN or linear.score >= model.score - TIED:
+        return None
+    unit, order = experiment.output_unit, linear.fit.order
     words = {
         "prony": "a spectrum of relaxation times",
         "rational": f"{order} poles",
         "delayed": f"{order} poles behind a delay",
-    }[kind]
-    return Finding(
+    }[linear.fit.kind]
+    finding = Finding(
         "higher_order_linear",
         f"Linear dynamics of higher order ({words}) explain these records better than any effect that is nonlinear: their "
         f"error on unseen records is {linear.test_rms:.3g} {unit}, that of the refined model {model.test_rms:.3g} {unit}.",
         float(order),
         "1",
     )
+    return linear, finding

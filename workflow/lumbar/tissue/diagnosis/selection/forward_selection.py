@@ -6,28 +6,28 @@ record and of the unseen records together: a wrong effect also lowers the traini
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from lumbar.base.progress import track
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, screen
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, screen
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
+    add_form,
     best_by_effect,
     by_score,
     contradictions,
-    evaluate,
+    drop_effect,
     is_adequate,
     is_worthwhile,
     later_improvement,
     likelihood_ratio,
     unseen_improvement,
+    with_forms,
 )
 from lumbar.tissue.diagnosis.selection.thresholds import (
     BLIND,
@@ -37,11 +37,11 @@ from lumbar.tissue.diagnosis.selection.thresholds import (
     STRUCTURED,
     TIED,
     UNSEEN,
-    NullDistribution,
+    null_distribution,
+    number_of_forms,
 )
 from lumbar.tissue.diagnosis.selection.verdict import Ranked, Verdict
 from lumbar.tissue.models.form import Effect, Form
-from lumbar.tissue.models.structure import Structure
 
 LOOK_AHEAD = 3
 """How many first effects are tried with a second one."""
@@ -49,6 +49,9 @@ REFITTED = 5
 """How many effects are refitted after screening in the rounds after the first one, which refits all."""
 EXCHANGED = 3
 """How many effects are tried, in all their forms, in the place of one that is taken out."""
+_AKAIKE = 2.0
+_SHOWN = 10
+"""How many sets of effects a ranking shows."""
 
 
 def extend(
@@ -83,7 +86,7 @@ def extend(
         forms,
         f"forms of effects fitted beside {' and '.join([model.fit.structure.base.name, *model.effects])}",
     )
-    found = [evaluate(add(model.fit, form, experiment.training), experiment) for form in tried]
+    found = [add_form(model, form, experiment) for form in tried]
     if all_forms:
         simpler = {item.effects[-1]: item for item in best_by_effect(found)[:LOOK_AHEAD]}
         for form in every:
@@ -98,9 +101,8 @@ def _where_needed(
     """A general form refitted, where the best simpler form of its effect leaves much that it explains."""
     if is_adequate(simpler, experiment):
         return []
-    found = evaluate(add(model.fit, general, experiment.training), experiment)
-    floor = 0.0 if experiment.floor is None else experiment.floor.rms
-    rest = max(simpler.train_rms**2 - floor**2, 0.0)
+    found = add_form(model, general, experiment)
+    rest = max(simpler.train_rms**2 - experiment.noise**2, 0.0)
     removed = simpler.train_rms**2 - found.train_rms**2
     return [found] if removed >= MOST_OF_REST * rest else []
 
@@ -134,19 +136,10 @@ def pairs(
 def exchange(model: Candidate, catalogue: dict[str, Effect], experiment: Experiment) -> Candidate:
     """Take out each effect in turn and put back whatever then fits best: another form, another effect or it itself."""
     for name in model.effects:
-        structure = model.fit.structure.without(name)
-        base, parts = model.fit.structure.nonlinear_of(model.fit.nonlinear)
-        start = np.concatenate([base, *(parts[form.key] for form in structure.forms)])
-        remaining = evaluate(refit(structure, experiment.training, start), experiment)
-        best = extend(remaining, catalogue, experiment, EXCHANGED)[0]
+        best = extend(drop_effect(model, name, experiment), catalogue, experiment, EXCHANGED)[0]
         if best.score < model.score - 1.0:
             model = best
     return model
-
-
-_AKAIKE = 2.0
-_SHOWN = 10
-"""How many sets of effects a ranking shows."""
 
 
 class Selection:
@@ -157,14 +150,13 @@ class Selection:
         experiment: Experiment,
         base: Candidate,
         settings: DiagnosisSettings,
-        null: NullDistribution,
         singles: list[Candidate] | None = None,
     ):
         self.experiment = experiment
         self.base = base
         self.settings = settings
-        self.null = null
-        self.forms = sum(len(effect.forms) for effect in settings.catalogue.values())
+        self.null = null_distribution(settings.system)
+        self.forms = number_of_forms(settings.catalogue)
         self.singles = extend(base, settings.catalogue, experiment) if singles is None else singles
         self.tried = list(self.singles)
         self.contradicting: dict[Candidate, bool] = {}
@@ -214,34 +206,24 @@ class Selection:
             self.contradicting[candidate] = bool(contradictions(candidate.fit, self.experiment))
         return self.contradicting[candidate]
 
-    def worthwhile(self, before: Candidate, after: Candidate) -> bool:
-        """Whether a further effect explains more than what the smaller model has being slightly wrong."""
-        return is_worthwhile(self.base, before, after, self.experiment)
+    def is_further(self, before: Candidate, after: Candidate) -> bool:
+        """Whether an effect passes and explains more than what the smaller model has being slightly wrong."""
+        return self.passes(before, after) and is_worthwhile(self.base, before, after, self.experiment)
 
     def selected_path(self) -> list[Candidate]:
         """Select effects one after the other; return the path from the base to the model."""
-        if is_adequate(self.base, self.experiment) and not self.any_passes(self.base, self.singles):
-            return [self.base]
-        model = next((item for item in self.singles if self.passes(self.base, item)), None)
-        if model is not None and is_adequate(model, self.experiment):
-            return [self.base, model]
-        if self.settings.most_effects < 2:
-            return [self.base] if model is None else [self.base, model]
-        pair = self.best_pair(model)
-        if pair is None:
-            return [self.base] if model is None else [self.base, model]
-        return self.further_path(pair)
+        single = next((item for item in self.singles if self.passes(self.base, item)), None)
+        path = [self.base] if single is None else [self.base, single]
+        if is_adequate(path[-1], self.experiment) or self.settings.most_effects < 2:
+            return path
+        pair = self.best_pair(path[-1])
+        return path if pair is None else self.further_path(pair)
 
-    def any_passes(self, before: Candidate, candidates: list[Candidate]) -> bool:
-        """Whether any of several larger models may be selected."""
-        return any(self.passes(before, item) for item in candidates)
-
-    def best_pair(self, single: Candidate | None) -> Candidate | None:
+    def best_pair(self, before: Candidate) -> Candidate | None:
         """Return the best pair if it is worth a second effect; pairs are tried even where no single effect passes."""
         found = pairs(self.base, self.singles, self.settings.catalogue, self.experiment)
         self.tried += found
-        before = single or self.base
-        found = [item for item in found if self.passes(before, item) and self.worthwhile(before, item)]
+        found = [item for item in found if self.is_further(before, item)]
         if not found:
             return None
         best = exchange(found[0], self.settings.catalogue, self.experiment)
@@ -253,9 +235,7 @@ class Selection:
         while len(model.effects) < self.settings.most_effects and not is_adequate(model, self.experiment):
             more = extend(model, self.settings.catalogue, self.experiment, most=4)
             self.tried += more
-            best = next(
-                (item for item in more if self.passes(model, item) and self.worthwhile(model, item)), None
-            )
+            best = next((item for item in more if self.is_further(model, item)), None)
             if best is None:
                 break
             model = best
@@ -266,36 +246,17 @@ class Selection:
         forms = list(model.fit.structure.forms)
         path = [self.base]
         while forms:
-            found = [
-                evaluate(add(path[-1].fit, form, self.experiment.training), self.experiment) for form in forms
-            ]
+            found = [add_form(path[-1], form, self.experiment) for form in forms]
             best = min(found, key=lambda item: item.score)
             forms = [form for form in forms if form.effect != best.effects[-1]]
             if not forms and best.score > model.score:
                 # The last one is the model itself, with its effects in the order in which they help.
-                best = self.in_order(model, best.effects)
+                own = {form.effect: form for form in model.fit.structure.forms}
+                best = replace(model, fit=with_forms(model.fit, [own[name] for name in best.effects]))
             path.append(best)
         while len(path) > 2 and not self.passes(path[-2], path[-1]):
             path.pop()
         return path
-
-    def in_order(self, model: Candidate, names: Sequence[str]) -> Candidate:
-        """The same fitted model with its forms in another order."""
-        fit = model.fit
-        base = fit.structure.base
-        forms = tuple(next(form for form in fit.structure.forms if form.effect == name) for name in names)
-        first, parts = fit.structure.nonlinear_of(fit.nonlinear)
-        linear, position = {}, len(base.linear)
-        for form in fit.structure.forms:
-            linear[form.key] = fit.linear[position : position + len(form.linear)]
-            position += len(form.linear)
-        ordered = replace(
-            fit,
-            structure=Structure(base, forms),
-            linear=np.concatenate([fit.linear[: len(base.linear)], *(linear[form.key] for form in forms)]),
-            nonlinear=np.concatenate([first, *(parts[form.key] for form in forms)]),
-        )
-        return Candidate(ordered, model.train_rms, model.test_rms, model.score)
 
     def tied(self, model: Candidate) -> list[Candidate]:
         """Other sets of as many effects that explain all records as well."""
@@ -324,7 +285,7 @@ class Selection:
         """Share of the base's explainable variance on unseen records that the effects remove."""
         # Where the noise is unknown nothing better than the best model met is known to be possible.
         reached = min(item.test_rms for item in [*self.tried, model])
-        floor = self.experiment.floor.rms if self.experiment.floor else reached
+        floor = self.experiment.noise if self.experiment.floor else reached
         explainable = max(self.base.test_rms**2 - floor**2, 0.0)
         removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
         return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
@@ -332,14 +293,17 @@ class Selection:
     def verdict(self, model: Candidate, tied: list[Candidate], share: float) -> str:
         """Verdict on the base (see `Verdict`)."""
         if model is self.base:
-            floor = self.experiment.floor
-            # Periods that differ by more than noise show that something is missing, even where it raises the floor.
-            differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
-            lacking = differing or not is_adequate(self.base, self.experiment)
+            lacking = self.periods_differ or not is_adequate(self.base, self.experiment)
             return "unexplained" if lacking else "adequate"
         if share < 0.5 and not is_adequate(model, self.experiment):
             return "unexplained"
         return "tied" if tied else "named"
+
+    @property
+    def periods_differ(self) -> bool:
+        """Whether periods differ by more than noise: something is missing, even where it raises the floor."""
+        floor = self.experiment.floor
+        return floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
 
     def further(self, model: Candidate) -> Candidate | None:
         """Diagnose the refined model: what one more step of the search would add, however many effects it has.
@@ -352,7 +316,7 @@ class Selection:
         forms = {form.key for form in model.fit.structure.forms}
         made = [item for item in self.tried if {form.key for form in item.fit.structure.forms[:-1]} == forms]
         found = made or extend(model, self.settings.catalogue, self.experiment, REFITTED)
-        found = [item for item in found if self.passes(model, item) and self.worthwhile(model, item)]
+        found = [item for item in found if self.is_further(model, item)]
         return min(found, key=lambda item: item.score, default=None)
 
     def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
@@ -363,9 +327,7 @@ class Selection:
 
     def leaves_noise(self, model: Candidate) -> bool:
         """Whether a refined model leaves noise alone, and periods that differ are explained by an effect of time or path."""
-        floor = self.experiment.floor
-        differing = floor is not None and floor.surely_structured_rms > STRUCTURED * floor.rms
-        if differing and not any(self.settings.catalogue[name].changes for name in model.effects):
+        if self.periods_differ and not any(self.settings.catalogue[name].changes for name in model.effects):
             return False
         return is_adequate(model, self.experiment, COMPLETE)
 

@@ -10,10 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.files import read_json
+
+if TYPE_CHECKING:
+    from lumbar.tissue.models.form import Effect
 
 LEVEL = 0.01
 """An effect is selected only at this probability of a false alarm."""
@@ -38,8 +42,6 @@ BLIND = 0.95
 what is left for white noise, and colour passes for certainty."""
 WORTHWHILE_BLIND = 0.02
 """The same, of the base's squared error, where the noise floor is unknown."""
-
-
 TABLES = {
     "tissue": Path(__file__).with_name("null_distribution_tissue.json"),
     "pendulum": Path(__file__).with_name("null_distribution_pendulum.json"),
@@ -76,9 +78,20 @@ class NullDistribution:
             share = min(share, 0.02 * float(np.exp(-0.5 * (ratio - tail))))
         return float(min(1.0, share * (forms or self.forms) / self.forms))
 
+    def threshold(self, forms: int) -> float:
+        """Smallest likelihood-ratio statistic that an effect may be selected on: its probability is `LEVEL`."""
+        candidates = np.linspace(0.0, 4 * self.ratios[-1], 4001)
+        probabilities = np.array([self.p_value(ratio, forms) for ratio in candidates])
+        return float(candidates[np.argmax(probabilities <= LEVEL)])
+
+
+def number_of_forms(catalogue: dict[str, Effect]) -> int:
+    """Number of candidate forms of a catalogue."""
+    return sum(len(effect.forms) for effect in catalogue.values())
+
 
 @cache
-def shipped(system: str = "tissue") -> NullDistribution:
+def null_distribution(system: str = "tissue") -> NullDistribution:
     """Return the table that comes with the project for a system's catalogue."""
     content = read_json(TABLES[system])
     return NullDistribution(np.sort(np.array(content["gains"])), content["forms"])

@@ -14,6 +14,9 @@ from lumbar.tissue.effects.catalogue import CHANNELS
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter
 
+_MOST = 7
+"""Digits: errors that differ by less are alike."""
+
 
 @dataclass(frozen=True, eq=False)
 class Ranked:
@@ -64,6 +67,12 @@ class Verdict:
     def selected(self) -> tuple[str, ...]:
         """Names of the selected effects, in the order added."""
         return self.model.effects
+
+    @property
+    def noise_rms(self) -> float:
+        """Noise per sample: the floor, or what the model leaves of its training record where there is none."""
+        floor = self.experiment.floor
+        return self.model.train_rms if floor is None else floor.rms
 
     @property
     def turned(self) -> Finding | None:
@@ -136,11 +145,7 @@ def _ranked_json(item: Ranked) -> dict:
     }
 
 
-_MOST = 7
-"""Digits: errors that differ by less are alike."""
-
-
-def told_apart(values: Sequence[float], fewest: int) -> list[str]:
+def distinguishing_digits(values: Sequence[float], fewest: int) -> list[str]:
     """Return numbers in words with so many digits that neighbours which differ read differently.
 
     Parameters
@@ -150,9 +155,9 @@ def told_apart(values: Sequence[float], fewest: int) -> list[str]:
 
     Examples
     --------
-    >>> told_apart([1.42, 1.404, 1.398], 2)
+    >>> distinguishing_digits([1.42, 1.404, 1.398], 2)
     ['1.42', '1.404', '1.398']
-    >>> told_apart([8700.0, 1796.0], 3)
+    >>> distinguishing_digits([8700.0, 1796.0], 3)
     ['8700', '1800']
     """
     wanted = sum(f"{a:.{_MOST}g}" != f"{b:.{_MOST}g}" for a, b in pairwise(values))
@@ -185,7 +190,7 @@ def headline(diagnosis: Verdict) -> str:
     unit, base = diagnosis.experiment.output_unit, diagnosis.base.fit.structure.base.name
     before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
     named = effects_text(diagnosis.selected)
-    fall = f"the error on unseen records falls from {' to '.join(told_apart([before, after], 3))} {unit}"
+    fall = f"the error on unseen records falls from {' to '.join(distinguishing_digits([before, after], 3))} {unit}"
     if diagnosis.turned is not None:
         return f"These records are not what the {base} model takes. {diagnosis.turned.sentence}"
     if diagnosis.verdict == "adequate":
