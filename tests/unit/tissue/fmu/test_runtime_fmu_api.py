@@ -42,31 +42,6 @@ LINEAR_AND_NOT = ("HO", "KB+coulomb_friction")
 
 @pytest.mark.parametrize("name", LINEAR_AND_NOT)
 @pytest.mark.parametrize("version", [2, 3])
-def test_reset_repeats_bit_for_bit(name, version, fmu_instance, fmu_positions):
-    slave = fmu_instance(name, version)
-
-    def run():
-        slave.exitInitializationMode()
-        forces = []
-        for k, position in enumerate(fmu_positions):
-            put(slave, POSITION, position)
-            slave.doStep(k * 0.01, 0.01)
-            forces.append(get(slave))
-        return forces
-
-    first = run()
-    put(slave, GAIN, 2.0)
-    slave.reset()
-    if version == 2:
-        slave.setupExperiment(startTime=0.0)
-        slave.enterInitializationMode()
-    else:
-        slave.enterInitializationMode(startTime=0.0)
-    assert run() == first
-
-
-@pytest.mark.parametrize("name", LINEAR_AND_NOT)
-@pytest.mark.parametrize("version", [2, 3])
 def test_saved_state_continues_bit_for_bit(name, version, fmu_instance, fmu_positions):
     slave, other = fmu_instance(name, version), fmu_instance(name, version)
     slave.exitInitializationMode()
@@ -108,18 +83,6 @@ def test_saved_state_continues_bit_for_bit(name, version, fmu_instance, fmu_posi
     for broken in (content[:-1], b"x" + content[1:], content[:9] + b"?" + content[10:], b""):
         with pytest.raises(FMICallException):
             deserialize(broken)
-
-
-@pytest.mark.parametrize("version", [2, 3])
-def test_instances_are_independent(version, fmu_instance):
-    one, two = fmu_instance("KB", version), fmu_instance("KB", version)
-    for slave, position in ((one, 1.0), (two, -2.0)):
-        put(slave, POSITION, position)
-        slave.exitInitializationMode()
-    for k in range(20):
-        one.doStep(k * 0.01, 0.01)
-        two.doStep(k * 0.01, 0.01)
-    assert get(two) == pytest.approx(-2.0 * get(one), rel=1e-14)
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -296,36 +259,36 @@ LIBRARY = {
             "        if (!(instant <= end + tolerance())) break;": "        if (state->pending) break;",
             "        if (instant >= end - tolerance()) break;": "        break;",
         },
-        "played in 2 steps a sample",
+        "in 2 steps a sample from 0 s on",
     ),
-    "a clock that begins at 0": ({"state->start_time = start_time;": "state->start_time = 0.0;"}, "from 1000 s on"),
-    "steps back in time": ({"!(step > 0.0) || ": ""}, "takes a step back in time"),
+    "a clock that begins at 0": ({"state->start_time = start_time;": "state->start_time = 0.0;"}, "a sample from 1000 s on"),
+    "steps back in time": ({"!(step > 0.0) || ": ""}, "a step of -0.01 s at 0.59 s where 0.59 s is reached"),
     "steps from elsewhere": (
         {"!(fabs(from - state->time) <= tolerance())": "0"},
-        "that does not begin where the last one ended",
+        "a step of 0.01 s at 0.595 s where 0.59 s is reached",
     ),
     "bytes without a checksum": (
         {"if (sum != checksum(bytes, size - sizeof sum)) return false;": ""},
-        "takes the bytes of a state with byte",
+        "bytes of a state with byte",
     ),
     "twice the slope": (
         {"by_input = state->gain * output_slope": "by_input = 2.0 * state->gain * output_slope"},
-        "the library's derivative by position",
+        "derivative by position",
     ),
     "0.1 N more after a while": (
         {"y + state->output_offset;": "y + state->output_offset + (state->next_sample > 5000 ? 0.1 : 0.0);"},
-        "at sample 5001",
+        "of a long motion without event mode, at sample 500",
     ),
 }  # fmt: skip
 """What is replaced in the library's source, words of the sentence."""
 PASSIVE = {
     "damping counted twice": (
         {"double damped = state->device_damping": "double damped = 2.0 * state->device_damping"},
-        "energy: ",
+        "built from the FMU's own sources",
     ),
     "a bound twice as large": (
         {"? sqrt(energy / worst)": "? 2.0 * sqrt(energy / worst)"},
-        "more out of FMU and device than it gives",
+        "built from the FMU's own sources",
     ),
 }
 TEXTS = {

@@ -52,8 +52,14 @@ def check_file(path: Path, cache: Path) -> FileCheck:
     return checked([path], cache)[0]
 
 
-def checked(paths: list[Path], cache: Path) -> list[FileCheck]:
-    """Check files as `check_file` does; what is slow to start is started once for all."""
+def checked(paths: list[Path], cache: Path, built_anew: bool = True) -> list[FileCheck]:
+    """Check files as `check_file` does; what is slow to start is started once for all.
+
+    Parameters
+    ----------
+    built_anew : bool
+        Whether the library is held to the sources beside it: not where it has just been made of them.
+    """
     for path in paths:
         if not path.is_file():
             raise InputError(f"{path}: no such file")
@@ -71,7 +77,7 @@ def checked(paths: list[Path], cache: Path) -> list[FileCheck]:
         for number, problems in zip(playable, found, strict=True):
             checks[number] = FileCheck(paths[number], tuple(problems), played=True)
         sound = [number for number in playable if not checks[number].problems]
-        for number in sound:
+        for number in sound if built_anew else ():
             checks[number] = _built_anew(checks[number], work, number, libraries[number], cache)
     return checks
 
@@ -88,9 +94,9 @@ def _built_anew(check: FileCheck, work: Path, number: int, library: Path, cache:
     return replace(check, problems=tuple(played([(shipped, folder)], work)[0]))
 
 
-def check_files(paths: Iterable[Path], cache: Path) -> list[FileCheck]:
-    """Check FMUs and raise one error with all problems of all of them; parameters as of `check_file`."""
-    checks = checked(list(paths), cache)
+def check_files(paths: Iterable[Path], cache: Path, built_anew: bool = True) -> list[FileCheck]:
+    """Check FMUs and raise one error with all problems of all of them; parameters as of `checked`."""
+    checks = checked(list(paths), cache, built_anew)
     wrong = [check for check in checks if check.problems]
     problems = Problems(wrong[0].path.name if len(wrong) == 1 else "FMUs that must not be used")
     for check in wrong:
@@ -103,7 +109,7 @@ def check_files(paths: Iterable[Path], cache: Path) -> list[FileCheck]:
 def check_new_files(paths: list[Path], cache: Path) -> None:
     """Check files that were just written, and remove them all where one has a problem; parameters as of `check_file`."""
     try:
-        check_files(paths, cache)
+        check_files(paths, cache, built_anew=False)
     except InputError:
         for path in paths:
             path.unlink()

@@ -1,7 +1,8 @@
-"""One instance of an FMU under check: the same calls in both versions of FMI, with and without event mode."""
+"""An FMU under check: one instance with the same calls in both versions of FMI, and positions to play to it."""
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterable
 from copy import copy
 from functools import cached_property
@@ -156,6 +157,11 @@ class Instance:
             return False
         return True
 
+    def derivative(self, unknown: str, known: str) -> float:
+        """Derivative of one variable by another at this moment."""
+        references = ([self.fmu.variables[name].valueReference] for name in (unknown, known))
+        return self.slave.getDirectionalDerivative(*references, [1.0])[0]
+
     def sample(self, position: float) -> float:
         """Force that a client reads at the next sample instant, where it sets this position.
 
@@ -224,3 +230,37 @@ class Instance:
         slave = self.slave
         deserialize = slave.deSerializeFMUstate if self.fmu.version == 2 else slave.deserializeFMUState
         return deserialize(content[0]), content[1]
+
+
+class Motion:
+    """Positions to play, about rest and of the reference push's size.
+
+    Attributes
+    ----------
+    rest, span : float
+        First position of the reference, and the largest distance from it.
+    """
+
+    def __init__(self, fmu: UnzippedFmu):
+        self.push = fmu.signal(REFERENCE[0])
+        self.rest = self.push[0]
+        self.span = max(abs(position - self.rest) for position in self.push) or 1.0
+
+    def random(self, samples: int, seed: int, scale: float = 0.5) -> list[float]:
+        """A random walk within the push's span, mirrored at its ends."""
+        generator, position, positions = random.Random(seed), 0.0, []
+        for _ in range(samples):
+            position += generator.gauss(0.0, 0.2)
+            position = max(-2.0 - position, min(2.0 - position, position))
+            positions.append(self.rest + scale * self.span * position)
+        return positions
+
+
+def modes(fmu: UnzippedFmu) -> list[bool]:
+    """Whether with event mode: the ways in which the FMU can be played."""
+    return [False, True] if fmu.version == 3 and fmu.description.coSimulation.hasEventMode else [False]
+
+
+def named(event_mode: bool) -> str:
+    """Say the way of playing in words."""
+    return "with event mode" if event_mode else "without event mode"

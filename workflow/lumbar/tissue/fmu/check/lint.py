@@ -12,7 +12,7 @@ from pathlib import Path
 
 from lumbar.tissue.fmu.check.lint_files import lint_binaries, lint_names, lint_resources, lint_sources, ports
 from lumbar.tissue.fmu.check.lint_meaning import lint_meaning
-from lumbar.tissue.fmu.check.lint_numbers import lint_constants, lint_page, lint_units
+from lumbar.tissue.fmu.check.lint_numbers import lint_constants, lint_page, lint_references, lint_units
 
 _C_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
@@ -62,7 +62,8 @@ def lint_fmu(path: Path) -> list[str]:
     problems += lint_units(root)
     problems += lint_resources(files, variables, version, steps.get("stepSize"))
     if not problems:
-        problems += [*lint_constants(files, variables, steps), *lint_page(files, root, variables)]
+        problems += [*lint_references(variables), *lint_constants(files, variables, steps)]
+        problems += lint_page(files, root, variables)
         problems += lint_meaning(files, root, dict(variables)[ports(variables)["input"]].get("unit"))
     return problems
 
@@ -175,7 +176,7 @@ def _lint_structure(variables: list[tuple[str, dict]], root: ElementTree.Element
 _VARIABILITIES = {
     "input": ("continuous", "discrete"),
     "output": ("discrete",),
-    "parameter": ("tunable", "fixed"),
+    "parameter": ("tunable",),
     "independent": ("continuous",),
 }
 

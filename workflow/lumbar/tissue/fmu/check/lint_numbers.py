@@ -89,6 +89,19 @@ def _words(base: Mapping[str, float]) -> str:
     return " ".join(f"{key}={value:g}" for key, value in base.items()) or "nothing"
 
 
+def lint_references(variables: list[tuple[str, dict]]) -> list[str]:
+    """Return names that do not stand at their place in the library: the enumeration of ``sources/sampled_force.h``."""
+    source, force = (ports(variables).get(causality, "") for causality in ("input", "output"))
+    guards = (f"{force}_rate_limit", "device_damping", "energy_reserve", "energy")
+    places = ("time", source, force, "gain", f"{force}_offset", f"{force}_limit", f"{source}_offset", *guards)
+    expected = {name: str(place) for place, name in enumerate(places)}
+    return [
+        f"{name}: its value reference is {attributes.get('valueReference')}; in the sources it is {expected[name]}"
+        for name, attributes in variables
+        if name in expected and attributes.get("valueReference") != expected[name]
+    ]
+
+
 def lint_page(files: Mapping[str, bytes], root: Element, variables: list[tuple[str, dict]]) -> list[str]:
     """Return where ``documentation/index.html`` tells other numbers than the description and the sources."""
     page = files.get("documentation/index.html", b"").decode("utf-8", errors="replace")
