@@ -34,16 +34,7 @@ class _Joint:
 
 
 def read_bvh(path: str | os.PathLike) -> MarkerFile:
-    """Read a BVH file.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    MarkerFile
-        Joints by name, ends of chains as ``<joint>_end``; time counts from 0.
+    """Read a BVH file: joints by name, ends of chains as ``<joint>_end``, on a clock that starts at 0.
 
     Raises
     ------

@@ -88,16 +88,7 @@ def analog_channels(path: Path, structure: C3dStructure) -> AnalogChannels:
 def read_analog(
     path: Path, structure: C3dStructure, channels: AnalogChannels, numbers: Sequence[int]
 ) -> np.ndarray:
-    """Physical values of some channels.
-
-    Parameters
-    ----------
-    numbers : sequence of int
-        Channels, counted from 0.
-
-    Returns
-    -------
-    ndarray, shape (n_frames * channels.per_frame, len(numbers))
+    """Physical values of some channels, counted from 0; shape (n_frames * channels.per_frame, len(numbers)).
 
     Raises
     ------
@@ -155,16 +146,7 @@ _KINDS = {
 
 
 def read_c3d(path: str | os.PathLike) -> MarkerFile:
-    """Read the points of a C3D file.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    MarkerFile
-        Time counts from the system's first frame, so that a recording that was trimmed keeps its clock.
+    """Read the points of a C3D file, on the clock of the system's first frame, which a recording that was trimmed keeps.
 
     Raises
     ------

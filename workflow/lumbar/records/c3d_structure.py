@@ -30,16 +30,7 @@ def real(raw: bytes, processor: int) -> float:
 
 
 def reals(raw: np.ndarray, processor: int) -> np.ndarray:
-    """Decode reals: IEEE in the file's byte order, or DEC's: halves swapped and four times larger.
-
-    Parameters
-    ----------
-    raw : ndarray of uint8, shape (..., 4 n)
-
-    Returns
-    -------
-    ndarray of float, shape (..., n)
-    """
+    """Decode reals, raw of shape (..., 4 n): IEEE in the file's byte order, or DEC's: halves swapped and four times larger."""
     raw = np.ascontiguousarray(raw)
     with np.errstate(invalid="ignore"):  # a NaN may be of the signalling kind
         if processor == MIPS:

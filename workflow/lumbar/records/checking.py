@@ -18,7 +18,7 @@ MarkerReader = Callable[[str, MarkerLayout], MarkerRecording]
 
 
 def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dict[str, list[dict]]:
-    """Read every recording and describe it.
+    """Read every recording and describe it, by chapter: name, sha256, size and what the reader found in it.
 
     Parameters
     ----------
@@ -26,13 +26,6 @@ def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dic
         One entry per file: ``chapter``, ``set`` (files whose quantities and units must agree, or null),
         ``reader`` (``columns``, ``markers`` or ``ratings``), ``path``, ``layout``, and for columns ``name``,
         ``period_s``, ``rate_Hz`` and ``trim_s`` where they apply.
-    read : callable
-        Reads a marker file, given its path and layout.
-
-    Returns
-    -------
-    dict of str to list of dict
-        By chapter, one description per file: name, sha256, size and what the reader found in it.
 
     Raises
     ------

@@ -49,13 +49,6 @@ def with_missing_rows(
 ) -> tuple[Record, Sequence[int] | None]:
     """Fill gaps of a few rows by a cubic spline; `record` itself where there is none, or one that cannot be filled.
 
-    Parameters
-    ----------
-    record : Record
-        Not yet checked.
-    lines : sequence of int, optional
-        Line of each sample in the file that it was read from.
-
     Returns
     -------
     Record
@@ -116,10 +109,6 @@ def read_record(
 
     Parameters
     ----------
-    path : path
-        Text file (``.gz`` is unpacked) or MATLAB file.
-    name : str, optional
-        Name of the record; default the file's stem.
     period : float, optional
         Period of the excitation in seconds.
     rate : float, optional

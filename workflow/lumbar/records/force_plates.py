@@ -286,7 +286,7 @@ def _turned(
 
 
 def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = None) -> list[ForcePlate]:
-    """Read the force plates of a recording.
+    """Read the force plates of a recording; none where it has none (C3D without plates, any other marker file).
 
     Parameters
     ----------
@@ -294,11 +294,6 @@ def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = Non
         C3D file, or OpenSim's ``.mot`` with ground reaction forces, also packed (``.gz``).
     layout : MarkerLayout, optional
         Axes and unit, as of the markers; a ``.mot`` file is in metres.
-
-    Returns
-    -------
-    list of ForcePlate
-        Empty where the file has none (C3D without plates, any other marker file).
 
     Raises
     ------

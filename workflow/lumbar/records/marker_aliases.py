@@ -136,10 +136,6 @@ def resolve_aliases(
         Standard name to alias, or None for none; see the module's description. Empty: every marker keeps its label.
     points, model_points : dict of str to ndarray, shape (n_frames, 3)
         Markers and computed points by label; metres, standard axes.
-    dropped : dict of str to str
-        Labels that are no markers, with the reason.
-    source : str
-        File, for messages.
     required : list of str, optional
         Names without which the recording is of no use. Default: every alias.
 

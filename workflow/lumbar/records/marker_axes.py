@@ -65,13 +65,7 @@ def upright(positions: dict[str, np.ndarray]) -> np.ndarray | None:
 
 
 def check_up(upward: np.ndarray, layout: MarkerLayout, source: str, seen_by: str = "") -> None:
-    """Raise when a vector from feet to trunk, turned by the declared axes, does not point up.
-
-    Parameters
-    ----------
-    upward : ndarray, shape (3,)
-    seen_by : str
-        Words for the markers that show it.
+    """Raise when a vector from feet to trunk, shape (3,), turned by the declared axes, does not point up.
 
     Raises
     ------
@@ -101,8 +95,6 @@ def check_axes(
     ----------
     positions : dict of str to ndarray, shape (n_frames, 3)
         Under standard names, turned by the declared axes.
-    seen_by : str
-        Words for the markers that show it.
 
     Raises
     ------
@@ -157,15 +149,7 @@ def tells_axes(positions: dict[str, np.ndarray]) -> list[str]:
 
 
 def _sides_advice(facing: np.ndarray, ahead: list[np.ndarray], layout: MarkerLayout) -> str:
-    """Say whether labels are swapped or forward is wrong, as far as the body's front tells.
-
-    Parameters
-    ----------
-    facing : ndarray, shape (3,)
-        Where the person faces if left and right are as labelled.
-    ahead : list of ndarray, shape (3,)
-        Vectors from the back of the body to its front.
-    """
+    """Say whether labels are swapped or forward is wrong, as far as the body's front tells."""
     skip = "(check_axes: false skips this check)"
     rotation = rotation_to_standard(layout.up, layout.forward)
     faces = file_axis(facing, rotation)

@@ -58,14 +58,10 @@ class MarkerFile:
 
 
 def mark_missing(points: np.ndarray) -> np.ndarray:
-    """Return a copy with NaN in all coordinates of every missing sample.
+    """Return a copy of points, shape (..., 3), with NaN in all coordinates of every missing sample.
 
     A sample is missing where a coordinate is not finite, or where all three are exactly zero: systems write
     the origin for a marker they did not see, and a real marker is never there to the last bit.
-
-    Parameters
-    ----------
-    points : ndarray, shape (..., 3)
     """
     points = np.array(points, dtype=float)
     missing = ~np.isfinite(points).all(axis=-1) | (points == 0).all(axis=-1)
@@ -100,8 +96,6 @@ def split_points(
 
     Parameters
     ----------
-    source, time, rate, unit, events, notes
-        As in `MarkerFile`.
     labels : list of str
         One per point.
     points : ndarray, shape (n_frames, n_points, 3)

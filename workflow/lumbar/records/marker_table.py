@@ -40,7 +40,6 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
 
     Parameters
     ----------
-    path : path
     rate : float, optional
         Frames per second, where the file has no times; with times, they must agree.
 
@@ -176,8 +175,6 @@ def even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple
 
     Parameters
     ----------
-    path : Path
-        For messages.
     printed : ndarray, shape (n_frames,)
         Seconds.
     declared : float or None

@@ -107,8 +107,6 @@ def read_markers(
         The suffix decides: ``.c3d``, ``.trc``, ``.csv``, ``.mat`` or ``.bvh``, each also packed (``.gz``).
     layout : MarkerLayout, optional
         See the module's description. Without aliases every marker keeps its label.
-    name : str, optional
-        Name of the recording; default the file's stem.
     minimum_frames : int
         1 accepts a static pose of one frame; a trajectory needs at least 2.
     mend : callable, optional
@@ -208,15 +206,6 @@ def _at_rate(file: MarkerFile, rate: float | None) -> MarkerFile:
 
 def metres_per_unit(source: str, unit: str, declared: str) -> float:
     """Return the factor to metres; a declared unit must not contradict the one the file states.
-
-    Parameters
-    ----------
-    source : str
-        File, for messages.
-    unit : str
-        Unit of length that the file states; empty where it states none.
-    declared : str
-        ``markers.unit`` of the layout.
 
     Raises
     ------

@@ -37,7 +37,6 @@ def read_mat_markers(path: str | os.PathLike, rate: float | None = None) -> Mark
 
     Parameters
     ----------
-    path : path
     rate : float, optional
         Frames per second, where the file has neither times nor a rate; with times, they must agree.
 

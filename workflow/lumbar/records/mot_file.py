@@ -27,7 +27,6 @@ def read_mot(path: str | os.PathLike, layout: MarkerLayout) -> list[ForcePlate]:
 
     Parameters
     ----------
-    path : path
     layout : MarkerLayout
         Axes; OpenSim's own are ``up: "+y", forward: "+x"``. Lengths are metres.
 

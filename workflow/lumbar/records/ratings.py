@@ -73,27 +73,12 @@ class Ratings:
         return np.array([self.best.count(model) for model in self.models])
 
     def label(self, data: str, not_real: str) -> str:
-        """Words that say, on every table and figure, where the answers come from.
-
-        Parameters
-        ----------
-        data : str
-            Label of the study's data, e.g. ``"synthetic twin"``.
-        not_real : str
-            Words put before it where the file marks answers as `NOT_REAL`.
-        """
+        """Where the answers come from, on every table and figure: `not_real` first where the file marks them so."""
         return f"{not_real}, {data}" if NOT_REAL in self.sources else data
 
 
 def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     """Read a participants' sheet.
-
-    Parameters
-    ----------
-    path : path
-        Text file with a header.
-    layout : dict
-        See the module's description.
 
     Raises
     ------

@@ -101,16 +101,7 @@ FEWEST_SAMPLES = 8
 
 
 def samples_between(time: np.ndarray, trim: tuple[float, float], source: str) -> np.ndarray:
-    """Return the numbers of the samples with ``start <= time < stop``.
-
-    Parameters
-    ----------
-    time : numpy.ndarray of float, shape (samples,)
-        Seconds; may hold NaN, which lies nowhere.
-    trim : tuple of float
-        Start and stop in seconds.
-    source : str
-        File, for the message.
+    """Return the numbers of the samples with ``start <= time < stop`` (seconds); a time that is NaN lies nowhere.
 
     Raises
     ------
@@ -136,14 +127,7 @@ def check_record(
     may_rest: Collection[str] = (),
     lines: Sequence[int] | None = None,
 ) -> Record:
-    """Return `record` when it can be analysed, else raise with all reasons.
-
-    Parameters
-    ----------
-    may_rest : collection of str
-        Roles of channels that may be constant.
-    lines : sequence of int, optional
-        Line of each sample in the file that it was read from.
+    """Return `record` when it can be analysed, else raise with all reasons; channels of the roles `may_rest` may be constant.
 
     Raises
     ------
@@ -228,11 +212,6 @@ def same_units(records: list[Record]) -> None:
 
 class RecordSet(Sequence[Record]):
     """Records that were made alike, one per excitation.
-
-    Parameters
-    ----------
-    records : iterable of Record
-        With names of their own.
 
     Raises
     ------

@@ -96,11 +96,6 @@ def _is_hold(top: FlatTop, values: np.ndarray) -> bool:
 def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
     """Refuse a record whose force is clipped, or whose position is and does not merely rest there.
 
-    Parameters
-    ----------
-    lines : sequence of int, optional
-        Line of each sample in the file that it was read from.
-
     Raises
     ------
     InputError

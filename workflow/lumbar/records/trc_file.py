@@ -29,10 +29,6 @@ _MOST_PROBLEMS = 20
 def read_trc(path: str | os.PathLike) -> MarkerFile:
     """Read a TRC file.
 
-    Parameters
-    ----------
-    path : path
-
     Raises
     ------
     InputError

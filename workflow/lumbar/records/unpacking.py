@@ -39,13 +39,6 @@ def stem_of(path: Path) -> str:
 def unpack(stored: bytes, path: Path) -> bytes:
     """Return what a gzipped file holds.
 
-    Parameters
-    ----------
-    stored : bytes
-        The file.
-    path : Path
-        For messages.
-
     Raises
     ------
     InputError
@@ -63,13 +56,7 @@ def unpack(stored: bytes, path: Path) -> bytes:
 
 
 def check_zip(content: bytes, source: str) -> None:
-    """Raise where a zip archive, as a workbook is one, says that it unpacks to more than the limits above, or is broken.
-
-    Parameters
-    ----------
-    source : str
-        For messages.
-    """
+    """Raise where a zip archive, as a workbook is one, says that it unpacks to more than the limits above, or is broken."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             size = sum(item.file_size for item in archive.infolist())
@@ -125,12 +112,6 @@ def unpacked(path: Path) -> Iterator[Path]:
 
 def check_matlab(file: str | os.PathLike | BinaryIO, source: str) -> None:
     """Raise where what a MATLAB file holds, which packs its variables, is larger than any recording.
-
-    Parameters
-    ----------
-    file : path or binary stream
-    source : str
-        For messages.
 
     Raises
     ------

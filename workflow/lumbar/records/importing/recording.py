@@ -97,13 +97,6 @@ class ImportedRecording:
 def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") -> ImportedRecording:
     """Turn a table into a record.
 
-    Parameters
-    ----------
-    name : str
-        Of the record.
-    sha256 : str
-        Of the file.
-
     Raises
     ------
     InputError

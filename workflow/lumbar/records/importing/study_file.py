@@ -25,21 +25,12 @@ def write_folder(
     data: str | None = None,
     licence: str | None = None,
 ) -> Path:
-    """Write records, study and provenance; a folder of an earlier import is added to.
+    """Write records, study and provenance, and return the path of the study; a folder of an earlier import is added to.
 
     Parameters
     ----------
-    recordings : sequence of ImportedRecording
-        Of the same quantities and units.
     beside : sequence of Path
         Files of the folder that would be read as records.
-    data, licence : str, optional
-        Name and licence of the data for the study.
-
-    Returns
-    -------
-    Path
-        The study.
 
     Raises
     ------
@@ -149,8 +140,6 @@ def study_text(content: dict, folder: Path) -> str:
     ----------
     content : dict
         Of the file of provenance.
-    folder : Path
-        Of the records.
     """
     records = content["records"]
     if not records:

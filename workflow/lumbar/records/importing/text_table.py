@@ -31,8 +31,6 @@ def read_text(content: bytes, source: str, table: str | None = None) -> RawTable
 
     Parameters
     ----------
-    source : str
-        Name of the file, for messages.
     table : str, optional
         Number of the table (counted from 1) where a file holds several.
 
@@ -226,7 +224,8 @@ def _numbers(cells: tuple[str, ...], decimal: str) -> np.ndarray:
 
 def _seconds(cells: tuple[str, ...]) -> np.ndarray:
     """Seconds since the first of these times of day; dates are left out, as days and months are told apart by guesses:
-    a day that ends between two of them is counted on."""
+    a day that ends between two of them is counted on.
+    """
     import pandas as pd
 
     times = [re.split(r"[T ]+", cell.replace(",", ".").rstrip("Z"))[-1] for cell in cells]

@@ -48,8 +48,6 @@ def device_table(
     ----------
     refused : sequence of str
         Why models have no row at a rate.
-    data : str
-        Where the models' data come from.
     """
     import pandas as pd
 

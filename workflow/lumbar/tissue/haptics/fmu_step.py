@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 class UnpackedFmu:
     """An FMU for FMI 3.0 that is unpacked once and instantiated as often as it is played.
 
-    Parameters
-    ----------
-    path : Path
-
     Raises
     ------
     InputError

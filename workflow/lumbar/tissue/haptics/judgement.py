@@ -117,11 +117,6 @@ class Judgement:
 def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[list[Judgement], list[str]]:
     """Judge models as they are exported, and at the rate of the servo.
 
-    Parameters
-    ----------
-    settings : RuntimeSettings
-        Rate, moving average, limit and device.
-
     Returns
     -------
     list of Judgement

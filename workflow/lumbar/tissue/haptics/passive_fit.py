@@ -169,12 +169,8 @@ def fit_passive(
 
     Parameters
     ----------
-    spring : bool
-        Whether it has a spring.
     branches : int or None
         0 or 1 Maxwell branch with the best relaxation time; None for as many as the data ask for.
-    condition : DeviceCondition, optional
-        See `fit_branches`.
     """
     from scipy.optimize import minimize_scalar
 

@@ -72,14 +72,6 @@ def fit_passive_models(
 
     Parameters
     ----------
-    models : sequence of FittedModel
-        Of ``tissue/models.json``.
-    training : Record
-        Record they were identified on.
-    tests : sequence of Record
-        The other records.
-    settings : RuntimeSettings
-        Its ``models``, moving average and device.
     settling_s : float
         Seconds at the start that do not count.
 

@@ -52,18 +52,7 @@ def alias_sums(model: SampledModel, angles: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def damping_at(model: SampledModel, angles: np.ndarray) -> np.ndarray:
-    """Damping that the condition asks for at every angle ωT.
-
-    Parameters
-    ----------
-    angles : numpy.ndarray
-        Radians in (0, π].
-
-    Returns
-    -------
-    numpy.ndarray
-        N·s/m, shape of `angles`.
-    """
+    """Damping in N·s/m that the condition asks for at every angle ωT in (0, π], of their shape."""
     loop = (1.0 - np.exp(-1j * angles)) * model.response(angles) / model.sampling_time
     in_time, late = alias_sums(model, angles)
     shifted = loop * late
@@ -75,12 +64,10 @@ def damping_at(model: SampledModel, angles: np.ndarray) -> np.ndarray:
 
 
 def required_damping(model: SampledModel, points: int = 2000) -> RequiredDamping:
-    """Return the smallest damping with which the device is passive, whatever passive hand holds it.
+    """Return the smallest damping with which the device is passive with a stable model, whatever passive hand holds it.
 
     Parameters
     ----------
-    model : SampledModel
-        Stable; its gain counts.
     points : int
         Angles at which the condition is looked at before the neighbourhood of the worst is looked at again.
     """
@@ -98,14 +85,7 @@ _SCANNED, _HALVINGS, _POINTS = 8, 8, 400
 
 
 def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float | None, float | None]:
-    """Lowest rates in Hz for a passive and for a stable loop, on a servo that is as fast as the model.
-
-    Parameters
-    ----------
-    model : FittedModel
-        A transfer function.
-    settings : RuntimeSettings
-        Moving average, device and hand.
+    """Lowest rates in Hz for a passive and a stable loop of a transfer function, on a servo that is as fast as the model.
 
     Returns
     -------
@@ -170,13 +150,7 @@ class ZWidth:
 
 
 def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
-    """Return the damping that models need by rate, and the stiffnesses that the device can render by its damping.
-
-    Parameters
-    ----------
-    models : sequence of FittedModel
-        Transfer functions; at least one.
-    """
+    """Return the damping that transfer functions need by rate, and the stiffnesses the device can render by its damping."""
     slowest = 1.0 / models[0].sampling_time
     rates = np.geomspace(slowest, max(_FASTEST_PLOTTED_HZ, slowest), _RATES)
     needed = {model.name: np.array([_needed(model, rate, settings) for rate in rates]) for model in models}

@@ -115,14 +115,7 @@ def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) 
 def in_units(
     found: list[SampledModel], name: str, input: Port, output: Port, limit: float, device: DeviceSettings
 ) -> RenderedModel:
-    """Return a model, given in its own units, in those of the device.
-
-    Parameters
-    ----------
-    found : list of SampledModel
-        The model, or its linearisations.
-    limit : float
-        In the output's unit.
+    """Return a model or its linearisations, given in its own units as `limit` is, in those of the device.
 
     Raises
     ------

@@ -166,11 +166,6 @@ def encoder_ripple(model: SampledModel, device: DeviceSettings) -> float:
 
     An encoder errs by half a step at most, and no bounded error gives more than its size times the 1-norm of the impulse
     response from it to the force.
-
-    Parameters
-    ----------
-    model : SampledModel
-        With which the loop is stable.
     """
     step, (transition, by_new, by_old) = difference_equation(model), period(model, device)
     state, before, total, recent = np.zeros(2), 0.0, 0.0, 0.0

@@ -140,20 +140,7 @@ def search(
     training: IdentificationData,
     tests: list[IdentificationData],
 ) -> list[ArxCandidate]:
-    """Every structure with every α, fitted by ridge ARX and simulated on the training record.
-
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    structures : iterable of Structure
-    alphas : numpy.ndarray
-        Ridge coefficients.
-    regression : ReducedRegression
-        Of the training record.
-    tests : list of IdentificationData
-        All other records.
-    """
+    """Every structure with every α, fitted by ridge ARX and simulated on the training record."""
     candidates = []
     for structure in structures:
         path = regression.path(structure)
@@ -168,7 +155,6 @@ def select(
     candidates: list[ArxCandidate], selection: str, condition_max: float | None
 ) -> tuple[ArxCandidate, str]:
     """Pick the candidate of the highest %VAF with reasonable conditioning.
-
 
     Parameters
     ----------

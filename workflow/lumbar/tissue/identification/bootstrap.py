@@ -27,7 +27,7 @@ def block_bootstrap(
     rng: np.random.Generator,
     alpha: float = 0.0,
 ) -> np.ndarray:
-    """Solutions of (AᵀA + α²) x = Aᵀb over resampled blocks of rows.
+    """Solutions of (AᵀA + α²) x = Aᵀb over resampled blocks of rows, shape (resamples, parameters).
 
     Parameters
     ----------
@@ -37,14 +37,8 @@ def block_bootstrap(
         b.
     block_rows : int
         Rows per block, longer than the residuals' correlation.
-    resamples : int
-        Number of resampled data sets.
     alpha : float
         Ridge coefficient.
-
-    Returns
-    -------
-    numpy.ndarray, shape (resamples, parameters)
 
     Raises
     ------

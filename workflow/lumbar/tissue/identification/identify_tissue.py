@@ -50,12 +50,8 @@ def identify(
 
     Parameters
     ----------
-    training : Record
-        Channels ``input`` and ``output``.
     tests : list of Record
         Records with another excitation; in the order of `Scores.tests`.
-    seed : int
-        Seed of the bootstrap.
 
     Returns
     -------
@@ -111,10 +107,6 @@ def given_model(
 
     Parameters
     ----------
-    training : Record
-        Record beside whose models it stands.
-    tests : list of Record
-        The other records.
     settling_s : float
         Seconds at the start that do not count.
     force_max, travel : float

@@ -47,8 +47,6 @@ def fit_output_error(
 
     Parameters
     ----------
-    structure : ArxStructure
-        Free coefficients.
     inputs, outputs : numpy.ndarray, shape (samples,)
         Demeaned signals.
     starts : list of TransferFunction
@@ -90,13 +88,9 @@ def fit_output_error(
 def simulation_sensitivities(
     structure: ArxStructure, coefficients: np.ndarray, inputs: np.ndarray
 ) -> np.ndarray:
-    """Differentiate the free run with respect to every free coefficient.
+    """Differentiate the free run with respect to every free coefficient, shape (samples, parameters).
 
     With ŷ = (B/A) u: ∂ŷ/∂b_j = z⁻ʲ u/A and ∂ŷ/∂(−a_i) = z⁻ⁱ ŷ/A, all started from rest at the first input.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples, parameters)
     """
     model = structure.transfer_function(coefficients)
     inverse = TransferFunction((1.0,), model.denominator)

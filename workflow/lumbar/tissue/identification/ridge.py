@@ -106,13 +106,7 @@ class RidgePath:
         return self._right[: self.rank].T @ filtered
 
     def solution(self, alpha: float) -> np.ndarray:
-        """Minimiser of Eq. 3.7, the solution of Eq. 3.8, in the units of the signals.
-
-        Parameters
-        ----------
-        alpha : float
-            Ridge coefficient of Eq. 3.7, ≥ 0.
-        """
+        """Minimiser of Eq. 3.7 with ridge coefficient α ≥ 0, the solution of Eq. 3.8, in the units of the signals."""
         return self.standardised_solution(alpha) * self.target_scale / self.column_scale
 
     def residual_sum_of_squares(self, alpha: float) -> float:

@@ -24,10 +24,6 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) ->
     ----------
     models : list of FittedModel
         Those of the first training record first, and so on; all with the same number of unseen records.
-    settings : TissueSettings
-        For the notes.
-    data : str
-        Where the data come from.
     """
     import pandas as pd
 

@@ -71,17 +71,7 @@ class Excitation:
 
 
 def excited_band(bandwidths: dict, settings: SignalsSettings) -> float:
-    """Upper end of the band to excite: a factor times the surgeons' bandwidth, rounded.
-
-    Parameters
-    ----------
-    bandwidths : dict
-        As `lumbar.tissue.signals.surgeon_motion.motion_bandwidths` returns it.
-
-    Returns
-    -------
-    float
-        Hz.
+    """Upper end in Hz of the band to excite: a factor times the surgeons' bandwidth of `motion_bandwidths`, rounded.
 
     Raises
     ------
@@ -107,14 +97,7 @@ def excited_band(bandwidths: dict, settings: SignalsSettings) -> float:
 
 
 def design_excitation(band: float, settings: SignalsSettings, seed: int) -> Excitation:
-    """Design multisine, noise and chirp up to `band`, scaled and checked against the testing machine.
-
-    Parameters
-    ----------
-    band : float
-        Upper end of the band, Hz.
-    seed : int
-        For the noise and the detection lines.
+    """Design multisine, noise and chirp up to `band` Hz, scaled and checked against the testing machine.
 
     Raises
     ------
@@ -220,13 +203,7 @@ def multisine_description(excitation: Excitation, settings: SignalsSettings) -> 
 
 
 def signal_properties(excitation: Excitation, data: str) -> Table:
-    """Table of what each signal is and what it asks of the machine.
-
-    Parameters
-    ----------
-    data : str
-        Where the surgeon recordings behind the band come from.
-    """
+    """Table of what each signal is and what it asks of the machine."""
     import pandas as pd
 
     from lumbar.tables.table import Table

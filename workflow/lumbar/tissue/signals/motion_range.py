@@ -84,13 +84,6 @@ def peak_kinematics(position: np.ndarray, rate: float) -> Kinematics:
 def check_machine_limits(motions: dict[str, Kinematics], limits: Kinematics) -> None:
     """Refuse signals that the testing machine cannot play.
 
-    Parameters
-    ----------
-    motions : dict of str to Kinematics
-        By signal.
-    limits : Kinematics
-        Of the machine.
-
     Raises
     ------
     InputError

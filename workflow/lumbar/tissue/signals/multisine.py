@@ -17,13 +17,7 @@ _ITERATIONS_PER_LEVEL = 60
 
 
 def crest_factor(values: np.ndarray) -> float:
-    """Largest absolute value over the root mean square.
-
-    Parameters
-    ----------
-    values : numpy.ndarray of float, shape (samples,)
-        For a periodic signal whole periods, sampled finely enough to catch the peak.
-    """
+    """Largest absolute value over the root mean square; of a periodic signal over whole periods, sampled finely."""
     return float(np.abs(values).max() / np.sqrt(np.mean(np.square(values))))
 
 
@@ -156,7 +150,7 @@ class Multisine:
 def excited_lines(
     period: float, band: float, grid: str, detection_group: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lines of a full or an odd grid, and the lines left out to detect nonlinearity.
+    """Lines of a full or an odd grid, and the even and the odd lines left out to detect nonlinearity.
 
     On the odd grid one line, drawn at random, is left out of every `detection_group` consecutive odd lines:
     random places keep products of regular gaps from hiding.
@@ -171,10 +165,6 @@ def excited_lines(
         ``"full"`` or ``"odd"``.
     detection_group : int
         Odd lines of which one is left out.
-
-    Returns
-    -------
-    excited, detection_even, detection_odd : numpy.ndarray of int
 
     Raises
     ------

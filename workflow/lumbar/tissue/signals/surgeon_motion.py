@@ -129,11 +129,6 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
     and for 12 surgeons, percentiles in 76 % and 90 %. With one surgeon only trials are drawn and the interval
     says nothing of other surgeons; with one trial there is none.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the bootstrap.
-
     Returns
     -------
     dict

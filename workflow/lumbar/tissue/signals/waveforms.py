@@ -44,7 +44,7 @@ def linear_chirp(duration: float, lowest: float, highest: float, rate: float) ->
 
 
 def band_limited_noise(duration: float, highest: float, rate: float, order: int, seed: int) -> np.ndarray:
-    """Gaussian noise through a zero-phase low-pass filter, with mean 0 and RMS 1.
+    """Gaussian noise through a zero-phase low-pass filter, with mean 0 and RMS 1, shape (round(duration * rate),).
 
     White noise runs forward and backward through a Butterworth filter. Two passes halve the power at each
     pass's corner twice; the corner is therefore moved up so that the density of the result is halved (−3 dB)
@@ -61,10 +61,6 @@ def band_limited_noise(duration: float, highest: float, rate: float, order: int,
         Samples per second, Hz.
     order : int
         Order of the Butterworth filter (of one pass).
-
-    Returns
-    -------
-    numpy.ndarray of float, shape (round(duration * rate),)
 
     Raises
     ------

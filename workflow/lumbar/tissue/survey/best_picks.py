@@ -45,11 +45,7 @@ def pick_shares(ratings: Ratings, confidence: float) -> PickShares:
 
 
 def equal_shares_test(picks: np.ndarray) -> Overall:
-    """Pearson's chi-square test that all models are picked equally often.
-
-    Parameters
-    ----------
-    picks : numpy.ndarray of int, shape (models,)
+    """Pearson's chi-square test that all models are picked equally often; picks of shape (models,).
 
     Raises
     ------
@@ -74,13 +70,7 @@ def without(shares: PickShares, baseline: str) -> np.ndarray:
 def best_picks_table(
     ratings: Ratings, shares: PickShares, baseline: str, confidence: float, data: str
 ) -> Table:
-    """Table of the best picks: one row per model.
-
-    Parameters
-    ----------
-    baseline : str
-        Static model that the others are compared without.
-    """
+    """Table of the best picks: one row per model."""
     import pandas as pd
 
     percent = f"{100 * confidence:g} %"

@@ -167,7 +167,7 @@ def vargha_delaney(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def resampled_counts(ratings: Ratings, resamples: int, seed: list[int]) -> np.ndarray:
-    """Rating counts of bootstrap samples of participants.
+    """Rating counts of bootstrap samples of participants, shape (resamples, models, scale_points).
 
     Each sample draws whole participants with replacement, so ratings of one person stay together.
     Participants with the same answers are drawn as one class (multinomially), which costs the same for 45
@@ -175,14 +175,8 @@ def resampled_counts(ratings: Ratings, resamples: int, seed: list[int]) -> np.nd
 
     Parameters
     ----------
-    resamples : int
-        Number of samples.
     seed : list of int
         Seed of `numpy.random.default_rng`.
-
-    Returns
-    -------
-    numpy.ndarray of float, shape (resamples, models, scale_points)
     """
     answers, frequency = np.unique(ratings.scores, axis=0, return_counts=True)
     drawn = np.random.default_rng(seed).multinomial(len(ratings), frequency / len(ratings), size=resamples)
@@ -198,8 +192,6 @@ def superiority_interval(first: np.ndarray, second: np.ndarray, confidence: floa
     ----------
     first, second : numpy.ndarray, shape (resamples, points)
         Rating counts of the two models in the same bootstrap samples.
-    confidence : float
-        E.g. 0.95.
 
     Returns
     -------
@@ -244,24 +236,7 @@ class PairedComparison:
 def compare_pairs(
     ratings: Ratings, zeros: str, confidence: float, resamples: int, seed: int
 ) -> list[PairedComparison]:
-    """Compare every pair of models within participants.
-
-    Parameters
-    ----------
-    zeros : {"pratt", "wilcox"}
-        See `lumbar.tissue.survey.paired_analysis.signed_rank_test`.
-    confidence : float
-        Of the percentile bootstrap intervals of Â, e.g. 0.95.
-    resamples : int
-        Bootstrap samples of participants.
-    seed : int
-        Seed of the bootstrap.
-
-    Returns
-    -------
-    list of PairedComparison
-        In the order of `lumbar.tissue.survey.table_3_2.pairs`.
-    """
+    """Compare every pair of models within participants, in the order of `lumbar.tissue.survey.table_3_2.pairs`."""
     differences = {pair: ratings.of(pair[0]) - ratings.of(pair[1]) for pair in pairs(ratings)}
     tests = {pair: signed_rank_test(difference, zeros) for pair, difference in differences.items()}
     adjusted = holm(np.array([test.p_value for test in tests.values()]))

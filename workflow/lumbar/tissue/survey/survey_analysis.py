@@ -36,13 +36,6 @@ class SurveyAnalysis:
 def analyse_survey(ratings: Ratings, settings: SurveySettings, seed: int, data: str) -> SurveyAnalysis:
     """Analyse the answers as the thesis did, and within participants.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the bootstrap.
-    data : str
-        Label of the study's data.
-
     Raises
     ------
     NumericalError

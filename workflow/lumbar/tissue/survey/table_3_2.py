@@ -108,18 +108,7 @@ def printed(p_value: float) -> str:
 
 
 def table_3_2(ratings: Ratings, data: str) -> Table:
-    """Table 3.2 of the thesis.
-
-    Parameters
-    ----------
-    data : str
-        Label of the data.
-
-    Returns
-    -------
-    Table
-        One row per model; the p-value of a pair stands in the row of its first model.
-    """
+    """Table 3.2 of the thesis, one row per model; the p-value of a pair stands in the row of its first model."""
     import pandas as pd
 
     counts, participants = ratings.counts(), len(ratings)

@@ -120,13 +120,6 @@ def warm_cache(targets: Sequence[str], cache: Path) -> None:
 
     A few lines are compiled for every target; a file beside the compiler's own says that this was done.
 
-    Parameters
-    ----------
-    targets : list of str
-        Platforms, keys of `TARGETS`, or ``"host"``.
-    cache : Path
-        Folder of the compiler's cache.
-
     Raises
     ------
     InputError
@@ -162,18 +155,7 @@ def _toolchain() -> str:
 
 
 def compile_library(sources: list[Path], library: Path, target: str, cache: Path) -> None:
-    """Compile C sources into a shared library.
-
-    Parameters
-    ----------
-    sources : list of Path
-        C files, all in one folder with their headers.
-    library : Path
-        File to write.
-    target : str
-        One of `TARGETS`.
-    cache : Path
-        Folder for the compiler's cache; made where it is absent.
+    """Compile C sources, all in one folder with their headers, into a shared library for one of `TARGETS`.
 
     Raises
     ------
@@ -220,10 +202,6 @@ def library_of(
         Name and contents of each C file and header.
     listed : tuple of str
         Names of the C files to compile, in their order.
-    name : str
-        File name of the library.
-    target, cache
-        As of `compile_library`.
 
     Raises
     ------

@@ -174,15 +174,7 @@ _ROLES = {
 
 
 def model_description(model: ExportModel, version: str, data: str) -> str:
-    """Return modelDescription.xml.
-
-    Parameters
-    ----------
-    version : str
-        One of `FMI_VERSIONS`.
-    data : str
-        Where the model's data come from.
-    """
+    """Return modelDescription.xml."""
     listed = variables(model)
     told = meaning(model)
     words = (

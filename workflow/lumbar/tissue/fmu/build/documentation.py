@@ -23,10 +23,6 @@ def documentation_html(
 
     Parameters
     ----------
-    version : str
-        Of FMI.
-    data : str
-        Where the model's data come from.
     push : tuple of numpy.ndarray
         Time, input and output of the embedded reference, drawn.
     """

@@ -106,8 +106,6 @@ def c_function(name: str, form: Form, numbers: dict[str, float], ring: int | Non
 
     Parameters
     ----------
-    name : str
-        Of the function, a C identifier.
     form : Form
         With a C step that has no problems.
     numbers : dict of str to float
@@ -314,14 +312,7 @@ MAX_MEMORY = 256
 
 
 def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
-    """Return a continuous model as an FMU runs it.
-
-    Parameters
-    ----------
-    model : FittedModel
-        A base with effects.
-    sampling_time : float
-        Seconds; that of the FMU.
+    """Return a continuous model, a base with effects, as an FMU runs it at this sampling time in seconds.
 
     Raises
     ------

@@ -167,11 +167,6 @@ class ExportModel:
 def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
     """Pick the models to export from the identified ones.
 
-    Parameters
-    ----------
-    fitted : list of FittedModel
-        Those of ``tissue/models.json``.
-
     Returns
     -------
     list of ExportModel

@@ -77,7 +77,6 @@ def guarded(model, positions: np.ndarray, limited: np.ndarray, event_mode: bool)
 
     Parameters
     ----------
-    model : ExportModel
     positions : numpy.ndarray, shape (samples,)
         In the input's unit.
     limited : numpy.ndarray, shape (samples,)

@@ -126,19 +126,12 @@ _EARLIEST = (1980, 1, 1, 0, 0, 0)
 
 
 def compile_model(model: ExportModel, targets: Sequence[str], cache: Path) -> dict[str, bytes]:
-    """Compile one library per target; it serves both FMI versions.
+    """Compile one library per target, contents by target; it serves both FMI versions.
 
     Parameters
     ----------
     targets : list of str
         Platforms, keys of `lumbar.tissue.fmu.build.compiler.TARGETS`, or ``"host"``.
-    cache : Path
-        Folder of the compiler's cache.
-
-    Returns
-    -------
-    dict of str to bytes
-        Contents of the library by target.
 
     Raises
     ------
@@ -218,25 +211,12 @@ def export_fmus(
     cache: Path,
     versions: Sequence[str] = FMI_VERSIONS,
 ) -> list[Path]:
-    """Compile each model once and write its FMUs, ``<name>_fmi2.fmu`` and ``<name>_fmi3.fmu``; say how far it is.
+    """Compile each model once, write its FMUs, ``<name>_fmi2.fmu`` and ``<name>_fmi3.fmu``, and return their paths.
 
     Parameters
     ----------
-    folder : Path
-        Where the FMUs are written.
-    data : str
-        Where the models' data come from; stands in description and documentation.
     targets : list of str
         Platforms, keys of `lumbar.tissue.fmu.build.compiler.TARGETS`, or ``"host"``.
-    cache : Path
-        Folder of the compiler's cache.
-    versions : sequence of str
-        Of FMI.
-
-    Returns
-    -------
-    list of Path
-        The files written.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def model_output(model: ExportModel, inputs: np.ndarray, late: bool = False) -> 
 
 
 def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np.ndarray:
-    """Return the output computed in Python, as a client of this FMI version should read it.
+    """Return the output computed in Python, as a client of this FMI version should read it, shape (samples,).
 
     Parameters
     ----------
@@ -65,10 +65,6 @@ def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np
     version : str
         In FMI 2.0 the feed-through is one sample late, or the whole force; not so at the start, but with guards the force
         is 0 there.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
 
     Raises
     ------
@@ -111,17 +107,7 @@ def scale_to(model: ExportModel, inputs: np.ndarray, output: float) -> float:
 
 
 def push_profile(sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return time and a movement from 0 to 1 and back, with flanks of half a cosine.
-
-    Parameters
-    ----------
-    sampling_time : float
-        Seconds.
-
-    Returns
-    -------
-    tuple of numpy.ndarray, each of shape (samples,)
-    """
+    """Return time in seconds and a movement from 0 to 1 and back, with flanks of half a cosine, each of shape (samples,)."""
     ends = np.cumsum(list(_DURATIONS.values()))
     time = np.arange(round(ends[-1] / sampling_time) + 1) * sampling_time
     rise = np.clip((time - ends[0]) / _DURATIONS["push"], 0.0, 1.0)
@@ -136,11 +122,6 @@ def push_depth(model: ExportModel, profile: np.ndarray) -> float:
 
 def reference_push(model: ExportModel, version: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return time, input and output of one push, or of its beginning in a fast loop, as the FMU holds them.
-
-    Parameters
-    ----------
-    version : str
-        Of FMI; see `reference_output`.
 
     Returns
     -------
