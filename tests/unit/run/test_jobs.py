@@ -165,18 +165,18 @@ def test_a_file_that_the_system_refuses_is_told_by_the_command(tmp_path):
 JOB = """
 import os, sys, time
 from pathlib import Path
-from types import MappingProxyType, SimpleNamespace
+from types import SimpleNamespace
 sys.path.insert(0, {scripts!r})
 from job import run
 def main(input, output):
     Path({said!r}).write_text(str(os.getpid()))
     time.sleep(3600)
-run(main, SimpleNamespace(rule="a_rule", log=[{log!r}], input=None, output=None, params={}))
+run(main, SimpleNamespace(rule="a_rule", log=[{log!r}], input=None, output=None, params={{}}))
 """
 STARTED = "import subprocess, sys; subprocess.run(['bash', '-c', f'set -euo pipefail;  {sys.executable} ' + sys.argv[1]])"
 FORKED = """
 import sys
-from types import MappingProxyType, SimpleNamespace
+from types import SimpleNamespace
 from run.job_forks import execute_script
 if __name__ == "__main__":
     execute_script(SimpleNamespace(resources={"tmpdir": "/tmp"}, bench_record=None), sys.argv[1])
