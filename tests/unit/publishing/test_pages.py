@@ -249,9 +249,9 @@ def test_every_model_of_the_search_is_drawn_as_its_fit_simulates_it(diagnosis, p
         for item in diagnosis.verdict.experiment.records:
             simulated = candidates[model.key].fit.simulate(Motion.of(item))
             assert np.allclose(model.values[item.name], simulated, rtol=1e-5, atol=1e-6)
-            first = round(0.5 / record.sampling_time)
-            vaf = variance_accounted_for(record["output"][first:], simulated[first:])
-            assert model.merits[record.name]["vaf"] == pytest.approx(vaf)
+            first = round(0.5 / item.sampling_time)
+            vaf = variance_accounted_for(item["output"][first:], simulated[first:])
+            assert model.merits[item.name]["vaf"] == pytest.approx(vaf)
 
 
 def test_the_thesis_s_models_stand_beside_as_identify_finds_them(page):
