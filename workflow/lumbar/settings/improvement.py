@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
+from lumbar.base.errors import InputError
 from lumbar.settings.key import NAME, UNIQUE, key, required, settings
 from lumbar.settings.layout import ColumnLayout, RecordSettings
 
@@ -11,6 +12,20 @@ TissueBase = Literal[
     "auto", "LE", "Maxwell", "KV", "KB", "KV-mass", "KB-mass", "LE-contact", "KV-contact", "KB-contact"
 ]
 """Bases of a tissue that a study may name."""
+BASE_NAMES = (*get_args(TissueBase), "pendulum")
+
+
+def system_of(base: str) -> Literal["tissue", "pendulum"]:
+    """What a base is a model of.
+
+    Raises
+    ------
+    InputError
+        For an unknown one, with those that there are.
+    """
+    if base not in BASE_NAMES:
+        raise InputError(f"unknown base model {base!r}; known are {', '.join(BASE_NAMES)}")
+    return "pendulum" if base == "pendulum" else "tissue"
 
 
 @settings

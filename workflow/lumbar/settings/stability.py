@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from lumbar.base.errors import Problems
 from lumbar.settings.key import UNIQUE, Each, Word, key, section, settings
 
 GROUPS = ("expert", "novice")
@@ -49,6 +50,30 @@ class RegulatorSettings:
         "Qf, symmetric and positive definite; the goal set is x̄ᵀ·Qf·x̄ ≤ goal_level.",
         default=((100.0, 0.0), (0.0, 10.0)),
     )
+
+
+def weight_problems(state_weight, control_weight: float, terminal_weight) -> Problems:
+    """Collect what keeps the weights of a configuration from being admissible; arguments as of `RegulatorSettings`."""
+    import numpy as np
+
+    problems = Problems("stability.regulator")
+    for name, matrix, definite in (
+        ("state_weight", state_weight, False),
+        ("terminal_weight", terminal_weight, True),
+    ):
+        values = np.asarray(matrix, dtype=float)
+        kind = "definite" if definite else "semidefinite"
+        if values.shape != (2, 2) or not np.isfinite(values).all() or values[0, 1] != values[1, 0]:
+            problems.add(
+                name, f"{np.asarray(matrix).tolist()}", "a symmetric 2×2 matrix of numbers is needed"
+            )
+            continue
+        lowest = np.linalg.eigvalsh(values)[0]
+        if lowest < 0 or (definite and lowest == 0):
+            problems.add(name, f"smallest eigenvalue {lowest:g}", f"it must be positive {kind}")
+    if not (np.isfinite(control_weight) and control_weight > 0):
+        problems.add("control_weight", f"{control_weight:g}", "it must be positive")
+    return problems
 
 
 @settings

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import LumbarError, Problems
 from lumbar.base.yaml_file import way_of
-from lumbar.settings.stability import GROUPS
+from lumbar.settings.stability import GROUPS, weight_problems
 from lumbar.study.study import Study, record_layout, record_set, recordings_of
 
 if TYPE_CHECKING:
@@ -178,8 +178,6 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
     if study.has("stability") or study.has("population"):
         _check_groups(study, add)
     if study.has("stability") or study.has("perturbations"):
-        from lumbar.lifting.stability.model.eq_4_2_regulator import weight_problems
-
         problems.extend(weight_problems(**vars(settings.stability.regulator)))
         checks = settings.stability.checks
         if "cvxpy" in checks and "sum_of_squares" not in checks:

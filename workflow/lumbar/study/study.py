@@ -131,7 +131,7 @@ def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, flo
     InputError
         For an unknown base.
     """
-    from lumbar.tissue.models.bases import system_of
+    from lumbar.settings.improvement import system_of
 
     if system_of(base) == "pendulum":
         return settings.lifting.moment_layout, None

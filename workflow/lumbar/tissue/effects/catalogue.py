@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.models.bases import BASES, system_of
+from lumbar.settings.improvement import system_of
+from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Effect, Form
 
 CHANNELS = {

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from lumbar.base.errors import InputError
 from lumbar.tissue.models.equation import CStep, Solution
 from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter, Place
 from lumbar.tissue.models.motion import Motion
@@ -214,18 +213,3 @@ from straight up (inverted).
 
 CHOSEN_BY_DATA = "auto"
 """Name that stands for the base of a tissue that the data ask for."""
-
-
-def system_of(name: str) -> str:
-    """What the base of a name is a model of.
-
-    Raises
-    ------
-    InputError
-        For an unknown one, with those that there are.
-    """
-    if name == CHOSEN_BY_DATA:
-        return "tissue"
-    if name not in BASES:
-        raise InputError(f"unknown base model {name!r}; known are {CHOSEN_BY_DATA}, {', '.join(BASES)}")
-    return BASES[name].system

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.base.errors import NumericalError, Problems
+from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
 from lumbar.lifting.stability.model.trajectories import Trajectory
+from lumbar.settings.stability import weight_problems
 
 if TYPE_CHECKING:
     from lumbar.settings.stability import StabilitySettings
@@ -53,28 +54,6 @@ def check_weights(state, control: float, terminal) -> Weights:
     weight_problems(state, control, terminal).raise_if_any()
     entries = [np.asarray(matrix, dtype=float)[[0, 0, 1], [0, 1, 1]] for matrix in (state, terminal)]
     return Weights(entries[0], np.asarray(float(control)), entries[1])
-
-
-def weight_problems(state_weight, control_weight: float, terminal_weight) -> Problems:
-    """Collect what keeps the weights of a configuration from being admissible; arguments as for `check_weights`."""
-    problems = Problems("stability.regulator")
-    for name, matrix, definite in (
-        ("state_weight", state_weight, False),
-        ("terminal_weight", terminal_weight, True),
-    ):
-        values = np.asarray(matrix, dtype=float)
-        kind = "definite" if definite else "semidefinite"
-        if values.shape != (2, 2) or not np.isfinite(values).all() or values[0, 1] != values[1, 0]:
-            problems.add(
-                name, f"{np.asarray(matrix).tolist()}", "a symmetric 2×2 matrix of numbers is needed"
-            )
-            continue
-        lowest = np.linalg.eigvalsh(values)[0]
-        if lowest < 0 or (definite and lowest == 0):
-            problems.add(name, f"smallest eigenvalue {lowest:g}", f"it must be positive {kind}")
-    if not (np.isfinite(control_weight) and control_weight > 0):
-        problems.add("control_weight", f"{control_weight:g}", "it must be positive")
-    return problems
 
 
 def determinant(matrix: np.ndarray) -> np.ndarray:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from lumbar.records.record import Record
+from lumbar.settings.improvement import system_of
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import MOTION_SENSOR, catalogue_of, catalogue_with
-from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, system_of
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base
 
