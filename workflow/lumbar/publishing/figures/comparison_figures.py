@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from matplotlib.figure import Figure
 
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
@@ -10,9 +13,12 @@ from lumbar.publishing.figures.style import (
     MODELS,
     SERIES,
     SINGLE_COLUMN,
+    head_room,
     house_style,
     label_panels,
+    mark_noise_floor,
     new_figure,
+    note,
     svg_text,
 )
 from lumbar.records.record import Record
@@ -24,6 +30,7 @@ from lumbar.tissue.models.form import Effect
 _SHOWN_SAMPLES = 500
 """Samples of the segment that is shown by default."""
 _NOISE = {"color": "#bbbbbb", "edgecolor": "#555555", "linewidth": 0.6}
+_EXPLAINABLE = {"color": "white", "edgecolor": MODELS["HO"]["color"], "hatch": "////", "linewidth": 0.8}
 
 
 def default_segment(record: Record, simulated: np.ndarray, start: float) -> tuple[float, float]:
@@ -45,7 +52,7 @@ def comparison_figure(
     comparisons: list[Comparison],
     model: str = "KB",
     segment: tuple[float, float] | None = None,
-):
+) -> Figure:
     """Draw a segment of one record with its residual, and what the model leaves of every record's variance.
 
     Parameters
@@ -60,10 +67,6 @@ def comparison_figure(
         Name of the model as it is to stand in the legend.
     segment : (float, float), optional
         Seconds; default a stretch whose error is typical.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     mine = next(item for item in comparisons if item.record == record.name)
     low, high = segment or default_segment(record, simulated, mine.start)
@@ -79,19 +82,11 @@ def comparison_figure(
     look = MODELS.get(model.split("+")[0], MODELS["KB"])
     output, time = record.channels["output"], record.time[inside]
     response.plot(time, output.values[inside], color=MEASURED, linewidth=0.9, label="measured")
-    response.plot(
-        time,
-        simulated[inside],
-        color=look["color"],
-        linestyle=(0, (4, 1.2)),
-        linewidth=1.4,
-        label=f"{model}, free run",
-    )
-    response.set_ylabel(output.label)
-    response.set_title(record.name.replace("_", " "))
+    dashed = {"linestyle": (0, (4, 1.2)), "linewidth": 1.4}
+    response.plot(time, simulated[inside], color=look["color"], label=f"{model}, free run", **dashed)
+    response.set(ylabel=output.label, title=record.name.replace("_", " "))
     response.legend(loc="upper right", ncols=2)
-    bottom, top = response.get_ylim()
-    response.set_ylim(bottom, top + 0.18 * (top - bottom))
+    head_room(response, 0.18)
     _draw_residual(residual, time, (output.values - simulated)[inside], mine, look)
     residual.set_xlim(low, high)
     _draw_shares(shares, comparisons)
@@ -104,53 +99,30 @@ def _draw_residual(axis, time: np.ndarray, values: np.ndarray, comparison: Compa
         band = 2 * comparison.floor.rms
         axis.axhspan(-band, band, color="#cccccc", linewidth=0, label="± 2 × noise floor")
     axis.plot(time, values, color=look["color"], linewidth=0.8)
-    axis.set_ylabel(f"Measured − model\n({comparison.unit})")
-    axis.set_xlabel("Time (s)")
+    axis.set(ylabel=f"Measured − model\n({comparison.unit})", xlabel="Time (s)")
     if comparison.floor is not None:
-        bottom, top = axis.get_ylim()
-        axis.set_ylim(bottom, top + 0.25 * (top - bottom))
+        head_room(axis, 0.25)
         axis.legend(loc="upper right")
 
 
 def _draw_shares(axis, comparisons: list[Comparison]) -> None:
     """Bars of what is left of the output's variance: explainable and noise."""
     left = np.array([100 * item.rms.value**2 / item.output_variance for item in comparisons])
-    reach = np.array(
-        [
-            [100 * (item.rms.value**2 - item.rms.low**2) / item.output_variance for item in comparisons],
-            [100 * (item.rms.high**2 - item.rms.value**2) / item.output_variance for item in comparisons],
-        ]
-    )
+    below = [100 * (item.rms.value**2 - item.rms.low**2) / item.output_variance for item in comparisons]
+    above = [100 * (item.rms.high**2 - item.rms.value**2) / item.output_variance for item in comparisons]
+    reach = np.array([below, above])
     places = np.arange(len(comparisons))
-    known = comparisons[0].floor is not None
-    if known:
+    if comparisons[0].floor is not None:
         explainable = np.array([item.explainable_percent for item in comparisons])
         axis.bar(places, left - explainable, 0.55, label="noise", **_NOISE)
-        axis.bar(
-            places,
-            explainable,
-            0.55,
-            bottom=left - explainable,
-            color="white",
-            edgecolor=MODELS["HO"]["color"],
-            hatch="////",
-            linewidth=0.8,
-            label="explainable",
-        )
+        axis.bar(places, explainable, 0.55, bottom=left - explainable, label="explainable", **_EXPLAINABLE)
     else:
         axis.bar(places, left, 0.55, label="noise and error of the model", **_NOISE)
     axis.errorbar(places, left, np.maximum(reach, 0), fmt="none", color="black", capsize=2, linewidth=0.8)
     highest = float((left + reach[1]).max())
     for place, item, total, upper in zip(places, comparisons, left, reach[1], strict=True):
-        axis.annotate(
-            f"VAF\n{item.vaf.value:.4g} %",
-            (place, total + upper),
-            (0, 3),
-            textcoords="offset points",
-            ha="center",
-            fontsize=6.5,
-        )
-    axis.set_ylim(0, 1.3 * highest)
+        words = f"VAF\n{item.vaf.value:.4g} %"
+        note(axis, words, (place, total + upper), (0, 3), ha="center", fontsize=6.5)
     axis.set_xlim(-0.6, len(comparisons) - 0.4)
     axis.set_xticks(places, [item.record.replace("_", " ") for item in comparisons])
     if max(len(item.record) for item in comparisons) * len(comparisons) > 30:
@@ -162,7 +134,7 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
 
 
 @house_style
-def ladder_figure(rungs: list[dict], unit: str, floor: float | None):
+def ladder_figure(rungs: list[dict], unit: str, floor: float | None) -> Figure:
     """Draw training and unseen error of every rung, and the noise floor.
 
     Parameters
@@ -173,58 +145,36 @@ def ladder_figure(rungs: list[dict], unit: str, floor: float | None):
         Of the errors.
     floor : float or None
         Noise floor, where it is known.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     figure, axes = new_figure(SINGLE_COLUMN, 2.6)
-    places = range(len(rungs))
-    style = MODELS["KB"]
-    axes.bar(
-        [place - 0.19 for place in places],
-        [rung["train_rms"] for rung in rungs],
-        0.36,
-        color=style["color"],
-        alpha=0.45,
-        label="training record",
-    )
-    axes.bar(
-        [place + 0.19 for place in places],
-        [rung["test_rms"] for rung in rungs],
-        0.36,
-        color=style["color"],
-        hatch="//",
-        edgecolor="white",
-        label="unseen records",
-    )
-    for shift, key in ((-0.19, "train_rms"), (0.19, "test_rms")):
-        words = distinguishing_digits([rung[key] for rung in rungs], 2)
-        for place, rung, told in zip(places, rungs, words, strict=True):
-            axes.annotate(
-                told,
-                (place + shift, rung[key]),
-                (0, 1),
-                textcoords="offset points",
-                ha="center",
-                size=6,
-            )
-    if floor is not None:
-        axes.axhline(floor, color="black", linestyle="--", linewidth=0.9, label="noise floor")
-    smallest = min(
-        [rung[key] for rung in rungs for key in ("train_rms", "test_rms")] + ([floor] if floor else [])
-    )
-    largest = max(rung[key] for rung in rungs for key in ("train_rms", "test_rms"))
+    train, test = ([rung[key] for rung in rungs] for key in ("train_rms", "test_rms"))
+    errors = {"training record": train, "unseen records": test}
+    draw_error_bars(axes, errors, lambda values: distinguishing_digits(values, 2), floor)
+    smallest = min([*train, *test] + ([floor] if floor else []))
+    largest = max([*train, *test])
     if largest > 8 * smallest:
-        axes.set_yscale("log")
-        axes.set_ylim(0.5 * smallest, 2.2 * largest)
+        axes.set(yscale="log", ylim=(0.5 * smallest, 2.2 * largest))
     else:
         axes.set_ylim(0, 1.25 * largest)
-    axes.set_xticks(list(places), [rung["label"] for rung in rungs])
+    axes.set_xticks(range(len(rungs)), [rung["label"] for rung in rungs])
     axes.set_ylabel(f"RMS of the simulation error ({unit})")
-    axes.grid(visible=False, axis="x")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
+
+
+def draw_error_bars(
+    axes, errors: dict[str, list[float]], in_words: Callable[[list[float]], list[str]], floor: float | None
+) -> None:
+    """Draw training and unseen errors side by side, by label, with their values above and the noise floor."""
+    looks = ({"alpha": 0.45}, {"hatch": "//", "edgecolor": "white"})
+    for shift, (label, values), look in zip((-0.19, 0.19), errors.items(), looks, strict=True):
+        places = [place + shift for place in range(len(values))]
+        axes.bar(places, values, 0.36, color=MODELS["KB"]["color"], label=label, **look)
+        for place, value, words in zip(places, values, in_words(values), strict=True):
+            note(axes, words, (place, value), (0, 1), ha="center", size=6)
+    if floor is not None:
+        mark_noise_floor(axes, floor, 0.9)
+    axes.grid(visible=False, axis="x")
 
 
 def ladder_rungs(diagnosis: dict) -> list[dict]:
@@ -241,13 +191,12 @@ def ladder_rungs(diagnosis: dict) -> list[dict]:
 _SHOWN_S = 8.0
 """Seconds shown over time."""
 _BASE = {"color": "#999999", "linestyle": (0, (4, 1.5)), "linewidth": 1.0}
-
-
+_CLOSE = {"ncols": 2, "handlelength": 1.4, "columnspacing": 0.8, "borderpad": 0.1, "fontsize": 6.5}
 _AXES = {"tissue": ("Position", "force"), "pendulum": ("Angle", "moment")}
 
 
 @house_style
-def signature_figure(effects: list[Effect], system: str = "tissue"):
+def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
     """Draw one row per effect: force over position, added force over position at two rates, added force over time.
 
     Parameters
@@ -256,10 +205,6 @@ def signature_figure(effects: list[Effect], system: str = "tissue"):
         Each is drawn in the form of `lumbar.tissue.effects.signature.pictured_form`.
     system : str
         What they are effects of: ``tissue`` or ``pendulum``.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     figure, axes = new_figure(
         DOUBLE_COLUMN, 0.25 + 1.75 * len(effects), nrows=len(effects), ncols=3, squeeze=False
@@ -278,10 +223,7 @@ def signature_thumbnail(effect: Effect, system: str = "tissue") -> str:
     cycle = _last_cycle(slow, RATES[0])
     axes.plot(slow.motion.position[cycle], slow.base[cycle], **_BASE)
     axes.plot(slow.motion.position[cycle], slow.force[cycle], color=SERIES[3], linewidth=1.2)
-    axes.set_xlabel(_AXES[system][0])
-    axes.set_ylabel(_AXES[system][1].capitalize())
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(xlabel=_AXES[system][0], ylabel=_AXES[system][1].capitalize(), xticks=[], yticks=[])
     return svg_text(figure)
 
 
@@ -298,24 +240,16 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
     styles = ((slow, RATES[0], SERIES[0], "-"), (fast, RATES[1], SERIES[3], (0, (3, 1))))
     for item, rate, color, line in styles:
         kept = _last_cycle(item, rate)
-        added.plot(
-            item.motion.position[kept],
-            item.added_force[kept],
-            color=color,
-            linestyle=line,
-            linewidth=1.0,
-            label=f"{rate:g} Hz",
-        )
+        look = {"color": color, "linestyle": line, "linewidth": 1.0, "label": f"{rate:g} Hz"}
+        added.plot(item.motion.position[kept], item.added_force[kept], **look)
     added.set_ylabel(f"Added {response}")
     added.set_title(f"${form.latex}$", loc="left")
     for axis in (whole, added):
         axis.set_xlabel(moved)
     _draw_course(course, slow, moved.lower(), response)
     for axis in row:
-        _room(axis)
-        axis.legend(
-            loc="upper left", ncols=2, handlelength=1.4, columnspacing=0.8, borderpad=0.1, fontsize=6.5
-        )
+        head_room(axis, 0.22)
+        axis.legend(loc="upper left", **_CLOSE)
         axis.tick_params(labelsize=6.5)
 
 
@@ -326,18 +260,8 @@ def _last_cycle(item: Signature, rate: float) -> np.ndarray:
 
 def _draw_course(axis, item: Signature, moved: str, response: str) -> None:
     shown = item.motion.time <= _SHOWN_S
-    scale = np.abs(item.added_force[shown]).max() / np.abs(item.motion.position).max()
-    axis.plot(item.motion.time[shown], scale * item.motion.position[shown], label=f"{moved}, scaled", **_BASE)
-    axis.plot(
-        item.motion.time[shown],
-        item.added_force[shown],
-        color=SERIES[0],
-        linewidth=1.0,
-        label=f"added {response}",
-    )
+    time, added = item.motion.time[shown], item.added_force[shown]
+    scale = np.abs(added).max() / np.abs(item.motion.position).max()
+    axis.plot(time, scale * item.motion.position[shown], label=f"{moved}, scaled", **_BASE)
+    axis.plot(time, added, color=SERIES[0], linewidth=1.0, label=f"added {response}")
     axis.set_xlabel("Time (s)")
-
-
-def _room(axis) -> None:
-    bottom, top = axis.get_ylim()
-    axis.set_ylim(bottom, top + 0.22 * (top - bottom))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from lumbar.publishing.figures.comparison_figures import draw_error_bars
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
-    MODELS,
     SERIES,
+    head_room,
     house_style,
     label_panels,
     new_figure,
@@ -27,17 +29,13 @@ _LOOKS = (("o", "-"), ("s", (0, (4, 1.5))), ("^", (0, (1, 1))))
 
 
 @house_style
-def law_figure(proposal: Proposal):
+def law_figure(proposal: Proposal) -> Figure:
     """Draw the missing force as a map and in sections, and the errors of base, catalogue, law and noise.
 
     Parameters
     ----------
     proposal : Proposal
         With surfaces: something is missing.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     figure, (plane, sections, errors) = new_figure(DOUBLE_COLUMN, 2.8, ncols=3)
     surface, unit = proposal.surfaces[0], proposal.experiment.output_unit
@@ -107,30 +105,23 @@ def _draw_sections(axis, surface: Surface, added: np.ndarray | None, proposal: P
     for quantile, (marker, line), color in zip(_SECTIONS, _LOOKS, SERIES, strict=False):
         inside = np.abs(ranks - quantile) <= _WIDTH
         label = f"${symbol}$ ≈ {_short(float(np.median(second[inside])))}"
-        axis.plot(
-            middle, _means(first[inside], surface.force[inside], edges), marker, color=color, markersize=2.5,
-            label=label,
-        )  # fmt: skip
+        measured = _means(first[inside], surface.force[inside], edges)
+        axis.plot(middle, measured, marker, color=color, markersize=2.5, label=label)
         if added is not None:
-            axis.plot(
-                middle, _means(first[inside], added[inside], edges), linestyle=line, color=color, linewidth=1
-            )
+            law = _means(first[inside], added[inside], edges)
+            axis.plot(middle, law, linestyle=line, color=color, linewidth=1)
     told = "marks: measured" + ("" if added is None else ", lines: the law")
-    bottom, top = axis.get_ylim()
-    axis.set_ylim(bottom, top + 0.4 * (top - bottom))
-    axis.legend(
-        loc="upper center",
-        title=told,
-        title_fontsize=6,
-        fontsize=6,
-        ncols=3,
-        columnspacing=0.6,
-        handletextpad=0.1,
-    )
+    head_room(axis, 0.4)
+    close = {"ncols": 3, "columnspacing": 0.6, "handletextpad": 0.1}
+    axis.legend(loc="upper center", title=told, title_fontsize=6, fontsize=6, **close)
 
 
 def _short(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}"
+
+
+def _in_digits(values: list[float]) -> list[str]:
+    return [f"{value:.2g}" for value in values]
 
 
 def _draw_errors(axis, proposal: Proposal) -> None:
@@ -140,23 +131,13 @@ def _draw_errors(axis, proposal: Proposal) -> None:
     if proposal.law is not None:
         on = proposal.law.start.effects
         rows.append(("catalogue and law" if on else "base and law", proposal.law.candidate))
-    color = MODELS["KB"]["color"]
-    for shift, key, look in (
-        (-0.19, "train_rms", {"alpha": 0.45, "label": "training"}),
-        (0.19, "test_rms", {"hatch": "//", "edgecolor": "white", "label": "unseen"}),
-    ):
-        places = [place + shift for place in range(len(rows))]
-        values = [getattr(item, key) for _, item in rows]
-        axis.bar(places, values, 0.36, color=color, **look)
-        for place, value in zip(places, values, strict=True):
-            axis.annotate(
-                f"{value:.2g}", (place, value), (0, 1), textcoords="offset points", ha="center", size=6
-            )
     floor = proposal.experiment.floor
-    if floor is not None:
-        axis.axhline(floor.rms, color="black", linestyle="--", linewidth=0.9, label="noise floor")
+    errors = {
+        "training": [item.train_rms for _, item in rows],
+        "unseen": [item.test_rms for _, item in rows],
+    }
+    draw_error_bars(axis, errors, _in_digits, None if floor is None else floor.rms)
     axis.set_ylim(0, 1.35 * axis.get_ylim()[1])
     axis.set_xticks(range(len(rows)), [name.replace(" ", "\n", 1) for name, _ in rows])
     axis.set_ylabel(f"RMS of the simulation error ({proposal.experiment.output_unit})")
-    axis.grid(visible=False, axis="x")
     axis.legend(loc="upper center", ncols=2)

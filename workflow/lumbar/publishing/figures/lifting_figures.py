@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from matplotlib.figure import Figure
+
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
     MEASURED,
@@ -10,7 +12,9 @@ from lumbar.publishing.figures.style import (
     house_style,
     label_panels,
     new_figure,
+    note,
     person_and_box,
+    say_instead,
 )
 
 EVENT_LABELS = {
@@ -33,12 +37,19 @@ _OUTLINE = (
     *(("C7", "MANUBRIUM"), ("MANUBRIUM", "XIPHOID"), ("L5", "SACRUM")),
 )
 _MARKS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}
-_LINES = {"thorax": "-", "abdomen": (0, (4, 1.5)), "pelvis": (0, (1, 1))}
+_DASHED, _DOTTED = (0, (4, 1.5)), (0, (1, 1))
+_LINES = {"thorax": "-", "abdomen": _DASHED, "pelvis": _DOTTED}
+_HANDS = {
+    "box": {"label": "box", "color": "#D55E00", "linestyle": "-"},
+    "wrists": {"label": "wrists", "color": "#0072B2", "linestyle": _DASHED},
+    "l_wrist": {"label": "left wrist", "color": "#0072B2", "linestyle": _DASHED},
+    "r_wrist": {"label": "right wrist", "color": "#56B4E9", "linestyle": _DOTTED},
+}
 _GREY = "#888888"
 
 
 @house_style
-def events_figure(lift: dict):
+def events_figure(lift: dict) -> Figure:
     """Draw heights and speeds of box, wrists and toes over time, with the events found in them.
 
     Parameters
@@ -46,39 +57,23 @@ def events_figure(lift: dict):
     lift : dict
         ``motion`` (data frame with ``time_s``, ``<box|wrists|l_wrist|r_wrist>_height_m``, ``<…>_speed_m_s``), ``events``
         (per event as of `lumbar.lifting.movement.event_detection.Event.as_dict`) and ``summary`` (``lift``).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     motion, events = lift["motion"], lift["events"]
     figure, axes = new_figure(DOUBLE_COLUMN, 4.6, nrows=3, sharex=True, height_ratios=[1, 1, 0.8])
-    dashed = (0, (4, 1.5))
-    drawn = {
-        "box": ("box", "#D55E00", "-"),
-        "wrists": ("wrists", "#0072B2", dashed),
-        "l_wrist": ("left wrist", "#0072B2", dashed),
-        "r_wrist": ("right wrist", "#56B4E9", (0, (1, 1))),
-    }
-    for name, (label, color, line) in drawn.items():
+    for name, look in _HANDS.items():
         for axis, quantity in ((axes[0], "height_m"), (axes[1], "speed_m_s")):
             if f"{name}_{quantity}" in motion:
-                axis.plot(
-                    motion["time_s"], motion[f"{name}_{quantity}"], color=color, linestyle=line, label=label
-                )
+                axis.plot(motion["time_s"], motion[f"{name}_{quantity}"], **look)
     feet = [name for name in ("l_toe", "r_toe") if f"{name}_speed_m_s" in motion]
-    for name, color, line in zip(feet, ("#009E73", "#CC79A7"), ("-", (0, (4, 1.5))), strict=False):
+    for name, color, line in zip(feet, ("#009E73", "#CC79A7"), ("-", _DASHED), strict=False):
         label = "left toe" if name == "l_toe" else "right toe"
         axes[2].plot(motion["time_s"], motion[f"{name}_speed_m_s"], color=color, linestyle=line, label=label)
     if not feet:
-        axes[2].text(
-            0.5, 0.5, "no markers on the feet", transform=axes[2].transAxes, ha="center", color=_GREY
-        )
+        say_instead(axes[2], "no markers on the feet", color=_GREY)
         axes[2].set_yticks([])
     axes[0].set_ylabel("Height (m)")
     axes[1].set_ylabel("Speed (m/s)")
-    axes[2].set_ylabel("Toe speed (m/s)" if feet else "")
-    axes[2].set_xlabel("Time (s)")
+    axes[2].set(ylabel="Toe speed (m/s)" if feet else "", xlabel="Time (s)")
     _mark_events(axes, events)
     for axis in axes[: 3 if feet else 2]:
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -96,6 +91,7 @@ def _mark_events(axes, events: dict) -> None:
 
     Grey bands are the intervals of events; a dotted line is where the thesis's own rule puts one.
     """
+    on_top = {"xycoords": ("data", "axes fraction"), "fontsize": 6.5}
     deposit = [events[name]["time_s"] for name in ("deposit_start", "release")]
     for axis in axes:
         if None not in deposit:
@@ -111,28 +107,12 @@ def _mark_events(axes, events: dict) -> None:
                 axis.axvspan(event["earliest_s"], event["latest_s"], color="#cccccc", zorder=0.5)
             if event["thesis_s"] is not None:
                 axis.axvline(event["thesis_s"], color=_GREY, linewidth=1.2, linestyle=":")
-        axes[0].annotate(
-            f"{label}{' (set by hand)' if by_hand else ''}\n{event['time_s']:.2f} s",
-            (event["time_s"], 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, 3),
-            textcoords="offset points",
-            ha="center",
-            fontsize=6.5,
-        )
-    if events["deposit_start"]["thesis_s"] is not None:
-        axes[1].annotate(
-            "thesis's rule",
-            (events["deposit_start"]["thesis_s"], 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(-2, -2),
-            textcoords="offset points",
-            ha="right",
-            va="top",
-            rotation=90,
-            fontsize=6.5,
-            color=_GREY,
-        )
+        words = f"{label}{' (set by hand)' if by_hand else ''}\n{event['time_s']:.2f} s"
+        note(axes[0], words, (event["time_s"], 1.0), (0, 3), ha="center", **on_top)
+    thesis = events["deposit_start"]["thesis_s"]
+    if thesis is not None:
+        upwards = {"ha": "right", "va": "top", "rotation": 90, "color": _GREY, **on_top}
+        note(axes[1], "thesis's rule", (thesis, 1.0), (-2, -2), **upwards)
     if events["toe_off"]["time_s"] is None and len(axes[2].lines) > len(EVENT_LABELS) - 1:
         axes[2].set_title("no toe-off", loc="right", fontsize=7)
 
@@ -144,16 +124,10 @@ def _points(lift: dict, event: str) -> dict[str, tuple[float, float, float]]:
 
 
 def _stick_figure(axis, points: dict, horizontal: int, color: str, width: float) -> None:
-    for start, stop in _BODY:
-        if start in points and stop in points:
-            ends = [points[start], points[stop]]
-            axis.plot(
-                [end[horizontal] for end in ends],
-                [end[2] for end in ends],
-                color=color,
-                linewidth=width,
-                solid_capstyle="round",
-            )
+    for pair in _BODY:
+        if all(name in points for name in pair):
+            ends = zip(*((points[name][horizontal], points[name][2]) for name in pair), strict=True)
+            axis.plot(*ends, color=color, linewidth=width, solid_capstyle="round")
 
 
 def _box(axis, points: dict, horizontal: int, color: str) -> None:
@@ -167,23 +141,18 @@ def _box(axis, points: dict, horizontal: int, color: str) -> None:
     )
     if len(corners) >= 3 and np.linalg.matrix_rank(corners - corners[0], tol=1e-3) == 2:
         outline = corners[ConvexHull(corners).vertices]
-        axis.add_patch(
-            Polygon(outline, closed=True, facecolor="#f3e9d8", edgecolor=color, linewidth=0.8, zorder=0)
-        )
+        look = {"facecolor": "#f3e9d8", "edgecolor": color, "linewidth": 0.8, "zorder": 0}
+        axis.add_patch(Polygon(outline, closed=True, **look))
 
 
 @house_style
-def pendulum_figure(lift: dict):
+def pendulum_figure(lift: dict) -> Figure:
     """Figure 4.1: the inverted pendulums in flexion/extension, drawn on the person at the release.
 
     Parameters
     ----------
     lift : dict
         ``landmarks`` (points at every event), ``centres``, ``states`` (data frames) and ``summary``.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     summary, states = lift["summary"], lift["states"]
     if states.empty:
@@ -201,29 +170,19 @@ def pendulum_figure(lift: dict):
         path = deposit[deposit["com"] == com]
         axes[0].plot(path["y_m"], path["z_m"], color=color, linewidth=1.0)
         point = after[f"COM_{com}"]
-        axes[0].plot(
-            [pivot[1], point[1]], [pivot[2], point[2]], color=color, linestyle=_LINES[com], linewidth=1.0
-        )
-        axes[0].plot(
-            point[1], point[2], marker=_MARKS[com], color=color, markersize=6, linestyle="", label=com
-        )
+        rod = [pivot[1], point[1]], [pivot[2], point[2]]
+        axes[0].plot(*rod, color=color, linestyle=_LINES[com], linewidth=1.0)
+        axes[0].plot(*point[1:], marker=_MARKS[com], color=color, markersize=6, linestyle="", label=com)
         planar = states[(states["com"] == com) & (states["plane"] == "flexion_extension")]
         axes[1].plot(planar["time_s"], planar["angle_rad"], color=color, linestyle=_LINES[com], label=com)
     axes[0].plot(pivot[1], pivot[2], marker="P", color=MEASURED, markersize=7, linestyle="")
-    axes[0].annotate(
-        f"pivot ({summary['pivot'].replace('_', '-')})",
-        (pivot[1], pivot[2]),
-        xytext=(7, 4),
-        textcoords="offset points",
-    )
+    note(axes[0], f"pivot ({summary['pivot'].replace('_', '-')})", pivot[1:], (7, 4))
     top = max(after[f"COM_{com}"][2] for com in SEGMENTS if f"COM_{com}" in after)
     axes[0].plot([pivot[1]] * 2, [pivot[2], top + 0.1], color=MEASURED, linewidth=0.6, linestyle=(0, (1, 3)))
-    axes[0].annotate("θ = 0", (pivot[1], top + 0.1), xytext=(-2, 2), textcoords="offset points", ha="right")
+    note(axes[0], "θ = 0", (pivot[1], top + 0.1), (-2, 2), ha="right")
     axes[0].set_aspect("equal", adjustable="datalim")
-    axes[0].set_xlabel("y, forward (m)")
-    axes[0].set_ylabel("z, up (m)")
-    axes[1].set_xlabel("Time (s)")
-    axes[1].set_ylabel("Angle θ in flexion/extension (rad)")
+    axes[0].set(xlabel="y, forward (m)", ylabel="z, up (m)")
+    axes[1].set(xlabel="Time (s)", ylabel="Angle θ in flexion/extension (rad)")
     axes[1].legend(title="centre of mass")
     label_panels(axes)
     axes[0].set_title("deposit: start (light), release (dark)", loc="right")
@@ -232,7 +191,7 @@ def pendulum_figure(lift: dict):
 
 
 @house_style
-def segments_figure(lift: dict):
+def segments_figure(lift: dict) -> Figure:
     """Figure 4.2: torso markers, the three trunk segments and their centres of mass, from the front and the
     side.
 
@@ -240,10 +199,6 @@ def segments_figure(lift: dict):
     ----------
     lift : dict
         ``landmarks`` (points at every event), ``states`` and ``summary`` (``segments.ends``).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     if lift["states"].empty:
         return _without_deposit(lift)
@@ -259,15 +214,8 @@ def segments_figure(lift: dict):
         for segment, color in SEGMENTS.items():
             if f"COM_{segment}" not in points:
                 continue
-            start, stop = (points[end] for end in ends[segment])
-            axis.plot(
-                [start[horizontal], stop[horizontal]],
-                [start[2], stop[2]],
-                color=color,
-                linewidth=7,
-                alpha=0.3,
-                solid_capstyle="butt",
-            )
+            band = zip(*((points[end][horizontal], points[end][2]) for end in ends[segment]), strict=True)
+            axis.plot(*band, color=color, linewidth=7, alpha=0.3, solid_capstyle="butt")
             centre = points[f"COM_{segment}"]
             label = f"{segment}: {_end_name(ends[segment][0])} to {_end_name(ends[segment][1])}"
             axis.plot(
@@ -286,8 +234,7 @@ def segments_figure(lift: dict):
             if marker in points:
                 _torso_marker(axis, marker, points[marker], horizontal)
         axis.set_xlim(*limits[horizontal])
-        axis.set_aspect("equal")
-        axis.set_xlabel(name)
+        axis.set(aspect="equal", xlabel=name)
     axes[0].invert_xaxis()
     axes[0].set_ylabel("z, up (m)")
     label_panels(axes)
@@ -300,7 +247,7 @@ def segments_figure(lift: dict):
 
 
 @house_style
-def _without_deposit(lift: dict):
+def _without_deposit(lift: dict) -> Figure:
     """A figure that says why there is nothing to draw."""
     import textwrap
 
@@ -328,12 +275,5 @@ def _torso_marker(axis, marker: str, point, horizontal: int) -> None:
     else:
         left = marker in ("C7", "T12", "L5", "SACRUM")
     name = marker if len(marker) <= 3 else marker.lower().replace("l_", "left ").replace("r_", "right ")
-    axis.annotate(
-        name,
-        (point[horizontal], point[2]),
-        xytext=(-5 if left else 5, 0),
-        textcoords="offset points",
-        ha="right" if left else "left",
-        va="center",
-        fontsize=6.5,
-    )
+    look = {"ha": "right" if left else "left", "va": "center", "fontsize": 6.5}
+    note(axis, name, (point[horizontal], point[2]), (-5 if left else 5, 0), **look)

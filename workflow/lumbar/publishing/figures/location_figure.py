@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    SERIES,
+    head_room,
+    house_style,
+    label_panels,
+    mark_noise_floor,
+    new_figure,
+)
 from lumbar.tissue.diagnosis.residuals.locate import Location
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import SIGNIFICANT_Z, no_cell_stands_out
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent
@@ -27,15 +36,11 @@ _ODD_CURVES = 2
 
 
 @house_style
-def location_figure(location: Location):
+def location_figure(location: Location) -> Figure:
     """Draw the views of a location, row by row: when and how fast, where in the motion, related to what.
 
     Time, cycles of the motion, spectrum; depth, reversals, position and velocity; autocorrelation, correlation with
     the input and odd functions of it, with even functions of it. Grey bands are 95 % limits under noise alone.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 6.6, nrows=3, ncols=3)
     views, residual = location.views, location.residual
@@ -50,8 +55,7 @@ def location_figure(location: Location):
     correlations = views["correlations"]
     _draw_correlations(odd, correlations, [*LINEAR_FUNCTIONS, *_strongest_odd(correlations)])
     _draw_correlations(even, correlations, EVEN_FUNCTIONS)
-    even.set_ylabel("… with even functions")
-    even.set_ylim(odd.get_ylim())
+    even.set(ylabel="… with even functions", ylim=odd.get_ylim())
     label_panels(axes.ravel())
     for name, axis in (
         ("time", time),
@@ -81,35 +85,19 @@ def _with_share(view: View, residual: Residual) -> str:
 def _draw_time(axis, view: View, location: Location) -> None:
     table, residual = view.table, location.residual
     middle = (table["start"] + table["stop"]) / 2
-    axis.stairs(
-        table["rms"],
-        np.append(table["start"], table["stop"][-1]),
-        color=SERIES[0],
-        linewidth=1.2,
-        label="RMS",
-    )
-    axis.errorbar(
-        middle,
-        table["mean"],
-        1.96 * table["deviation"],
-        fmt="s",
-        markersize=3,
-        color=SERIES[3],
-        linewidth=0.8,
-        capsize=1.5,
-        label="mean",
-    )
+    edges = np.append(table["start"], table["stop"][-1])
+    axis.stairs(table["rms"], edges, color=SERIES[0], linewidth=1.2, label="RMS")
+    bars = {"fmt": "s", "markersize": 3, "color": SERIES[3], "linewidth": 0.8, "capsize": 1.5}
+    axis.errorbar(middle, table["mean"], 1.96 * table["deviation"], label="mean", **bars)
     if residual.floor is not None:
-        axis.axhline(residual.floor.rms, color="black", linestyle="--", linewidth=0.8, label="noise floor")
+        mark_noise_floor(axis, residual.floor.rms)
     axis.axhline(0, color="black", linewidth=0.5)
-    axis.set_xlabel("Time (s)")
-    axis.set_ylabel(f"Error ({residual.unit})")
+    axis.set(xlabel="Time (s)", ylabel=f"Error ({residual.unit})")
     _room_for_legend(axis, 0.3, ncols=2)
 
 
 def _room_for_legend(axis, share: float, **legend) -> None:
-    bottom, top = axis.get_ylim()
-    axis.set_ylim(bottom, top + share * (top - bottom))
+    head_room(axis, share)
     axis.legend(loc="upper center", handlelength=1.6, columnspacing=1.0, handletextpad=0.5, **legend)
 
 
@@ -120,18 +108,10 @@ def _draw_cycles(axis, view: View, location: Location) -> None:
     if not len(table["rms"]):
         axis.annotate("too few cycles", (0.5, 0.5), xycoords="axes fraction", ha="center")
         return
-    axis.plot(
-        table["amplitude"],
-        table["rms"],
-        linestyle="none",
-        marker="o",
-        markersize=2,
-        markerfacecolor="none",
-        markeredgewidth=0.5,
-        color=SERIES[0],
-    )
+    rings = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.5}
+    axis.plot(table["amplitude"], table["rms"], markersize=2, color=SERIES[0], **rings)
     if residual.floor is not None:
-        axis.axhline(residual.floor.rms, color="black", linestyle="--", linewidth=0.8, label="noise floor")
+        mark_noise_floor(axis, residual.floor.rms)
         _room_for_legend(axis, 0.15)
     axis.set_xlim(left=0)
     axis.set_ylim(bottom=0)
@@ -156,22 +136,14 @@ def _draw_spectrum(axis, view: View, unit: str) -> None:
                 **look,
             )
     if table["noise_rms"].any():
-        axis.plot(
-            table["frequency"][positive],
-            noise[positive],
-            color="black",
-            linestyle="--",
-            linewidth=0.8,
-            label="noise",
-        )
-    axis.set_xscale("log")
-    axis.set_yscale("log")
+        dashed = {"color": "black", "linestyle": "--", "linewidth": 0.8}
+        axis.plot(table["frequency"][positive], noise[positive], label="noise", **dashed)
+    axis.set(xscale="log", yscale="log")
     largest = error[positive].max()
     smallest = max(np.quantile(error[positive], 0.02), 1e-6 * largest)
     if noise[positive].any():
         smallest = min(smallest, 0.8 * float(np.median(noise[positive])))
-    axis.set_ylim(0.5 * smallest, largest * (largest / smallest) ** 0.35 * 1.5)
-    axis.set_xlabel("Frequency (Hz)")
+    axis.set(ylim=(0.5 * smallest, largest * (largest / smallest) ** 0.35 * 1.5), xlabel="Frequency (Hz)")
     axis.set_ylabel(f"Error ({unit}/√Hz)" if "width" in table else f"Error in each line ({unit} RMS)")
     axis.legend(loc="upper center", ncols=2, handletextpad=0.2, columnspacing=0.8, borderpad=0.2)
 
@@ -194,15 +166,9 @@ def _draw_map(figure, axis, view: View, location: Location) -> None:
         chance[:] = False  # the pattern is none of chance, though each of its cells alone may be
     row, column = np.nonzero(chance)
     if len(row):
-        axis.plot(
-            (columns[column] + columns[column + 1]) / 2,
-            (rows[row] + rows[row + 1]) / 2,
-            linestyle="none",
-            marker="x",
-            markersize=2.5,
-            markeredgewidth=0.6,
-            color="white",
-        )
+        crosses = {"linestyle": "none", "marker": "x", "markersize": 2.5, "markeredgewidth": 0.6}
+        across, up = (columns[column] + columns[column + 1]) / 2, (rows[row] + rows[row + 1]) / 2
+        axis.plot(across, up, color="white", **crosses)
     axis.axhline(0, color="white", linewidth=0.8)
     axis.grid(visible=False)
     axis.set_xlabel(f"{residual.moved.capitalize()} ({residual.position_unit})")
@@ -216,21 +182,12 @@ def _draw_depth(axis, view: View, location: Location) -> None:
     limit = 1.96 * table["deviation"]
     axis.fill_between(table["position"], -limit, limit, **_BAND)
     axis.plot(table["position"], table["mean"], color="black", linewidth=1.3, label="all")
-    for name, look in (
-        ("advancing", (SERIES[0], "^", _STYLES[1])),
-        ("retracting", (SERIES[3], "v", _STYLES[2])),
+    for name, color, marker, line in (
+        ("advancing", SERIES[0], "^", _STYLES[1]),
+        ("retracting", SERIES[3], "v", _STYLES[2]),
     ):
-        color, marker, line = look
-        axis.plot(
-            table["position"],
-            table[name],
-            color=color,
-            marker=marker,
-            markersize=2.5,
-            linestyle=line,
-            linewidth=0.9,
-            label=name,
-        )
+        look = {"color": color, "marker": marker, "markersize": 2.5, "linestyle": line, "linewidth": 0.9}
+        axis.plot(table["position"], table[name], label=name, **look)
     axis.axhline(0, color="black", linewidth=0.5)
     axis.set_xlabel(f"{residual.moved.capitalize()} ({residual.position_unit})")
     axis.set_ylabel(f"Mean error ({residual.unit})")
@@ -239,8 +196,7 @@ def _draw_depth(axis, view: View, location: Location) -> None:
 
 def _draw_reversals(axis, view: View, unit: str) -> None:
     table = view.table
-    axis.set_xlabel("Time since reversal (s)")
-    axis.set_ylabel(f"Mean error × new direction ({unit})")
+    axis.set(xlabel="Time since reversal (s)", ylabel=f"Mean error × new direction ({unit})")
     if not len(table["time"]):
         axis.annotate("too few reversals", (0.5, 0.5), xycoords="axes fraction", ha="center")
         return
@@ -261,8 +217,7 @@ def _draw_whiteness(axis, view: View) -> None:
         table["lag"], table["correlation"], linestyle="none", marker="o", markersize=2.2, color=SERIES[0]
     )
     axis.axhline(0, color="black", linewidth=0.5)
-    axis.set_xlabel("Lag (s)")
-    axis.set_ylabel("Autocorrelation of the error")
+    axis.set(xlabel="Lag (s)", ylabel="Autocorrelation of the error")
     verdict = "not white" if view.p_value < SIGNIFICANT else "as noise"
     axis.set_title(f"whiteness: {verdict}", loc="right", fontsize=7)
 
@@ -283,15 +238,8 @@ def _draw_correlations(axis, view: View, shown) -> None:
     axis.axhspan(-limit, limit, **_BAND)
     for name, color, line in zip(shown, SERIES, _STYLES, strict=False):
         mine = table["function"] == name
-        axis.plot(
-            table["lag"][mine],
-            table["correlation"][mine],
-            color=color,
-            linestyle=line,
-            linewidth=1.1,
-            label=f"with {name}",
-        )
+        look = {"color": color, "linestyle": line, "linewidth": 1.1}
+        axis.plot(table["lag"][mine], table["correlation"][mine], label=f"with {name}", **look)
     axis.axhline(0, color="black", linewidth=0.5)
-    axis.set_xlabel("Lag behind the input (s)")
-    axis.set_ylabel("Correlation of the error …")
+    axis.set(xlabel="Lag behind the input (s)", ylabel="Correlation of the error …")
     _room_for_legend(axis, 0.35, ncols=2)

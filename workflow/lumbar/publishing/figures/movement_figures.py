@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from lumbar.lifting.measures.balance import BaseOfSupport
 from lumbar.lifting.measures.course import CORNERS
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, new_figure
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, new_figure, note, say_instead
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,6 +19,7 @@ SHOWN = 4
 """Lifts of a figure, the first ones."""
 _LINES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 _GREY, _LIGHT = "#888888", "#cccccc"
+_ABSENT = {"va": "center", "color": _GREY, "wrap": True}
 _WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
 MARGIN_MM = (-120.0, 170.0)
 """Drawn range: while a person walks the extrapolated centre leaves the base at every step."""
@@ -36,12 +38,8 @@ def _title(lift: dict) -> str:
     return f"{lift['facts']['subject']}, {lift['facts']['box_mass_kg']:g} kg"
 
 
-def _said(axis, text: str) -> None:
-    axis.text(0.5, 0.5, text, transform=axis.transAxes, ha="center", va="center", color=_GREY, wrap=True)
-
-
 @house_style
-def course_figure(lifts: list[dict], functional_share: float):
+def course_figure(lifts: list[dict], functional_share: float) -> Figure:
     """Draw the margin of stability and the moment about L5/S1 from lift-off to a little after the release.
 
     Parameters
@@ -50,10 +48,6 @@ def course_figure(lifts: list[dict], functional_share: float):
         ``course`` (data frame of `lumbar.lifting.measures.course.course_of_lift`), ``facts`` and ``events``; the first `SHOWN`.
     functional_share : float
         For the label.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     looks, shown = person_looks(lifts), lifts[:SHOWN]
     figure, axes = new_figure(
@@ -69,7 +63,7 @@ def course_figure(lifts: list[dict], functional_share: float):
             if name in course:
                 axis.plot(course["time_s"], factor * course[name], **look)
             else:
-                _said(axis, "no markers for it")
+                say_instead(axis, "no markers for it", **_ABSENT)
         axes[0, column].axhline(0.0, color="black", linewidth=0.8)
         axes[1, column].set_xlabel("time (s)")
         _mark_events(axes[:, column], lift)
@@ -90,22 +84,14 @@ def _mark_events(axes, lift: dict) -> None:
         if "deposit_start" in times and "release" in times:
             axis.axvspan(times["deposit_start"], times["release"], color="#eeeeee", zorder=-1)
     for name, time in times.items():
-        axes[0].annotate(
-            EVENT_LABELS[name],
-            (time, 0.98),
-            xycoords=axes[0].get_xaxis_transform(),
-            rotation=90,
-            ha="right",
-            va="top",
-            fontsize=5.5,
-            color=_GREY,
-        )
+        look = {"rotation": 90, "ha": "right", "va": "top", "fontsize": 5.5, "color": _GREY}
+        axes[0].annotate(EVENT_LABELS[name], (time, 0.98), xycoords=axes[0].get_xaxis_transform(), **look)
     if times:
         axes[0].set_xlim(min(times.values()) - 0.4, max(times.values()) + 0.6)
 
 
 @house_style
-def support_figure(lifts: list[dict], functional_share: float):
+def support_figure(lifts: list[dict], functional_share: float) -> Figure:
     """Draw the feet, the base of support and the path of the extrapolated centre during the deposit, seen from above.
 
     Parameters
@@ -114,20 +100,15 @@ def support_figure(lifts: list[dict], functional_share: float):
         As of `course_figure`.
     functional_share : float
         Share of the base that people use.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     looks, shown = person_looks(lifts), lifts[:SHOWN]
     figure, axes = new_figure(DOUBLE_COLUMN, 2.6, ncols=len(shown), sharex=True, sharey=True, squeeze=False)
     for axis, lift in zip(axes[0], shown, strict=True):
-        axis.set_title(_title(lift))
-        axis.set_aspect("equal")
+        axis.set(title=_title(lift), aspect="equal")
         course = lift["course"]
         deposit = course[course["phase"] == "deposit"]
         if "margin_of_stability_m" not in course or deposit["margin_of_stability_m"].isna().all():
-            _said(axis, "no base of support during a deposit")
+            say_instead(axis, "no base of support during a deposit", **_ABSENT)
             continue
         _draw_support(axis, deposit, functional_share, looks[lift["facts"]["subject"]])
         axis.set_xlabel("right (mm)")
@@ -159,20 +140,14 @@ def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: di
     label = f"functional base ({functional_share:.0%})"
     axis.plot(*place(_hull(functional.corners[0], closed=True)).T, color="black", linewidth=1.0, label=label)
     path = deposit[["xcom_x_m", "xcom_y_m"]].to_numpy()
-    axis.plot(
-        *place(deposit[["com_x_m", "com_y_m"]].to_numpy()).T,
-        color=_GREY,
-        linewidth=0.8,
-        label="centre of mass",
-    )
+    centre = place(deposit[["com_x_m", "com_y_m"]].to_numpy())
+    axis.plot(*centre.T, color=_GREY, linewidth=0.8, label="centre of mass")
     axis.plot(*place(path).T, **look, label="extrapolated centre")
     end = place(path[-1])
     axis.plot(*end, marker="o", markersize=4, color=look["color"], linestyle="none", label="at the release")
     margin = 1e3 * deposit.loc[at, "margin_of_stability_m"]
     nearest = place(deposit.loc[at, ["xcom_x_m", "xcom_y_m"]].to_numpy(float))
-    axis.annotate(
-        f"{margin:+.0f} mm", nearest, textcoords="offset points", xytext=(6, 4), fontsize=7, bbox=_WHITE
-    )
+    note(axis, f"{margin:+.0f} mm", nearest, (6, 4), fontsize=7, bbox=_WHITE)
 
 
 def _hull(points: np.ndarray, closed: bool = False) -> np.ndarray:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from lumbar.lifting.stability.comparison.table_4_1_grid import CHOICES, comparison_cells
 from lumbar.publishing.figures.stability_figures import shared_legend
@@ -28,17 +29,13 @@ _WORDS = {
 
 
 @house_style
-def grid_figure(grid: pd.DataFrame):
+def grid_figure(grid: pd.DataFrame) -> Figure:
     """Draw a panel per comparison, a row per convention; filled lateral bending, open flexion/extension.
 
     Parameters
     ----------
     grid : pandas.DataFrame
         Of `lumbar.lifting.stability.comparison.table_4_1_grid.grid_differences`. Without a comparison, the movements are drawn.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     cells = comparison_cells(grid)
     null = "null control (θ0 = 0)"
@@ -53,8 +50,7 @@ def grid_figure(grid: pd.DataFrame):
     axes = np.atleast_1d(axes)
     for axis, name in zip(axes, names, strict=True):
         _panel(axis, cells[cells["comparison"] == name], conventions, null)
-        axis.set_title(name.replace("_", " "))
-        axis.set_xlabel("Difference of area (%)")
+        axis.set(title=name.replace("_", " "), xlabel="Difference of area (%)")
     axes[0].set_yticks(range(len(conventions)), [_words(item) for item in conventions])
     axes[0].set_ylim(len(conventions) - 0.4, -0.6)
     shared_legend(figure, axes[:1], ncols=4)
@@ -75,29 +71,11 @@ def _panel(axis, cells: pd.DataFrame, conventions: list[tuple], null: str) -> No
             own = cells[(cells["com"] == com) & (cells["plane"] == plane)]
             at = [places[item] for item in own[list(CHOICES)].itertuples(index=False, name=None)]
             height = np.array(at, dtype=float) + 0.11 * (2 * number + index - 2.5)
-            colour = SEGMENTS[com]
-            axis.plot(
-                own["percent"],
-                height,
-                linestyle="",
-                marker=marker,
-                markersize=3.2,
-                color=colour,
-                markerfacecolor=colour if index == 0 else "white",
-                markeredgewidth=0.7,
-                label=f"{com}, {words}",
-            )
-            axis.plot(
-                own["null_percent"],
-                height,
-                linestyle="",
-                marker="|",
-                markersize=5,
-                color=MEASURED,
-                markeredgewidth=0.7,
-                label=null,
-                zorder=1.5,
-            )
+            colour, marks = SEGMENTS[com], {"linestyle": "", "markeredgewidth": 0.7}
+            look = {"color": colour, "markerfacecolor": colour if index == 0 else "white", **marks}
+            axis.plot(own["percent"], height, marker=marker, markersize=3.2, label=f"{com}, {words}", **look)
+            look = {"color": MEASURED, "zorder": 1.5, **marks}
+            axis.plot(own["null_percent"], height, marker="|", markersize=5, label=null, **look)
 
 
 FIRST, SECOND, UNDECIDED = "#0072B2", "#D55E00", "#8c8c8c"
@@ -107,18 +85,10 @@ MOST_ROWS = 36
 
 
 @house_style
-def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]):
+def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]) -> Figure:
     """Differences between two groups in standard deviations between people, the safer group's side named.
 
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        Those between the groups are drawn.
-    groups : tuple of str
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Of the comparisons those between the groups are drawn.
     """
     between = [item for item in comparisons if not item.paired]
     boxes = list(dict.fromkeys(item.box for item in between))
@@ -130,24 +100,18 @@ def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]
     for item in known:
         box = boxes.index(item.box)
         if (item.measure, item.plane) in height:
-            _draw(
-                axes,
-                item,
-                height[item.measure, item.plane] - offsets[box],
-                _MARKERS[box % len(_MARKERS)],
-                groups,
-            )
+            place = height[item.measure, item.plane] - offsets[box]
+            _draw(axes, item, place, _MARKERS[box % len(_MARKERS)])
     axes.axvline(0, color="black", linewidth=0.8)
-    axes.set_yticks([height[row] for row in rows], [_label(row, known) for row in rows])
+    axes.set_yticks([height[row] for row in rows], [_label(row) for row in rows])
     axes.set_ylim(-len(rows) + 0.4, 0.6)
     limit = max([1.0, *(np.abs(_effect(item)).max() for item in known)])
     axes.set_xlim(-min(limit, 6.0) * 1.05, min(limit, 6.0) * 1.05)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("difference of the groups / standard deviation between people")
-    axes.text(0.0, 1.01, f"← {groups[1]} safer", color=SECOND, transform=axes.transAxes, fontweight="bold")
-    axes.text(
-        1.0, 1.01, f"{groups[0]} safer →", color=FIRST, transform=axes.transAxes, ha="right", fontweight="bold"
-    )  # fmt: skip
+    bold = {"transform": axes.transAxes, "fontweight": "bold"}
+    axes.text(0.0, 1.01, f"← {groups[1]} safer", color=SECOND, **bold)
+    axes.text(1.0, 1.01, f"{groups[0]} safer →", color=FIRST, ha="right", **bold)
     for number, box in enumerate(boxes):
         axes.plot([], [], _MARKERS[number % len(_MARKERS)], color="black", markersize=4, label=f"{box} kg")
     axes.plot([], [], "o", color=UNDECIDED, markersize=4, label="not decided: the 95 % interval contains 0")
@@ -178,7 +142,7 @@ def _effect(item: Comparison) -> np.ndarray:
     return values / item.contrast.person_mean_sd
 
 
-def _draw(axes, item: Comparison, height: float, marker: str, groups: tuple[str, str]) -> None:
+def _draw(axes, item: Comparison, height: float, marker: str) -> None:
     effect, *ends = _effect(item)
     low, high = sorted(ends)
     colour = UNDECIDED if low <= 0 <= high else FIRST if effect > 0 else SECOND
@@ -189,7 +153,7 @@ def _draw(axes, item: Comparison, height: float, marker: str, groups: tuple[str,
     axes.plot(effect, height, marker, color=colour, markerfacecolor=face, markersize=4.2)
 
 
-def _label(row: tuple[str, str], known: Sequence[Comparison]) -> str:
+def _label(row: tuple[str, str]) -> str:
     measure, plane = (" ".join(part.split("_")) for part in row)
     return measure if plane in ("all", "") else f"{measure}, {plane}"
 

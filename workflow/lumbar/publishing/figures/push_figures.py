@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from lumbar.lifting.pushes.levels import BACKWARD, FORWARD
 from lumbar.lifting.pushes.prediction import ALL_SIZES, BOTH, EQUAL, rows_of, scores_of
@@ -57,7 +58,7 @@ _STYLES = (
 
 
 @house_style
-def push_figure(frame: pd.DataFrame, table: pd.DataFrame):
+def push_figure(frame: pd.DataFrame, table: pd.DataFrame) -> Figure:
     """Draw the curves of some measures in three panels, and below them their areas with intervals.
 
     Parameters
@@ -66,10 +67,6 @@ def push_figure(frame: pd.DataFrame, table: pd.DataFrame):
         Pushes, columns `lumbar.lifting.pushes.contest.COLUMNS`.
     table : pandas.DataFrame
         Columns `lumbar.lifting.pushes.prediction.COLUMNS`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     figure, axes = new_figure(
         DOUBLE_COLUMN, 4.6, nrows=2, ncols=len(PANELS), sharey="row", gridspec_kw={"height_ratios": [1.5, 1]}
@@ -98,11 +95,9 @@ def _curves(axis, part: pd.DataFrame, contest: str, rows: pd.DataFrame) -> None:
             shown = np.unique(np.linspace(0, len(alarms) - 1, POINTS).astype(int))
             alarms, hits = alarms[shown], hits[shown]
             last = max(1, len(alarms) // 6)
-            axis.plot(
-                alarms, hits, marker=_MARKERS[number], markersize=3, markevery=(number, last), **_look(number)
-            )
-    axis.set_xlabel("Told of those who stand")
-    axis.set_aspect("equal")
+            marks = {"marker": _MARKERS[number], "markersize": 3, "markevery": (number, last)}
+            axis.plot(alarms, hits, **marks, **_look(number))
+    axis.set(xlabel="Told of those who stand", aspect="equal")
 
 
 def _areas(axis, rows: pd.DataFrame) -> None:
@@ -116,10 +111,12 @@ def _areas(axis, rows: pd.DataFrame) -> None:
             axis.plot([row["auc_low"], row["auc_high"]], [number] * 2, color=colour, linewidth=1.2)
         axis.plot(row["auc"], number, marker=_MARKERS[number] or "|", color=colour, markersize=4.5)
     axis.set_yticks(range(len(DRAWN)), [name.replace("_", " ") for name in DRAWN])
-    axis.set_ylim(len(DRAWN) - 0.5, -0.5)
-    axis.set_xlim(-0.03, 1.03)
-    axis.set_xticks([0.0, 0.5, 1.0])
-    axis.set_xlabel("Area under the curve")
+    axis.set(
+        ylim=(len(DRAWN) - 0.5, -0.5),
+        xlim=(-0.03, 1.03),
+        xticks=[0.0, 0.5, 1.0],
+        xlabel="Area under the curve",
+    )
 
 
 COLOURS = {"unperturbed": SEGMENTS["thorax"], "perturbed": SEGMENTS["pelvis"]}
@@ -132,13 +129,8 @@ def trials_figure(
     by_weight: pd.DataFrame,
     settings: PerturbationsSettings,
     stability: StabilitySettings,
-):
-    """Draw sections of the basin with all trials, V/ρ of every trial over phase, and how many lie inside by R and sign.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+) -> Figure:
+    """Draw sections of the basin with all trials, V/ρ of every trial over phase, and how many lie inside by R and sign."""
     unperturbed = [trial for trial in trials if trial.group == "unperturbed"]
     mean = mean_trajectory(unperturbed, settings)
     funnel = funnels_of([mean], stability.pendulum.sign, stability)[0]
@@ -146,14 +138,10 @@ def trials_figure(
     root = np.sqrt(funnel.level[:, 0])
     a, p, q = (root * axis[:, 0] for axis in normal_axes(funnel.cost))
     for knot in np.linspace(0, PHASE_POINTS - 1, 12).round().astype(int):
-        plane.fill(
-            mean.angle[knot] + a[knot] * np.cos(_CIRCLE),
-            mean.angular_velocity[knot] + p[knot] * np.cos(_CIRCLE) + q[knot] * np.sin(_CIRCLE),
-            facecolor="#00000010",
-            edgecolor="#555555",
-            linewidth=0.5,
-            label="basin of the mean" if knot == 0 else None,
-        )
+        angle = mean.angle[knot] + a[knot] * np.cos(_CIRCLE)
+        velocity = mean.angular_velocity[knot] + p[knot] * np.cos(_CIRCLE) + q[knot] * np.sin(_CIRCLE)
+        look = {"facecolor": "#00000010", "edgecolor": "#555555", "linewidth": 0.5}
+        plane.fill(angle, velocity, label="basin of the mean" if knot == 0 else None, **look)
     phase = np.linspace(0.0, 100.0, PHASE_POINTS)
     named = set()
     each = values_of(trials, references(trials, settings), stability.pendulum.sign, stability)
@@ -164,39 +152,33 @@ def trials_figure(
         plane.plot(trial.angle, trial.angular_velocity, color=colour, linewidth=0.8, label=label)
         values.plot(phase, value, color=colour, linewidth=0.9)
     plane.plot(mean.angle, mean.angular_velocity, color=MEASURED, linewidth=1.4, label="unperturbed mean")
-    plane.set_xlabel("θ (rad)")
-    plane.set_ylabel(r"$\dot\theta$ (rad/s)")
+    plane.set(xlabel="θ (rad)", ylabel=r"$\dot\theta$ (rad/s)")
     values.axhline(1.0, color=MEASURED, linewidth=1.0)
     values.set_yscale("log")
     values.set_ylim(bottom=1e-2)
-    values.set_xlabel("Phase (%)")
-    values.set_ylabel("V/ρ (inside: ≤ 1)")
+    values.set(xlabel="Phase (%)", ylabel="V/ρ (inside: ≤ 1)")
     _draw_counts(counts, by_weight, stability)
-    handles, labels = plane.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    figure.legend(*plane.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
 
 def _draw_counts(axis, by_weight: pd.DataFrame, stability: StabilitySettings) -> None:
     """Draw how many trials lie inside throughout over the control weight; the study's is marked."""
     for (sign, group), rows in by_weight.groupby(["sign", "group"], sort=False):
-        standing = sign == "inverted"
-        axis.plot(
-            rows["control_weight"],
-            rows["inside"],
-            color=COLOURS[group],
-            linestyle="-" if standing else (0, (3, 2)),
-            marker="o" if group == "unperturbed" else "s",
-            markersize=4 if standing else 3,
-            markerfacecolor=COLOURS[group] if standing else "white",
-            label=f"{group}, {sign}",
-        )
+        colour, marker = COLOURS[group], "o" if group == "unperturbed" else "s"
+        look = {"linestyle": (0, (3, 2)), "markersize": 3, "markerfacecolor": "white"}
+        if sign == "inverted":
+            look = {"linestyle": "-", "markersize": 4, "markerfacecolor": colour}
+        label = f"{group}, {sign}"
+        axis.plot(rows["control_weight"], rows["inside"], color=colour, marker=marker, label=label, **look)
     axis.axvline(stability.regulator.control_weight, color="#777777", linewidth=0.8, linestyle=":")
     axis.set_xscale("log")
     # Room above the counts for the legend.
     most = int(by_weight["inside"].max())
-    axis.set_ylim(-0.4, 1.7 * max(most, 1))
-    axis.set_yticks(range(most + 1))
-    axis.set_xlabel("R (1/(N²·m²·s))")
-    axis.set_ylabel("Trials inside throughout")
+    axis.set(
+        ylim=(-0.4, 1.7 * max(most, 1)),
+        yticks=range(most + 1),
+        xlabel="R (1/(N²·m²·s))",
+        ylabel="Trials inside throughout",
+    )
     axis.legend(fontsize=5.5, loc="upper center")

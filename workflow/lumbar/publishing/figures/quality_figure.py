@@ -5,11 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.lifting.quality.sheet import QualitySheet
 from lumbar.lifting.quality.trajectories import LABORATORY_M
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SERIES, house_style, new_figure
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    SERIES,
+    house_style,
+    new_figure,
+    say_instead,
+)
 from lumbar.records.stretches import runs
 
 _DRAWN = {
@@ -33,7 +41,7 @@ _MOST_ROWS = 40
 @house_style
 def quality_figure(
     sheet: QualitySheet, points: dict[str, np.ndarray], time: np.ndarray, meant: dict[str, str]
-):
+) -> Figure:
     """Draw heights over time, and below them one row per marker with gaps or findings.
 
     Parameters
@@ -44,10 +52,6 @@ def quality_figure(
         Seconds.
     meant : dict of str to str
         Standard name to label, by a laboratory's aliases.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     rows = _rows(sheet)
     figure, axes = new_figure(
@@ -59,8 +63,7 @@ def quality_figure(
     )
     _heights(axes[0], sheet, points, time, meant)
     _stretches(axes[1], sheet, points, time, rows)
-    axes[1].set_xlabel("Time (s)")
-    axes[1].set_xlim(float(time[0]), float(time[-1]) + 1 / sheet.rate_Hz)
+    axes[1].set(xlabel="Time (s)", xlim=(float(time[0]), float(time[-1]) + 1 / sheet.rate_Hz))
     whole = [str(finding.kind) for finding in sheet.findings if not finding.markers]
     title = f"{Path(sheet.file).name}: {len(sheet.markers)} markers, {sheet.rate_Hz:g} Hz"
     figure.suptitle(title + (f"; {', '.join(whole)}!" if whole else ""), x=0.01, ha="left", fontweight="bold")
@@ -82,10 +85,8 @@ def _heights(axis, sheet: QualitySheet, points, time, meant) -> None:
         text = words if words == label else f"{words} ({label})"
         color, line = SERIES[index % len(SERIES)], _STYLES[index % len(_STYLES)]
         height = points[label][:, 2]
-        with np.errstate(invalid="ignore"):
-            shown = np.where(
-                np.abs(height) < LABORATORY_M, height, np.nan
-            )  # one number would flatten all others
+        with np.errstate(invalid="ignore"):  # one number would flatten all others
+            shown = np.where(np.abs(height) < LABORATORY_M, height, np.nan)
         axis.plot(time, shown, color=color, linestyle=line, label=text)
     for finding in sheet.findings:
         if finding.markers and finding.n_frames < _WHOLE * len(time):
@@ -104,7 +105,7 @@ def _stretches(axis, sheet: QualitySheet, points, time, rows: list[str]) -> None
     axis.set_yticks(range(len(rows)), rows, fontsize=6)
     axis.set_ylim(max(len(rows), 1) - 0.4, -0.6)
     if not rows:
-        axis.text(0.5, 0.5, "no gaps, no findings", transform=axis.transAxes, ha="center", color="#555555")
+        say_instead(axis, "no gaps, no findings", color="#555555")
         return
     for row, label in enumerate(rows):
         missing = ~np.isfinite(points[label]).all(axis=1)
@@ -114,12 +115,6 @@ def _stretches(axis, sheet: QualitySheet, points, time, rows: list[str]) -> None
             if label in finding.markers:
                 bar = [(finding.start_s, finding.length_s)]
                 axis.broken_barh(bar, (row - 0.4, 0.8), facecolor=_FINDING, alpha=0.6, linewidth=0)
-                axis.text(
-                    finding.start_s + finding.length_s / 2,
-                    row,
-                    finding.kind,
-                    fontsize=5,
-                    ha="center",
-                    va="center",
-                )
+                middle = finding.start_s + finding.length_s / 2
+                axis.text(middle, row, finding.kind, fontsize=5, ha="center", va="center")
     axis.set_title("grey: not seen; orange: cannot be a body's", loc="right", fontsize=6, color="#555555")

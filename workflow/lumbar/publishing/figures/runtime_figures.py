@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
@@ -14,12 +15,19 @@ from lumbar.publishing.figures.style import (
     SERIES,
     house_style,
     label_panels,
+    model_line,
     model_look,
     new_figure,
+    note,
 )
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.judgement import Judgement
 from lumbar.tissue.haptics.passivity import ZWidth
+
+_FMI_LOOKS = {
+    "3.0": {"label": "FMI 3.0, event mode", "color": "#0072B2", "marker": "o", "linestyle": "-"},
+    "2.0": {"label": "FMI 2.0", "color": "#D55E00", "marker": "s", "linestyle": "--"},
+}
 
 
 @house_style
@@ -30,7 +38,7 @@ def fmu_force_figure(
     detail: str,
     input_label: str,
     output_label: str,
-):
+) -> Figure:
     """Draw the outputs of all FMUs to one push, and the delay of FMI 2.0 for one model.
 
     Parameters
@@ -44,10 +52,6 @@ def fmu_force_figure(
         Model drawn in both versions.
     input_label, output_label : str
         Axis labels with units.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     figure, (movement, force, zoom) = new_figure(DOUBLE_COLUMN, 2.6, ncols=3, width_ratios=[0.8, 1.2, 1.2])
     movement.plot(time, inputs, color="#000000")
@@ -55,30 +59,16 @@ def fmu_force_figure(
     spare = itertools.cycle(SERIES)
     for name, version in outputs:
         if version == "3.0":
-            look = MODELS.get(name, {"color": next(spare), "linestyle": "-"})
-            drawn = {key: look[key] for key in ("color", "linestyle")}
-            force.step(time, outputs[name, version], where="post", label=name, **drawn)
+            look = {"color": next(spare), "linestyle": "-"}
+            look = model_line(name) if name in MODELS else look
+            force.step(time, outputs[name, version], where="post", label=name, **look)
     force.set(xlabel="Time (s)", ylabel=output_label)
     force.legend(ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), columnspacing=1.0)
     shown = _around_largest_difference(outputs[detail, "2.0"], outputs[detail, "3.0"])
-    for version, look in (
-        ("3.0", {"marker": "o", "linestyle": "-"}),
-        ("2.0", {"marker": "s", "linestyle": "--"}),
-    ):
-        colour = "#0072B2" if version == "3.0" else "#D55E00"
-        label = "FMI 3.0, event mode" if version == "3.0" else "FMI 2.0"
-        zoom.step(
-            time[shown],
-            outputs[detail, version][shown],
-            where="post",
-            color=colour,
-            markersize=3,
-            label=label,
-            **look,
-        )
-    zoom.set(
-        xlabel="Time (s)", ylabel=f"{output_label.split(' (')[0]} of {detail} ({output_label.split(' (')[-1]}"
-    )
+    for version, look in _FMI_LOOKS.items():
+        zoom.step(time[shown], outputs[detail, version][shown], where="post", markersize=3, **look)
+    quantity, unit = output_label.split(" (")[0], output_label.split(" (")[-1]
+    zoom.set(xlabel="Time (s)", ylabel=f"{quantity} of {detail} ({unit}")
     zoom.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
     label_panels((movement, force, zoom))
     return figure
@@ -92,29 +82,16 @@ def _around_largest_difference(first: np.ndarray, second: np.ndarray) -> slice:
 
 
 @house_style
-def z_width_figure(found: ZWidth, device: DeviceSettings):
-    """Draw the damping that models need against the rate, and the Z-width of the device.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+def z_width_figure(found: ZWidth, device: DeviceSettings) -> Figure:
+    """Draw the damping that models need against the rate, and the Z-width of the device."""
     figure, (needed, width) = new_figure(DOUBLE_COLUMN, 3.0, ncols=2)
     for name, damping in found.needed.items():
-        look = model_look(name)
         known = np.isfinite(damping)
-        style = {"color": look["color"], "linestyle": look["linestyle"]}
-        marker = {"marker": look["marker"]} if known.sum() == 1 else {}
-        needed.loglog(found.rates[known], damping[known], label=name, **style, **marker)
+        marker = {"marker": model_look(name)["marker"]} if known.sum() == 1 else {}
+        needed.loglog(found.rates[known], damping[known], label=name, **model_line(name), **marker)
     needed.axhline(device.damping_N_s_m, color="#000000", linewidth=0.8)
-    needed.annotate(
-        f"the device: {device.damping_N_s_m:g} N·s/m",
-        (found.rates[0], device.damping_N_s_m),
-        xytext=(0, -3),
-        textcoords="offset points",
-        va="top",
-        fontsize=7,
-    )
+    words, at = f"the device: {device.damping_N_s_m:g} N·s/m", (found.rates[0], device.damping_N_s_m)
+    note(needed, words, at, (0, -3), va="top", fontsize=7)
     needed.set(xlabel="Rate of the model (Hz)", ylabel="Damping needed (N·s/m)")
     needed.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.02))
     for colour, (rate, (passive, stable)) in zip(SERIES, found.stiffness.items(), strict=False):
@@ -122,16 +99,8 @@ def z_width_figure(found: ZWidth, device: DeviceSettings):
         width.loglog(found.damping, passive, color=colour, linestyle="--", label=f"passive, {rate:.4g} Hz")
     width.axvline(device.damping_N_s_m, color="#000000", linewidth=0.8)
     width.set(xlabel="Damping of the device (N·s/m)", ylabel="Largest stiffness (N/m)")
-    width.annotate(
-        "the device",
-        (device.damping_N_s_m, 1.0),
-        xycoords=("data", "axes fraction"),
-        xytext=(-3, -4),
-        textcoords="offset points",
-        ha="right",
-        va="top",
-        fontsize=7,
-    )
+    look = {"xycoords": ("data", "axes fraction"), "ha": "right", "va": "top", "fontsize": 7}
+    note(width, "the device", (device.damping_N_s_m, 1.0), (-3, -4), **look)
     width.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.02))
     for axes in (needed, width):
         axes.minorticks_off()  # their labels, all empty, would take most of the time of the figure
@@ -140,18 +109,8 @@ def z_width_figure(found: ZWidth, device: DeviceSettings):
 
 
 @house_style
-def loop_figure(judgements: Sequence[Judgement]):
-    """Draw simulated loops side by side: position and force of each.
-
-    Parameters
-    ----------
-    judgements : sequence of Judgement
-        One column each; at least one.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+def loop_figure(judgements: Sequence[Judgement]) -> Figure:
+    """Draw simulated loops, at least one, side by side: position and force of each."""
     figure, axes = new_figure(
         DOUBLE_COLUMN, 3.6, nrows=2, ncols=len(judgements), sharex=True, sharey="row", squeeze=False
     )
@@ -172,7 +131,7 @@ def loop_figure(judgements: Sequence[Judgement]):
 
 
 @house_style
-def nothing_to_show(reasons: Sequence[str]):
+def nothing_to_show(reasons: Sequence[str]) -> Figure:
     """Say on an empty figure why no model is drawn."""
     figure, axes = new_figure(DOUBLE_COLUMN, 1.5)
     axes.set_axis_off()

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from lumbar.publishing.figures.style import (
@@ -15,6 +16,7 @@ from lumbar.publishing.figures.style import (
     house_style,
     label_panels,
     new_figure,
+    note,
 )
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 _LABELS = {"position": "Position PSD (mm²/Hz)", "velocity": "Velocity PSD ((mm/s)²/Hz)"}
 _SURGEON_STYLES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
 _DECADES_SHOWN = 8
+_WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.7}
 
 
 @house_style
@@ -33,7 +36,7 @@ def psd_figure(
     surgeons: Sequence[str],
     bandwidths: dict,
     reference: float | None,
-):
+) -> Figure:
     """Draw every trial thin, the pooled spectrum thick, and the bandwidths with their intervals above.
 
     Parameters
@@ -50,10 +53,6 @@ def psd_figure(
         As `lumbar.tissue.signals.surgeon_motion.motion_bandwidths` returns it.
     reference : float or None
         A published bandwidth in Hz to compare with.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 3.8, ncols=2, sharex=True)
     label_panels(axes)
@@ -61,40 +60,26 @@ def psd_figure(
     for axis, quantity in zip(axes, pooled, strict=True):
         for surgeon, row in zip(surgeons, psd[quantity], strict=True):
             index = people.index(surgeon)
-            axis.loglog(
-                frequency[1:],
-                row[1:],
-                color=SERIES[index % (len(SERIES) - 1)],
-                linestyle=_SURGEON_STYLES[index % len(_SURGEON_STYLES)],
-                linewidth=0.5,
-                alpha=0.6,
-            )
-        axis.loglog(
-            frequency[1:], pooled[quantity][1:], color=MEASURED, linewidth=1.8, label="mean of all surgeons"
-        )
+            color = SERIES[index % (len(SERIES) - 1)]
+            line = _SURGEON_STYLES[index % len(_SURGEON_STYLES)]
+            axis.loglog(frequency[1:], row[1:], color=color, linestyle=line, linewidth=0.5, alpha=0.6)
+        mean = {"color": MEASURED, "linewidth": 1.8, "label": "mean of all surgeons"}
+        axis.loglog(frequency[1:], pooled[quantity][1:], **mean)
         # Head-room above the spectra keeps the intervals clear of them.
         top = max(psd[quantity][:, 1:].max(), pooled[quantity].max())
         bottom = max(pooled[quantity][1:].min() / 5, top * 10.0**-_DECADES_SHOWN)
-        axis.set_ylim(bottom, top * 30)
-        axis.set_xlim(frequency[1], frequency[-1])
+        axis.set(ylim=(bottom, top * 30), xlim=(frequency[1], frequency[-1]))
         limit = bandwidths["analysis_band_Hz"][1]
         axis.axvspan(limit, frequency[-1], color="#eeeeee", zorder=0, label="outside the analysis band")
         if reference is not None:
-            axis.axvline(
-                reference, color="#D55E00", linestyle=(0, (4, 2)), ymax=0.8, label=f"thesis: {reference:g} Hz"
-            )
+            look = {"color": "#D55E00", "linestyle": (0, (4, 2)), "label": f"thesis: {reference:g} Hz"}
+            axis.axvline(reference, ymax=0.8, **look)
         _draw_bandwidths(axis, bandwidths[quantity], bandwidths["rules"])
-        axis.set_xlabel("Frequency (Hz)")
-        axis.set_ylabel(_LABELS[quantity])
+        axis.set(xlabel="Frequency (Hz)", ylabel=_LABELS[quantity])
         axis.xaxis.set_major_formatter("{x:g}")
         axis.yaxis.set_minor_locator(NullLocator())
-    figure.legend(
-        *axes[0].get_legend_handles_labels(),
-        loc="outside upper center",
-        ncols=5,
-        columnspacing=1.2,
-        handlelength=1.6,
-    )
+    close = {"ncols": 5, "columnspacing": 1.2, "handlelength": 1.6}
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", **close)
     return figure
 
 
@@ -119,18 +104,9 @@ def _draw_bandwidths(axis, by_rule: dict, rules: dict) -> None:
             axis.plot([low, end], [height, height], linewidth=1.2, **style)
             label += f" ({low:.2f}–{'…' if high is None else f'{high:.2f}'})"
         beyond = end > axis.get_xlim()[1] / 4
-        axis.annotate(
-            label,
-            (low if beyond and low is not None else end, height),
-            xycoords=transform,
-            xytext=(-5 if beyond else 5, 0),
-            textcoords="offset points",
-            ha="right" if beyond else "left",
-            va="center",
-            fontsize=6.5,
-            zorder=5,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.7},
-        )
+        at, side = (low if beyond and low is not None else end, height), "right" if beyond else "left"
+        look = {"ha": side, "va": "center", "fontsize": 6.5, "zorder": 5, "bbox": _WHITE}
+        note(axis, label, at, (-5 if beyond else 5, 0), xycoords=transform, **look)
 
 
 _SHOWN_TO = 2.0
@@ -138,18 +114,10 @@ _SHOWN_TO = 2.0
 
 
 @house_style
-def excitation_figure(signals: Sequence[Signal], band: float):
+def excitation_figure(signals: Sequence[Signal], band: float) -> Figure:
     """Draw position against time (left) and line amplitudes against frequency (right), one row per signal.
 
-    Parameters
-    ----------
-    signals : sequence of lumbar.tissue.signals.excitation.Signal
-    band : float
-        Upper end of the excited band, Hz.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    `band` is the upper end of the excited band, Hz.
     """
     figure, axes = new_figure(
         DOUBLE_COLUMN, 1.5 * len(signals) + 0.3, nrows=len(signals), ncols=2, squeeze=False, sharey="col"
@@ -159,16 +127,13 @@ def excitation_figure(signals: Sequence[Signal], band: float):
         start, stop = signal.window
         inside = (signal.time >= start - 1e-9) & (signal.time < stop - 1e-9)
         left.plot(signal.time[inside], signal.position[inside], color=SERIES[index], linewidth=0.8)
-        left.set_xlim(start, stop)
-        left.set_ylabel("Position (mm)")
-        left.set_title(signal.name)
+        left.set(xlim=(start, stop), ylabel="Position (mm)", title=signal.name)
         frequency, amplitude = signal.line_amplitudes()
         shown = frequency <= _SHOWN_TO * band + 1e-9
         right.vlines(frequency[shown], 0, amplitude[shown], color=SERIES[index], linewidth=0.9)
         right.plot(frequency[shown], amplitude[shown], ".", color=SERIES[index], markersize=2.5)
         right.axvline(band, color="#555555", linestyle=(0, (4, 2)), linewidth=0.8)
-        right.set_xlim(0, _SHOWN_TO * band)
-        right.set_ylabel("Amplitude (mm)")
+        right.set(xlim=(0, _SHOWN_TO * band), ylabel="Amplitude (mm)")
         spacing = 1 / (stop - start)
         right.set_title(f"{100 * signal.band_power_share(band):.1f} % of the power up to {band:g} Hz")
         right.annotate(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
@@ -14,7 +15,14 @@ from lumbar.lifting.stability.methods import METHODS, chosen_methods
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, normal_axes
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Trajectory
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
+from lumbar.publishing.figures.style import (
+    DOUBLE_COLUMN,
+    MEASURED,
+    SEGMENTS,
+    house_style,
+    new_figure,
+    say_instead,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,13 +62,12 @@ def ellipses(rows: pd.DataFrame, level: np.ndarray) -> tuple[np.ndarray, np.ndar
     first, second = np.cos(_CIRCLE), np.sin(_CIRCLE)
     error = root * np.sqrt(s22 / determinant) * first
     velocity = root * (second / np.sqrt(s22) - s12 / np.sqrt(s22 * determinant) * first)
-    return rows["theta0_rad"].to_numpy()[:, None] + error, rows["thetadot0_rad_s"].to_numpy()[
-        :, None
-    ] + velocity
+    angle, speed = (rows[name].to_numpy()[:, None] for name in ("theta0_rad", "thetadot0_rad_s"))
+    return angle + error, speed + velocity
 
 
 @house_style
-def figure_4_3(funnels: pd.DataFrame, terminal_level: float, who: str = ""):
+def figure_4_3(funnels: pd.DataFrame, terminal_level: float, who: str = "") -> Figure:
     """Draw the abdomen's funnel over time: the regulator's ellipses and the basin computed from them.
 
     Parameters
@@ -71,10 +78,6 @@ def figure_4_3(funnels: pd.DataFrame, terminal_level: float, who: str = ""):
         ρ(T).
     who : str
         Person, box and convention, shown above.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, subplot_kw={"projection": "3d"})
     for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
@@ -104,32 +107,16 @@ def _draw_funnel(axis, rows: pd.DataFrame, terminal_level: float) -> None:
         at = np.full(len(_CIRCLE), moment)
         last = index == len(few) - 1
         named = index == 0
-        axis.plot(
-            at,
-            regulator[0][index],
-            regulator[1][index],
-            color="#555555",
-            linewidth=0.7,
-            linestyle=(0, (2, 1)),
-            label="regulator, V = ρ(T)" if named else None,
-        )
-        axis.plot(
-            at,
-            basin[0][index],
-            basin[1][index],
-            color="#8a5a00" if not last else GOAL,
-            linewidth=0.9 if not last else 1.8,
-            linestyle="-" if not last else (0, (4, 1)),
-            label="basin, V = ρ(t)" if named else "goal set" if last else None,
-        )
-    axis.plot(
-        rows["time_s"],
-        rows["theta0_rad"],
-        rows["thetadot0_rad_s"],
-        color=MEASURED,
-        linewidth=1.4,
-        label="trajectory",
-    )
+        label = "regulator, V = ρ(T)" if named else None
+        look = {"color": "#555555", "linewidth": 0.7, "linestyle": (0, (2, 1))}
+        axis.plot(at, regulator[0][index], regulator[1][index], label=label, **look)
+        label = "basin, V = ρ(t)" if named else "goal set" if last else None
+        look = {"color": "#8a5a00", "linewidth": 0.9, "linestyle": "-"}
+        if last:
+            look = {"color": GOAL, "linewidth": 1.8, "linestyle": (0, (4, 1))}
+        axis.plot(at, basin[0][index], basin[1][index], label=label, **look)
+    trajectory = (rows[name] for name in ("time_s", "theta0_rad", "thetadot0_rad_s"))
+    axis.plot(*trajectory, color=MEASURED, linewidth=1.4, label="trajectory")
     axis.set_xlabel("Time (s)", labelpad=-2)
     axis.set_ylabel("θ (rad)", labelpad=-3)
     axis.set_zlabel(r"$\dot\theta$ (rad/s)", labelpad=-3)
@@ -142,19 +129,10 @@ def _draw_funnel(axis, rows: pd.DataFrame, terminal_level: float) -> None:
 
 
 @house_style
-def figure_4_4(funnels: pd.DataFrame, who: str = ""):
+def figure_4_4(funnels: pd.DataFrame, who: str = "") -> Figure:
     """Draw the basins of every COM and plane about their trajectories, in error coordinates; the trajectory in an inset.
 
-    Parameters
-    ----------
-    funnels : pandas.DataFrame
-        As for `figure_4_3`.
-    who : str
-        Person, box and convention, shown above.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Parameters are those of `figure_4_3`.
     """
     figure, axes = new_figure(DOUBLE_COLUMN, 6.6, nrows=len(SEGMENTS), ncols=2, sharex=True, sharey=True)
     for row, (com, colour) in zip(axes, SEGMENTS.items(), strict=True):
@@ -163,7 +141,7 @@ def figure_4_4(funnels: pd.DataFrame, who: str = ""):
             if len(rows):
                 _draw_basin(axis, rows, colour)
             else:
-                axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
+                say_instead(axis, NO_BASIN)
             if com == "thorax":
                 axis.set_title(title + (f"\n{who}" if who else ""))
         row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta - \dot\theta_0$ (rad/s)")
@@ -194,18 +172,13 @@ def _draw_basin(axis, rows: pd.DataFrame, colour: str) -> None:
     every = still.iloc[np.linspace(0, len(still) - 1, SECTIONS).round().astype(int)]
     angle, velocity = ellipses(every, every["rho"].to_numpy())
     later = np.linspace(0.25, 1.0, SECTIONS)
-    stack = PolyCollection(
-        np.stack([angle, velocity], axis=-1),
-        facecolors=to_rgba(colour, 0.05),
-        edgecolors=[to_rgba(colour, alpha) for alpha in later],
-        linewidths=0.8,
-        label=f"{SECTIONS} sections, darker later",
-    )
-    axis.add_collection(stack)
+    edges = np.stack([angle, velocity], axis=-1)
+    look = {"edgecolors": [to_rgba(colour, alpha) for alpha in later], "linewidths": 0.8}
+    label = f"{SECTIONS} sections, darker later"
+    axis.add_collection(PolyCollection(edges, facecolors=to_rgba(colour, 0.05), label=label, **look))
     axis.set_axisbelow(True)
-    axis.plot(
-        angle[0], velocity[0], color=colour, linewidth=1.4, linestyle=(0, (4, 1.5)), label="basin at t = 0"
-    )
+    dashed = {"linewidth": 1.4, "linestyle": (0, (4, 1.5))}
+    axis.plot(angle[0], velocity[0], color=colour, label="basin at t = 0", **dashed)
     axis.plot(angle[-1], velocity[-1], color=GOAL, linewidth=1.4, label="goal set")
     _inset(axis, rows)
 
@@ -234,29 +207,16 @@ _FINE_CIRCLE = np.linspace(0.0, 2 * np.pi, 241)
 
 
 @house_style
-def comparison_figure(trajectories: list[Trajectory], settings: StabilitySettings, who: str = ""):
-    """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates.
-
-    Parameters
-    ----------
-    trajectories : list of Trajectory
-        Of one lift.
-    who : str
-        Person, box and convention, shown above.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+def comparison_figure(trajectories: list[Trajectory], settings: StabilitySettings, who: str = "") -> Figure:
+    """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates; of one lift's trajectories."""
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, sharex=True, sharey=True)
     drawn = _sections([item for item in trajectories if item.com == "abdomen"], settings)
     for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
         if "exact" in drawn.get(plane, {}):
             _draw(axis, drawn[plane])
         else:
-            axis.text(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
-        axis.set_title(f"{title}, abdomen" + (f"\n{who}" if who else ""))
-        axis.set_xlabel("θ − θ0 (rad)")
+            say_instead(axis, NO_BASIN)
+        axis.set(title=f"{title}, abdomen" + (f"\n{who}" if who else ""), xlabel="θ − θ0 (rad)")
     axes[0].set_ylabel(r"$\dot\theta - \dot\theta_0$ (rad/s)")
     shared_legend(figure, axes, ncols=3)
     return figure

@@ -74,17 +74,7 @@ class _Both(RendererBase):
 
 
 def print_svg_and_pdf(figure: Figure, svg: Path, pdf: Path, metadata: tuple[dict, dict]) -> None:
-    """Write what matplotlib's ``print_svg`` and ``print_pdf`` write.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        With its layout settled.
-    svg, pdf : pathlib.Path
-        Files to write.
-    metadata : tuple of dict
-        Of the SVG and of the PDF file, as matplotlib takes them.
-    """
+    """Write a figure whose layout is settled as ``print_svg`` and ``print_pdf`` do, with the metadata of SVG and PDF."""
     of_svg, of_pdf = metadata
     dpi, (width, height) = figure.dpi, figure.get_size_inches()
     figure.dpi = _POINTS
@@ -126,6 +116,11 @@ def model_look(name: str) -> dict:
     return MODELS.get(name, WITH_EFFECTS)
 
 
+def model_line(name: str) -> dict:
+    """Colour and line style of a model by its name."""
+    return {key: model_look(name)[key] for key in ("color", "linestyle")}
+
+
 SEGMENTS = {"thorax": "#0072B2", "abdomen": "#E69F00", "pelvis": "#009E73"}
 """Colour of the three trunk segments."""
 SERIES = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
@@ -162,12 +157,7 @@ _METADATA = {
 def new_figure(width: float = DOUBLE_COLUMN, height: float = 3.0, **subplots):
     """Return ``figure, axes`` as `matplotlib.pyplot.subplots` does, but known to nobody else: no window, nothing to close.
 
-    Parameters
-    ----------
-    width, height : float
-        Size in inches.
-    **subplots
-        Passed on to `matplotlib.figure.Figure.subplots`, e.g. ``nrows=2, sharex=True``.
+    Width and height are in inches; `subplots` is passed on to `matplotlib.figure.Figure.subplots`.
     """
     figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
@@ -178,6 +168,27 @@ def label_panels(axes) -> None:
     """Write (a), (b), … at the upper left of each axes, in order."""
     for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", axes, strict=False):
         axis.set_title(f"({letter})", loc="left", fontweight="bold")
+
+
+def head_room(axes, share: float) -> None:
+    """Leave room above what is drawn, a share of its height, for a legend."""
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + share * (top - bottom))
+
+
+def note(axes, words: str, at: tuple, offset: tuple[float, float], **look) -> None:
+    """Write words beside a place of the axes, `offset` points from it."""
+    axes.annotate(words, at, xytext=offset, textcoords="offset points", **look)
+
+
+def say_instead(axes, words: str, **look) -> None:
+    """Write into the middle of empty axes why nothing is drawn there."""
+    axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", **look)
+
+
+def mark_noise_floor(axes, rms: float, linewidth: float = 0.8) -> None:
+    """Draw the noise floor of errors as a line across."""
+    axes.axhline(rms, color="black", linestyle="--", linewidth=linewidth, label="noise floor")
 
 
 SHOWS = "Shows: "

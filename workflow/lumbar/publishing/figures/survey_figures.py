@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from lumbar.publishing.figures.style import MODELS, SERIES, SINGLE_COLUMN, house_style, new_figure
 
@@ -16,7 +17,7 @@ _HATCHES = {"disagree": ("xxx", "//"), "neutral": "", "agree": ("..", "")}
 
 
 @house_style
-def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[str], statement: str):
+def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[str], statement: str) -> Figure:
     """Diverging bars of the ratings: disagreement to the left of zero, agreement to the right.
 
     The middle point of an odd scale straddles zero.
@@ -29,10 +30,6 @@ def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[st
         Names of the points.
     statement : str
         What the participants agreed with.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     percent = 100 * counts / counts.sum(axis=1, keepdims=True)
     points = counts.shape[1]
@@ -86,7 +83,7 @@ def _point_styles(points: int) -> list[tuple[str, str]]:
 
 
 @house_style
-def best_picks_figure(best_picks: dict[str, dict], confidence: float):
+def best_picks_figure(best_picks: dict[str, dict], confidence: float) -> Figure:
     """Share of best picks of every model with its interval, and the intervals that hold for all together.
 
     Parameters
@@ -96,10 +93,6 @@ def best_picks_figure(best_picks: dict[str, dict], confidence: float):
         ``goodman_percent``.
     confidence : float
         Of the intervals, e.g. 0.95.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     models = list(best_picks)
     percent, wilson, goodman = (

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
 
 from lumbar.base.errors import InputError
 from lumbar.publishing.figures.style import (
@@ -11,7 +13,7 @@ from lumbar.publishing.figures.style import (
     MODELS,
     house_style,
     label_panels,
-    model_look,
+    model_line,
     new_figure,
 )
 from lumbar.records.record import Record
@@ -19,6 +21,7 @@ from lumbar.tissue.models.tissue_models import IL, Dashpot, Network, Parallel, S
 
 INK = "#000000"
 _LINE = 1.2
+_CENTRED = {"ha": "center", "va": "center", "fontsize": 9}
 _GAP = 0.18  # rigid bar above and below parts in parallel
 
 
@@ -102,20 +105,12 @@ def _ground(axis, x: float, y: float) -> None:
 
 
 @house_style
-def analogues_figure(models: tuple[TissueModel, ...]):
-    """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground.
-
-    Parameters
-    ----------
-    models : tuple of TissueModel
-        Definitions; their networks are drawn as they stand.
-    """
+def analogues_figure(models: tuple[TissueModel, ...]) -> Figure:
+    """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground, its network as it stands."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.7, ncols=len(models), squeeze=False)
     tallest = max(_size(model.network)[1] for model in models if model.network)
     for axis, model in zip(axes[0], models, strict=True):
-        axis.set_xlim(-1.5, 1.5)
-        axis.set_ylim(-tallest - 0.15, 0.95)
-        axis.set_aspect("equal")
+        axis.set(xlim=(-1.5, 1.5), ylim=(-tallest - 0.15, 0.95), aspect="equal")
         axis.axis("off")
         axis.set_title(f"{model.name}\n{model.title}", color=MODELS[model.name]["color"], fontweight="bold")
         _draw_model(axis, model, tallest)
@@ -125,16 +120,8 @@ def analogues_figure(models: tuple[TissueModel, ...]):
 def _draw_model(axis, model: TissueModel, tallest: float) -> None:
     if model.network is None:
         box = {"boxstyle": "square,pad=0.9", "facecolor": INK, "edgecolor": INK}
-        axis.text(
-            0,
-            -tallest / 2,
-            "$H(z)$\nblack box",
-            ha="center",
-            va="center",
-            color="white",
-            fontsize=9,
-            bbox=box,
-        )
+        words = "$H(z)$\nblack box"
+        axis.text(0, -tallest / 2, words, color="white", bbox=box, **_CENTRED)
         axis.plot([0, 0], [0, -tallest], color=INK, linewidth=_LINE, zorder=0)
     else:
         rod = (tallest - _size(model.network)[1]) / 2
@@ -153,50 +140,31 @@ def _draw_model(axis, model: TissueModel, tallest: float) -> None:
 
 def _block(axis, x: float, y: float, text: str, height: float = 0.8) -> None:
     width = 1.5
-    from matplotlib.patches import Rectangle
-
     axis.add_patch(Rectangle((x - width / 2, y - height / 2), width, height, fill=False, linewidth=_LINE))
     axis.text(x, y, text, ha="center", va="center", fontsize=10)
 
 
 @house_style
-def arx_figure():
+def arx_figure() -> Figure:
     """Figure 2.4: the ARX model as signal flow, and the equations A x = b it becomes."""
     figure, axis = new_figure(DOUBLE_COLUMN, 2.2)
-    axis.set_xlim(0, 11)
-    axis.set_ylim(-1.9, 1.5)
-    axis.set_aspect("equal")
+    axis.set(xlim=(0, 11), ylim=(-1.9, 1.5), aspect="equal")
     axis.axis("off")
     _block(axis, 3.2, 0.0, r"$B(z^{-1})$")
     _block(axis, 7.4, 0.0, r"$\dfrac{1}{A(z^{-1})}$", height=1.1)
-    axis.add_patch(_circle(5.3, 0.0))
+    axis.add_patch(Circle((5.3, 0.0), 0.22, fill=False, linewidth=_LINE))
     axis.text(5.3, 0.0, "+", ha="center", va="center", fontsize=11)
-    _arrow(axis, (1.0, 0.0), (2.45, 0.0))
-    _arrow(axis, (3.95, 0.0), (5.08, 0.0))
-    _arrow(axis, (5.52, 0.0), (6.65, 0.0))
-    _arrow(axis, (8.15, 0.0), (9.7, 0.0))
+    for tail, head in ((1.0, 2.45), (3.95, 5.08), (5.52, 6.65), (8.15, 9.7)):
+        _arrow(axis, (tail, 0.0), (head, 0.0))
     _arrow(axis, (5.3, 1.05), (5.3, 0.22))
     axis.text(0.9, 0.0, "input\n$u_k$", ha="right", va="center", fontsize=9)
     axis.text(9.8, 0.0, "output\n$y_k$", ha="left", va="center", fontsize=9)
     axis.text(5.3, 1.12, "error $e_k$", ha="center", va="bottom", fontsize=9)
     rows = r"$y_k = -a_{1}\,y_{k-1} - \cdots - a_{n}\,y_{k-n} + b_{0}\,u_k + \cdots + b_{m}\,u_{k-m} + e_k$"
-    axis.text(5.3, -1.15, rows, ha="center", va="center", fontsize=9)
-    axis.text(
-        5.3,
-        -1.7,
-        r"one row per sample:  $\mathbf{A}\,\mathbf{x} = \mathbf{b}$,  "
-        r"$\mathbf{x} = (-a_1 \ldots -a_n,\; b_0 \ldots b_m)$",
-        ha="center",
-        va="center",
-        fontsize=9,
-    )
+    axis.text(5.3, -1.15, rows, **_CENTRED)
+    system = r"$\mathbf{A}\,\mathbf{x} = \mathbf{b}$,  $\mathbf{x} = (-a_1 \ldots -a_n,\; b_0 \ldots b_m)$"
+    axis.text(5.3, -1.7, f"one row per sample:  {system}", **_CENTRED)
     return figure
-
-
-def _circle(x: float, y: float):
-    from matplotlib.patches import Circle
-
-    return Circle((x, y), 0.22, fill=False, linewidth=_LINE)
 
 
 def _segment(record: Record, segment_s: tuple[float, float]) -> np.ndarray:
@@ -211,7 +179,7 @@ def _segment(record: Record, segment_s: tuple[float, float]) -> np.ndarray:
 
 
 @house_style
-def excitation_figure(records: list[Record], segment_s: tuple[float, float]):
+def excitation_figure(records: list[Record], segment_s: tuple[float, float]) -> Figure:
     """Figure 3.4: a segment of input and output of every record, one panel pair each.
 
     Parameters
@@ -229,8 +197,7 @@ def excitation_figure(records: list[Record], segment_s: tuple[float, float]):
         time = record.time[inside] - record.time[0]
         column[0].plot(time, record["input"][inside], color="#0072B2")
         column[1].plot(time, record["output"][inside], color=MEASURED, linewidth=0.9)
-        column[1].set_xlabel("Time (s)")
-        column[1].set_xlim(segment_s)
+        column[1].set(xlabel="Time (s)", xlim=segment_s)
     for row, role in enumerate(("input", "output")):
         axes[row, 0].set_ylabel(records[0].channels[role].label)
     label_panels(axes[0])
@@ -240,7 +207,9 @@ def excitation_figure(records: list[Record], segment_s: tuple[float, float]):
 
 
 @house_style
-def comparison_figure(record: Record, simulated: dict[str, np.ndarray], segment_s: tuple[float, float]):
+def comparison_figure(
+    record: Record, simulated: dict[str, np.ndarray], segment_s: tuple[float, float]
+) -> Figure:
     """Figure 3.5: measured output beside the free run of every model, and what remains of it.
 
     Parameters
@@ -261,12 +230,10 @@ def comparison_figure(record: Record, simulated: dict[str, np.ndarray], segment_
     measured = output.values[inside]
     response.plot(time, measured, color=MEASURED, linewidth=0.8, label="measured")
     for name, values in simulated.items():
-        look = {key: model_look(name)[key] for key in ("color", "linestyle")}
+        look = model_line(name)
         response.plot(time, values[inside], label=name, linewidth=1.5, **look)
         residual.plot(time, measured - values[inside], linewidth=1.0, **look)
     response.set_ylabel(output.label)
-    residual.set_ylabel(f"Measured − model\n({output.unit})")
-    residual.set_xlabel("Time (s)")
-    residual.set_xlim(segment_s)
+    residual.set(ylabel=f"Measured − model\n({output.unit})", xlabel="Time (s)", xlim=segment_s)
     response.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(simulated) + 1)
     return figure

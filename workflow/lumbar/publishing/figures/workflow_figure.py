@@ -7,6 +7,7 @@ from graphlib import TopologicalSorter
 from itertools import cycle
 from textwrap import fill
 
+from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from matplotlib.path import Path
 
@@ -31,7 +32,9 @@ def depths(edges: list[tuple[str, str]]) -> dict[str, int]:
 
 
 @house_style
-def draw_workflow(edges: list[tuple[str, str]], chapter_of: dict[str, str], chapters: dict[str, str]):
+def draw_workflow(
+    edges: list[tuple[str, str]], chapter_of: dict[str, str], chapters: dict[str, str]
+) -> Figure:
     """Draw every rule as a box in its chapter's band and every dependency as an arrow in its chapter's colour.
 
     Arrows run between the boxes, never behind them; those of one rule share their lines.
@@ -44,10 +47,6 @@ def draw_workflow(edges: list[tuple[str, str]], chapter_of: dict[str, str], chap
         Chapter of each rule; edges of rules that are not named here are left out.
     chapters : dict of str to str
         Chapters from top to bottom, with their titles.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     edges = [edge for edge in edges if edge[0] in chapter_of and edge[1] in chapter_of]
     rank = depths(edges)
@@ -61,8 +60,7 @@ def draw_workflow(edges: list[tuple[str, str]], chapter_of: dict[str, str], chap
     }
     figure, axis = new_figure(DOUBLE_COLUMN, 0.5 * len(lines) + 0.3)
     axis.set_axis_off()
-    axis.set_xlim(0, 100 + _CHANNEL / 2)
-    axis.set_ylim(-len(lines) + 0.3, 0.6)
+    axis.set(xlim=(0, 100 + _CHANNEL / 2), ylim=(-len(lines) + 0.3, 0.6))
     colours = dict(zip(chapters, cycle(_COLOURS), strict=False))
     _draw_boxes(axis, lines, chapters, colours)
     for source, path in routes(edges, places).items():
