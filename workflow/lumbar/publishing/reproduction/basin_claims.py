@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 
@@ -10,14 +12,13 @@ from lumbar.lifting.stability.comparison.table_4_1_grid import comparison_cells
 from lumbar.publishing.reproduction.claim import Claim, Finding, Results
 from lumbar.settings.stability import GROUPS
 
-PLANES = ("lateral_bending", "flexion_extension")
+_PERCENT = ["lateral_bending_percent", "flexion_extension_percent"]
 
 
 def _rows(results: Results, comparison: str) -> pd.DataFrame | None:
     table = results["table_4_1"]
     rows = table[table.comparison == comparison]
-    values = rows[[f"{plane}_percent" for plane in PLANES]]
-    return None if rows.empty or values.isna().any(axis=None) else rows.set_index("com")
+    return None if rows.empty or rows[_PERCENT].isna().any(axis=None) else rows.set_index("com")
 
 
 def _spread(rows: pd.DataFrame) -> str:
@@ -29,43 +30,32 @@ def _spread(rows: pd.DataFrame) -> str:
 
 _INVENTED = "the twin's lifters are invented"
 _MISSING = Finding(None, None, "this study lacks one of the lifts compared")
-_NO_BASIN = Finding(None, None, "no basin could be computed")
 
 
 def _judged(agrees: bool, synthetic: bool) -> tuple[bool | None, str]:
     return (None, _INVENTED) if synthetic else (bool(agrees), "")
 
 
-def _expert_larger(synthetic: bool, names: dict[str, str]):
+def _compared(comparison: str, synthetic: bool, agrees: Callable[[pd.DataFrame], bool]):
+    """What the rows of one comparison of Table 4.1 show."""
+
     def judge(results: Results) -> Finding:
-        rows = _rows(results, names["expert_vs_novice"])
-        if rows is None:
-            return _MISSING
-        return Finding(_spread(rows), *_judged((rows.lateral_bending_percent > 0).all(), synthetic))
+        rows = _rows(results, comparison)
+        return _MISSING if rows is None else Finding(_spread(rows), *_judged(agrees(rows), synthetic))
 
     return judge
 
 
-def _lateral_largest(synthetic: bool, names: dict[str, str]):
-    def judge(results: Results) -> Finding:
-        rows = _rows(results, names["expert_vs_novice"])
-        if rows is None:
-            return _MISSING
-        larger = rows.lateral_bending_percent.abs() > rows.flexion_extension_percent.abs()
-        return Finding(_spread(rows), *_judged(larger.all(), synthetic))
-
-    return judge
+def _positive_in_bending(rows: pd.DataFrame) -> bool:
+    return (rows.lateral_bending_percent > 0).all()
 
 
-def _expert_unchanged(synthetic: bool, names: dict[str, str]):
-    def judge(results: Results) -> Finding:
-        rows = _rows(results, names["decrease_in_mass_expert"])
-        if rows is None:
-            return _MISSING
-        largest = rows[[f"{plane}_percent" for plane in PLANES]].abs().max(axis=None)
-        return Finding(_spread(rows), *_judged(largest <= 1, synthetic))
+def _larger_in_bending(rows: pd.DataFrame) -> bool:
+    return (rows.lateral_bending_percent.abs() > rows.flexion_extension_percent.abs()).all()
 
-    return judge
+
+def _at_most_1(rows: pd.DataFrame) -> bool:
+    return rows[_PERCENT].abs().max(axis=None) <= 1
 
 
 def _novice_susceptible(synthetic: bool, names: dict[str, str], groups: tuple[str, str]):
@@ -73,13 +63,9 @@ def _novice_susceptible(synthetic: bool, names: dict[str, str], groups: tuple[st
         expert, novice = (_rows(results, names[f"decrease_in_mass_{name}"]) for name in GROUPS)
         if expert is None or novice is None:
             return _MISSING
-        columns = [f"{plane}_percent" for plane in PLANES]
-        mean = {
-            name: rows[columns].abs().mean(axis=None)
-            for name, rows in zip(groups, (expert, novice), strict=True)
-        }
-        text = "mean size of the change: " + ", ".join(f"{name} {mean[name]:.2f} %" for name in groups)
-        return Finding(text, *_judged(mean[groups[1]] > mean[groups[0]], synthetic))
+        means = [rows[_PERCENT].abs().mean(axis=None) for rows in (expert, novice)]
+        text = ", ".join(f"{name} {mean:.2f} %" for name, mean in zip(groups, means, strict=True))
+        return Finding(f"mean size of the change: {text}", *_judged(means[1] > means[0], synthetic))
 
     return judge
 
@@ -110,9 +96,8 @@ def _alternation_certifies(results: Results) -> Finding:
     if rows.empty:
         return Finding(None, None, "the thesis's procedure was not run")
     worst = 100 * float(rows.violation_share.max())
-    text = (
-        f"{100 * float(rows.violation_share.min()):.0f} to {worst:.0f} % of the knots violate the condition"
-    )
+    least = 100 * float(rows.violation_share.min())
+    text = f"{least:.0f} to {worst:.0f} % of the knots violate the condition"
     return Finding(text, worst == 0, "ρ̇ frozen at the previous guess is not the ρ̇ of the result")
 
 
@@ -127,11 +112,10 @@ def _exact_is_invariant(results: Results) -> Finding:
 def _expands_backward(results: Results) -> Finding:
     rows = results["boa"][results["boa"].method == "exact"]
     if rows.empty:
-        return _NO_BASIN
+        return Finding(None, None, "no basin could be computed")
     larger = rows.initial_area > rows.final_area
-    return Finding(
-        f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal", bool(larger.all())
-    )
+    text = f"{int(larger.sum())} of {len(rows)} basins larger at the start than at the goal"
+    return Finding(text, bool(larger.all()))
 
 
 def sentences(synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
@@ -146,13 +130,17 @@ def sentences(synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
     """
     table, areas, names = ("table_4_1",), ("boa",), comparison_names(groups)
     first, second = groups
+    between = names["expert_vs_novice"]
     return [
         Claim("expert_larger", "4.2.5", f"The {first}'s basins are larger than the {second}'s in lateral bending",
-              "2.27 to 4.44 %", "positive for all three COMs", table, _expert_larger(synthetic, names)),
+              "2.27 to 4.44 %", "positive for all three COMs", table,
+              _compared(between, synthetic, _positive_in_bending)),
         Claim("lateral_largest", "4.2.5", "The largest differences are in lateral bending", "lateral bending",
-              "larger than in flexion/extension for all three COMs", table, _lateral_largest(synthetic, names)),
+              "larger than in flexion/extension for all three COMs", table,
+              _compared(between, synthetic, _larger_in_bending)),
         Claim("expert_unchanged", "4.2.5", f"A lighter box hardly changes the {first}'s basins", "−0.87 to 0.07 %",
-              "at most 1 % for every COM and plane", table, _expert_unchanged(synthetic, names)),
+              "at most 1 % for every COM and plane", table,
+              _compared(names["decrease_in_mass_expert"], synthetic, _at_most_1)),
         Claim("novice_susceptible", "4.2.1, 4.2.5", f"The {second} is more susceptible to changes of the box's mass",
               "up to 7.51 %", f"mean size of the change larger than the {first}'s", table,
               _novice_susceptible(synthetic, names, groups)),

@@ -32,11 +32,11 @@ def _kruskal(results: Results) -> Finding:
     return Finding(f"H {test['statistic']:.2f}, p {test['p_value']:.1e}", test["p_value"] < 0.05)
 
 
-def _all_but_kb_ho(key: str):
+def _all_but_kb_ho(key: str, test: str = "mann_whitney"):
+    """Whether a test tells all pairs of models apart but KB and HO."""
+
     def judge(results: Results) -> Finding:
-        p_values = {
-            frozenset((row["first"], row["second"])): row[key] for row in results["survey"]["mann_whitney"]
-        }
+        p_values = {frozenset((row["first"], row["second"])): row[key] for row in results["survey"][test]}
         exempt = p_values.pop(frozenset(("KB", "HO")), None)
         if exempt is None or not p_values:
             return Finding(None, None, "KB and HO were not both rated")
@@ -47,16 +47,11 @@ def _all_but_kb_ho(key: str):
 
 
 def _paired_agrees(results: Results) -> Finding:
-    p_values = {
-        frozenset((row["first"], row["second"])): row["p_holm"] for row in results["survey"]["wilcoxon"]
-    }
-    exempt = p_values.pop(frozenset(("KB", "HO")), None)
-    if exempt is None or not p_values:
-        return Finding(None, None, "KB and HO were not both rated")
-    text = f"largest of the others {max(p_values.values()):.2g}; KB and HO {exempt:.2g}"
-    if any("reconstructed" in source for source in results["survey"]["participants"]["sources"]):
-        return Finding(text, None, "the pairing of the reconstructed answers is not real")
-    return Finding(text, max(p_values.values()) < 0.05 <= exempt)
+    found = _all_but_kb_ho("p_holm", "wilcoxon")(results)
+    paired = not any("reconstructed" in source for source in results["survey"]["participants"]["sources"])
+    if paired or found.agrees is None:
+        return found
+    return Finding(found.value, None, "the pairing of the reconstructed answers is not real")
 
 
 def _best(which: str, model: str):

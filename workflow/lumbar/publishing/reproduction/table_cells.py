@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import pandas as pd
 
@@ -11,7 +12,8 @@ from lumbar.lifting.stability.comparison.percent_differences import comparison_n
 from lumbar.publishing.reproduction.claim import Claim, Finding, Results
 from lumbar.settings.stability import GROUPS
 
-Criterion = tuple[str, Callable[[float, float], bool]]
+Criterion = tuple[str, Callable[..., bool]]
+"""In words, and as a function of the thesis's and this run's value."""
 
 
 def _points(limit: float) -> Criterion:
@@ -31,6 +33,13 @@ def _within(limit: float) -> Criterion:
 
 _EQUAL: Criterion = ("equal to the printed digits", lambda thesis, found: abs(found - thesis) <= 0.051)
 _SAME_SIGN: Criterion = ("same sign", lambda thesis, found: thesis * found > 0)
+_BELOW: Criterion = ("as printed", lambda printed, found: found < float(printed[1:]))
+_NEAR: Criterion = ("within 0.05", lambda printed, found: abs(found - float(printed)) <= 0.05)
+_NONE: Criterion = (
+    "none: α scales with samples and units, which the thesis does not state",
+    lambda thesis, found: False,
+)
+_SCALED = "scaling of α not stated in the thesis"
 
 TABLE_3_1: dict[str, tuple[str, Criterion, bool]] = {
     "order": ("order of the transfer function", _within(1), False),
@@ -47,151 +56,91 @@ TABLE_3_1: dict[str, tuple[str, Criterion, bool]] = {
 
 
 def table_3_1_claims(thesis: pd.DataFrame) -> list[Claim]:
-    """Every number of Table 3.1 except α, whose size depends on a scaling the thesis does not state."""
+    """Every number of Table 3.1; of α, whose size depends on a scaling the thesis does not state, nothing is judged."""
     claims = []
     for row in thesis.itertuples(index=False):
+        name, words = f"table_3_1.{row.trained_on}.{row.model}", f"{row.model} trained on {row.trained_on}"
+        where = {"trained_on": row.trained_on, "model": row.model, "estimator": "arx"}
         for column, (meaning, criterion, built) in TABLE_3_1.items():
-            claims.append(_cell_3_1(row, column, meaning, criterion, built))
-        claims.append(
-            Claim(
-                id=f"table_3_1.{row.trained_on}.{row.model}.alpha",
-                location="Table 3.1",
-                statement=f"{row.model} trained on {row.trained_on}: ridge coefficient α",
-                thesis=float(row.alpha),
-                criterion="none: α scales with samples and units, which the thesis does not state",
-                needs=("table_3_1",),
-                judge=_alpha(row.trained_on, row.model),
+            cell = _Cell(where, column, f"no {column} for {words}")
+            thesis_value = float(getattr(row, column))
+            claims.append(
+                _claim(f"{name}.{column}", f"{words}: {meaning}", thesis_value, criterion, cell, built)
             )
-        )
+        cell = _Cell(where, "alpha", _SCALED, _SCALED)
+        claims.append(_claim(f"{name}.alpha", f"{words}: ridge coefficient α", float(row.alpha), _NONE, cell))
     return claims
-
-
-def _arx_row(results: Results, trained_on: str, model: str) -> pd.Series | None:
-    table = results["table_3_1"]
-    found = table[(table.trained_on == trained_on) & (table.model == model) & (table.estimator == "arx")]
-    return None if found.empty else found.iloc[0]
-
-
-def _cell_3_1(row, column: str, meaning: str, criterion: Criterion, built: bool) -> Claim:
-    text, agrees = criterion
-    thesis = float(getattr(row, column))
-
-    def judge(results: Results) -> Finding:
-        found = _arx_row(results, row.trained_on, row.model)
-        if found is None or column not in found.index or pd.isna(found[column]):
-            return Finding(None, None, f"no {column} for {row.model} trained on {row.trained_on}")
-        return Finding(float(found[column]), agrees(thesis, float(found[column])))
-
-    return Claim(
-        id=f"table_3_1.{row.trained_on}.{row.model}.{column}",
-        location="Table 3.1",
-        statement=f"{row.model} trained on {row.trained_on}: {meaning}",
-        thesis=thesis,
-        criterion=text,
-        needs=("table_3_1",),
-        judge=judge,
-        built_into_twin=built,
-    )
-
-
-def _alpha(trained_on: str, model: str) -> Callable[[Results], Finding]:
-    def judge(results: Results) -> Finding:
-        found = _arx_row(results, trained_on, model)
-        return Finding(
-            None if found is None else float(found["alpha"]), None, "scaling of α not stated in the thesis"
-        )
-
-    return judge
 
 
 def table_3_2_claims(thesis: pd.DataFrame) -> list[Claim]:
     """Every number of Table 3.2; the survey was reconstructed from this very table."""
     claims = []
     for row in thesis.itertuples(index=False):
+        name, where = f"table_3_2.{row.model}", {"model": row.model}
         for column in ("median", "mode", "mode_count", "best_percent"):
-            claims.append(_cell_3_2(row.model, column, float(getattr(row, column)), _EQUAL))
+            words = f"{row.model}: {column.replace('_', ' ')} of the ratings"
+            cell = _Cell(where, column, f"{row.model} was not rated")
+            claims.append(_claim(f"{name}.{column}", words, float(getattr(row, column)), _EQUAL, cell, True))
         for other in ("MW", "KB", "HO"):
-            printed = getattr(row, f"p_vs_{other}")
+            column = f"p_vs_{other}"
+            printed = getattr(row, column)
             if isinstance(printed, str) or not math.isnan(printed):
-                claims.append(_p_value(row.model, other, str(printed)))
+                words = f"Mann–Whitney p of {row.model} against {other}"
+                criterion = _BELOW if str(printed).startswith("<") else _NEAR
+                cell = _Cell(where, column, f"{row.model} and {other} were not both rated")
+                claims.append(_claim(f"{name}.{column}", words, str(printed), criterion, cell, True))
     return claims
-
-
-def _cell_3_2(model: str, column: str, thesis: float, criterion: Criterion) -> Claim:
-    text, agrees = criterion
-
-    def judge(results: Results) -> Finding:
-        table = results["table_3_2"].set_index("model")
-        if model not in table.index:
-            return Finding(None, None, f"{model} was not rated")
-        found = float(table.at[model, column])
-        return Finding(found, agrees(thesis, found))
-
-    return Claim(
-        id=f"table_3_2.{model}.{column}",
-        location="Table 3.2",
-        statement=f"{model}: {column.replace('_', ' ')} of the ratings",
-        thesis=thesis,
-        criterion=text,
-        needs=("table_3_2",),
-        judge=judge,
-        built_into_twin=True,
-    )
-
-
-def _p_value(model: str, other: str, printed: str) -> Claim:
-    def judge(results: Results) -> Finding:
-        table = results["table_3_2"].set_index("model")
-        if model not in table.index or pd.isna(table.at[model, f"p_vs_{other}"]):
-            return Finding(None, None, f"{model} and {other} were not both rated")
-        found = float(table.at[model, f"p_vs_{other}"])
-        agrees = (
-            found < float(printed[1:]) if printed.startswith("<") else abs(found - float(printed)) <= 0.05
-        )
-        return Finding(found, agrees)
-
-    return Claim(
-        id=f"table_3_2.{model}.p_vs_{other}",
-        location="Table 3.2",
-        statement=f"Mann–Whitney p of {model} against {other}",
-        thesis=printed,
-        criterion="as printed" if printed.startswith("<") else "within 0.05",
-        needs=("table_3_2",),
-        judge=judge,
-        built_into_twin=True,
-    )
 
 
 def table_4_1_claims(thesis: pd.DataFrame, synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
     """Every percentage of Table 4.1; on invented lifters the number is shown, but proves nothing."""
-    names = comparison_names(groups)
-    return [
-        _cell_4_1(row, plane, synthetic, names[row.comparison])
-        for row in thesis.itertuples(index=False)
-        for plane in ("lateral_bending", "flexion_extension")
-    ]
+    names, claims = comparison_names(groups), []
+    untested = "the twin's lifters are invented" if synthetic else ""
+    for row in thesis.itertuples(index=False):
+        comparison = names[row.comparison]
+        where = {"comparison": comparison, "com": row.com}
+        for plane in ("lateral_bending", "flexion_extension"):
+            place = f"{comparison.replace('_', ' ')}, {row.com}, {plane.replace('_', ' ')}"
+            cell = _Cell(
+                where, f"{plane}_percent", "this study lacks one of the two lifts compared", untested
+            )
+            name, value = f"table_4_1.{row.comparison}.{row.com}.{plane}", float(getattr(row, cell.column))
+            claims.append(_claim(name, f"{place}: difference in percent", value, _SAME_SIGN, cell))
+    return claims
 
 
-def _cell_4_1(row, plane: str, synthetic: bool, comparison: str) -> Claim:
-    text, agrees = _SAME_SIGN
-    thesis = float(getattr(row, f"{plane}_percent"))
+@dataclass(frozen=True)
+class _Cell:
+    """Where this run's counterpart of a number stands."""
+
+    where: dict[str, str]
+    """What tells the row of the run's table, by column."""
+    column: str
+    absent: str
+    """What is said where the run has no such number."""
+    untested: str = ""
+    """Why a number that is there proves nothing; empty where it is judged."""
+
+    def value(self, table: pd.DataFrame) -> float | None:
+        """Number of this run; None where there is none."""
+        for key, value in self.where.items():
+            table = table[table[key] == value]
+        missing = table.empty or self.column not in table or pd.isna(table.iloc[0][self.column])
+        return None if missing else float(table.iloc[0][self.column])
+
+
+def _claim(
+    name: str, statement: str, thesis: float | str, criterion: Criterion, cell: _Cell, built: bool = False
+) -> Claim:
+    """The claim that a number of a published table is this run's too; its name begins with the table's."""
+    table = name.split(".")[0]
+    words, agrees = criterion
 
     def judge(results: Results) -> Finding:
-        table = results["table_4_1"]
-        found = table[(table.comparison == comparison) & (table.com == row.com)]
-        if found.empty or pd.isna(found.iloc[0][f"{plane}_percent"]):
-            return Finding(None, None, "this study lacks one of the two lifts compared")
-        value = float(found.iloc[0][f"{plane}_percent"])
-        if synthetic:
-            return Finding(value, None, "the twin's lifters are invented")
-        return Finding(value, agrees(thesis, value))
+        found = cell.value(results[table])
+        if found is None:
+            return Finding(None, None, cell.absent)
+        return Finding(found, None, cell.untested) if cell.untested else Finding(found, agrees(thesis, found))
 
-    return Claim(
-        id=f"table_4_1.{row.comparison}.{row.com}.{plane}",
-        location="Table 4.1",
-        statement=f"{comparison.replace('_', ' ')}, {row.com}, {plane.replace('_', ' ')}: difference in percent",
-        thesis=thesis,
-        criterion=text,
-        needs=("table_4_1",),
-        judge=judge,
-    )
+    location = f"Table {table.removeprefix('table_').replace('_', '.')}"
+    return Claim(name, location, statement, thesis, words, (table,), judge, built)
