@@ -189,9 +189,7 @@ KNOWN = (
     ),
     KnownEffect("inertia:mass", "mass", _named("mass")),
     KnownEffect(
-        "second_relaxation:slow",
-        "maxwell_branch",
-        _named("branch_stiffness", relaxation_time="relaxation_s"),
+        "second_relaxation:slow", "maxwell_branch", _named("branch_stiffness", relaxation_time="relaxation_s")
     ),
     KnownEffect("delay:transport", "pure", _named("delay")),
     KnownEffect("saturation:clip", "sharp", _named("limit")),

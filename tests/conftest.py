@@ -26,11 +26,9 @@ def pytest_collection_modifyitems(items):
     Files of integration tests take minutes: they begin, so that no worker is left with one at the end.
     """
     for item in items:
-        starts_snakemake = {
-            TESTS / "workflow",
-            TESTS / "end_to_end",
-            TESTS / "browser",
-        } & set(item.path.parents)
+        starts_snakemake = {TESTS / "workflow", TESTS / "end_to_end", TESTS / "browser"} & set(
+            item.path.parents
+        )
         item.add_marker("integration" if starts_snakemake else "unit")
     items.sort(key=lambda item: item.get_closest_marker("integration") is None)
 

@@ -104,13 +104,5 @@ FORMS = (
         additive(_branch_size),
         lambda rng, s: {"relaxation_s": log_uniform(rng, 6.0, 40.0) * s.relaxation_s},
     ),
-    HiddenForm(
-        "second_relaxation",
-        "fast",
-        "tissue",
-        second_branch,
-        "N/mm",
-        additive(_branch_size),
-        _fast,
-    ),
+    HiddenForm("second_relaxation", "fast", "tissue", second_branch, "N/mm", additive(_branch_size), _fast),
 )

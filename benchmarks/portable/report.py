@@ -13,10 +13,7 @@ from portable.outputs import DIFFERENT, SAME_BYTES, compare_folders
 from portable.runs import CENTRE, Run
 
 STEPS = {"unit": "unit tests", "study": "`make`, `make check-results`", "blind": "blind cases"}
-KINDS = {
-    "kernels, threads": ("kernel", "threads"),
-    "Pythons, dependencies": ("python", "dependencies"),
-}
+KINDS = {"kernels, threads": ("kernel", "threads"), "Pythons, dependencies": ("python", "dependencies")}
 
 
 def report(output: Path, runs: list[Run]) -> int:

@@ -11,22 +11,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hidden_effects import channel, damping, friction, outside, stiffness
-from hidden_effects.catalogue import (
-    MECHANISMS,
-    OUTSIDE_FORMS,
-    PAIRS,
-    SINGLE,
-    form_named,
-)
+from hidden_effects.catalogue import MECHANISMS, OUTSIDE_FORMS, PAIRS, SINGLE, form_named
 from hidden_effects.form import HiddenEffect, Scales, simulate
 from hidden_effects.noise import COLOURS, draw_noise
 from hidden_effects.rate_independent import bouc_wen, dahl, play, rounded_play, stop
 from lumbar.base.errors import InputError
 from lumbar.twin.kelvin_boltzmann import Tissue, maxwell_force
-from lumbar.twin.tool_motion import (
-    ToolMotion,
-    draw_motions,
-)
+from lumbar.twin.tool_motion import ToolMotion, draw_motions
 
 TISSUE = Tissue(0.5, 1.0, 0.15)
 

@@ -69,14 +69,7 @@ def _text(name, expected, answer, linear, best, judgement) -> str:
 def _row(expected, answer, linear, best, judgement) -> str:
     errors = f"{_errors(*answer.errors)} {expected.unit}" if answer.document else "–"
     published = f"{_errors(linear, best)} {expected.unit}" if best else "–"
-    cells = (
-        expected.title,
-        expected.truth,
-        _named(answer),
-        errors,
-        published,
-        judgement,
-    )
+    cells = (expected.title, expected.truth, _named(answer), errors, published, judgement)
     return f"| {' | '.join(cells)} |"
 
 

@@ -158,10 +158,7 @@ def foreign_files() -> dict[str, tuple[bytes, dict]]:
             {},
         ),
         "excel_sep.csv": (("sep=;\r\nZeit;Weg;Kraft\r\ns;mm;N\r\n" + rows(";", ",")).encode(), {}),
-        "line_break_in_names.csv": (
-            ('"Time\n(s)","Position\n(mm)","Force\n(N)"\n' + rows(",")).encode(),
-            {},
-        ),
+        "line_break_in_names.csv": (('"Time\n(s)","Position\n(mm)","Force\n(N)"\n' + rows(",")).encode(), {}),
         "units_above_names.txt": (("s|mm|N\nTime|Position|Force\n" + rows("|")).encode(), {}),
         "old_mac_minus.csv": (
             ("time_s,position_mm,force_N\n" + rows(","))

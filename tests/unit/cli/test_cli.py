@@ -363,11 +363,7 @@ def test_angle_and_moment_are_enough(run, friction, tmp_path):
     assert (found["base"], found["unit"]) == ("pendulum", "N m")
     assert (found["verdict"], found["selected"]) == ("named", ["coulomb_friction"])
     assert found["ranking"][0]["parameters"]["coulomb_moment"]["unit"] == "N m"
-    assert {item["effect"] for item in found["not_tried"]} == {
-        "hand_load",
-        "variable_length",
-        "moving_pivot",
-    }
+    assert {item["effect"] for item in found["not_tried"]} == {"hand_load", "variable_length", "moving_pivot"}
     page = (tmp_path / "diagnosis.html").read_text(encoding="utf-8")
     assert "Not tried: variable length as measured, for want of length_m" in page
 

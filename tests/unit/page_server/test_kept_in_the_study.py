@@ -94,11 +94,7 @@ def test_only_the_key_changes(tmp_path, name):
 
 @pytest.mark.parametrize(
     "text",
-    [
-        "a: &shared {train: noise}\nimprovement: *shared\n",
-        "improvement: [1, 2]\n",
-        "improvement: noise\n",
-    ],
+    ["a: &shared {train: noise}\nimprovement: *shared\n", "improvement: [1, 2]\n", "improvement: noise\n"],
 )
 def test_what_cannot_be_changed_alone_is_refused(tmp_path, text):
     path = tmp_path / "study.yaml"

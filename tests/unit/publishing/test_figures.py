@@ -155,9 +155,7 @@ def test_depth_is_the_longest_path():
 
 def test_only_rules_of_chapters_are_drawn():
     figure = draw_workflow(
-        EDGES,
-        {"fit": "second", "measure": "first"},
-        {"first": "1 First", "second": "2 Second"},
+        EDGES, {"fit": "second", "measure": "first"}, {"first": "1 First", "second": "2 Second"}
     )
     words = {text.get_text() for text in figure.axes[0].texts}
     assert words == {"fit", "measure", "1 First", "2 Second"}

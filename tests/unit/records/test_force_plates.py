@@ -190,8 +190,7 @@ def test_file_of_a_force_plate_alone(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["lifting/athlete_static_full_spine/c3dfile1", "lifting/qualisys_ior_gait/Qualisys"],
+    "name", ["lifting/athlete_static_full_spine/c3dfile1", "lifting/qualisys_ior_gait/Qualisys"]
 )
 def test_same_forces_as_ezc3d(shared, name):
     path = shared / "real" / f"{name}.c3d"

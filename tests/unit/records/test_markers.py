@@ -312,10 +312,7 @@ def test_markers_that_are_not_required_may_be_absent(tmp_path):
 
 @pytest.mark.parametrize(
     ("aliases", "said"),
-    [
-        ({"C7": []}, "C7"),
-        ({"A": {"mean": ["B", "C7"]}, "B": {"mean": ["A", "C7"]}}, "no A in the file"),
-    ],
+    [({"C7": []}, "C7"), ({"A": {"mean": ["B", "C7"]}, "B": {"mean": ["A", "C7"]}}, "no A in the file")],
 )
 def test_aliases_that_mean_nothing(tmp_path, aliases, said):
     with pytest.raises(InputError) as caught:

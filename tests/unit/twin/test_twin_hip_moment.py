@@ -52,10 +52,7 @@ def test_a_lift_has_the_trunk_and_the_box_while_it_is_held(twin, lift, tmp_path)
     assert (held[record["time_s"] < events.lift_off] == 0).all()
     found = regressed(record, lambda acceleration, angle: [held * acceleration, held * np.sin(angle)])
     inertia, gravity = trunk_of(settings.people[settings.lifts[lift].person])
-    box, distance = (
-        settings.lifts[lift].box_mass_kg,
-        settings.hip_moment.hidden.hand_distance_m,
-    )
+    box, distance = (settings.lifts[lift].box_mass_kg, settings.hip_moment.hidden.hand_distance_m)
     assert found[0] == pytest.approx(inertia, rel=0.05)
     assert found[1] == pytest.approx(settings.hip_moment.damping_N_m_s, rel=0.1)
     assert found[2] == pytest.approx(-gravity, rel=0.02)

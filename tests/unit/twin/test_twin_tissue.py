@@ -20,11 +20,7 @@ from lumbar.twin.tool_motion import chirp_motion, draw_motions, line_spectrum_mo
 from lumbar.twin.two_hidden_effects import two_hidden_effects, write_records
 
 TISSUE = SyntheticTissueSettings(
-    k1_N_per_mm=0.4,
-    k2_N_per_mm=3.2,
-    relaxation_s=0.035,
-    cubic_N_per_mm3=0.01,
-    noise_variance_share=0.14,
+    k1_N_per_mm=0.4, k2_N_per_mm=3.2, relaxation_s=0.035, cubic_N_per_mm3=0.01, noise_variance_share=0.14
 )
 LAYOUT = TissueSettings().layout
 
@@ -125,10 +121,7 @@ def test_another_number_is_another_draw():
 @pytest.mark.parametrize("kind", ["multisine", "chirp", "noise"])
 def test_velocity_and_acceleration_are_the_derivatives_of_position(kind):
     motion = draw_motions(np.random.default_rng(1), 5.0, -0.5, schroeder=False, periods=2)[kind]
-    for values, derivative in (
-        (motion.position, motion.velocity),
-        (motion.velocity, motion.acceleration),
-    ):
+    for values, derivative in ((motion.position, motion.velocity), (motion.velocity, motion.acceleration)):
         central = (values[2:] - values[:-2]) / (2 * motion.step)
         assert np.allclose(central, derivative[1:-1], atol=1e-3 * np.abs(derivative).max())
     assert np.abs(motion.sampled(motion.position)).max() == pytest.approx(5.0, rel=2e-3)

@@ -23,9 +23,5 @@ SURVEY = Command(
     "analyse participants' ratings as the thesis did (Table 3.2) and within participants",
     "lumbar survey survey.csv --output out",
     run_survey,
-    (
-        path("file", metavar="FILE", help="participants' sheet; survey.layout names its columns"),
-        OUTPUT,
-        DATA,
-    ),
+    (path("file", metavar="FILE", help="participants' sheet; survey.layout names its columns"), OUTPUT, DATA),
 )

@@ -28,10 +28,7 @@ _STAND_IN = SubjectSettings(
 
 
 def inspect(
-    path: str | os.PathLike,
-    *,
-    settings: LiftingSettings | None = None,
-    height_m: float | None = None,
+    path: str | os.PathLike, *, settings: LiftingSettings | None = None, height_m: float | None = None
 ) -> Inspected:
     """Look into a marker file without computing anything from it.
 

@@ -28,15 +28,7 @@ MOST_FILE, MOST_HELD, MOST_PACKED = 50_000_000, 150_000_000, 5_000_000
 """Bytes of one file, of all files of a tab, and of one packed file, which may unpack to a hundred times as many."""
 MOST_FILES, MOST_TABS = 12, 16
 """Files of a tab, and tabs that are held; the one that was used longest ago is let go for one more."""
-_TEXTS = (
-    "time",
-    "position",
-    "force",
-    "time_unit",
-    "position_unit",
-    "force_unit",
-    "table",
-)
+_TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table")
 _SWITCHES = ("flip_force", "accept_clipped")
 _LONGEST_TEXT = 200
 _PACKED = (b"\x1f\x8b", b"PK\x03\x04")

@@ -125,7 +125,4 @@ def _ratings(item: dict) -> tuple[object, dict]:
     }
 
 
-_READERS: dict[str, Callable[[dict], tuple[object, dict]]] = {
-    "columns": _columns,
-    "ratings": _ratings,
-}
+_READERS: dict[str, Callable[[dict], tuple[object, dict]]] = {"columns": _columns, "ratings": _ratings}

@@ -148,11 +148,7 @@ def read_record(
         if role != TIME
     }
     record = Record(
-        name=name or default_name(path),
-        time=scaled[TIME],
-        channels=channels,
-        source=str(path),
-        period=period,
+        name=name or default_name(path), time=scaled[TIME], channels=channels, source=str(path), period=period
     )
     record, lines = with_missing_rows(record, lines)
     may_rest = [role for role, column in columns.items() if column.optional]

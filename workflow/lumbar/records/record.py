@@ -123,9 +123,7 @@ def place_of(sample: int, lines: Sequence[int] | None) -> str:
 
 
 def check_record(
-    record: Record,
-    may_rest: Collection[str] = (),
-    lines: Sequence[int] | None = None,
+    record: Record, may_rest: Collection[str] = (), lines: Sequence[int] | None = None
 ) -> Record:
     """Return `record` when it can be analysed, else raise with all reasons; channels of the roles `may_rest` may be constant.
 

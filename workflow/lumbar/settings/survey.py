@@ -21,9 +21,7 @@ class RatingsLayout:
 
     participant: str = required("Column that names or codes the participant; every value once.", min_length=1)
     models: tuple[RatedModelSettings, ...] = required(
-        "Rated models in the order of the tables; Friedman's test needs three.",
-        min_length=3,
-        max_length=12,
+        "Rated models in the order of the tables; Friedman's test needs three.", min_length=3, max_length=12
     )
     scale_points: int = required(
         "Points of the Likert scale; ratings are whole numbers from 1 to this.", within="[2, 11]"
@@ -31,8 +29,7 @@ class RatingsLayout:
     best: str = required("Column with the name of the model picked as the best.", min_length=1)
     delimiter: str = key("Character between the cells.", default=",", min_length=1, max_length=1)
     yes_no: Annotated[tuple[Word, ...], UNIQUE] = key(
-        "Columns that describe the participants by yes or no (1/0 or true/false are read too).",
-        default=(),
+        "Columns that describe the participants by yes or no (1/0 or true/false are read too).", default=()
     )
     experience: str | None = key(
         "Column with the level of experience; null where it was not asked.", default=None, min_length=1

@@ -13,12 +13,7 @@ from lumbar.base.errors import Problems
 from lumbar.settings.study_settings import Chapter
 
 CHAPTERS: tuple[str, ...] = get_args(Chapter)
-NEEDS = {
-    "signals": ["surgeon"],
-    "improvement": ["tissue"],
-    "runtime": ["tissue"],
-    "stability": ["lifting"],
-}
+NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"], "stability": ["lifting"]}
 """Chapters that build on another one of the same study."""
 LIFTED = {"lifting", "population"}
 """Chapters that begin with the recorded lifts."""

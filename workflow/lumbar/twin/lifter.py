@@ -153,10 +153,7 @@ def _feet(time: np.ndarray, height: float, lift: SyntheticLift, walk: float) -> 
     toe_off, deposit = lift.events_s.toe_off, lift.events_s.deposit_start
     step = (deposit - toe_off) / 3.2
     swing = 0.75 * step
-    swings = {
-        "R": [(toe_off, 0.5 * walk), (toe_off + 2 * step, 0.5 * walk)],
-        "L": [(toe_off + step, walk)],
-    }
+    swings = {"R": [(toe_off, 0.5 * walk), (toe_off + 2 * step, 0.5 * walk)], "L": [(toe_off + step, walk)]}
     markers = {}
     for side, sign in (("R", 1), ("L", -1)):
         forward, raised = np.zeros_like(time), np.zeros_like(time)

@@ -79,12 +79,7 @@ def tissue_test(
         Newton; noise makes up the share ``noise_variance_share`` of the variance.
     """
     force = tissue_force(
-        time,
-        position,
-        tissue.k1_N_per_mm,
-        tissue.k2_N_per_mm,
-        tissue.relaxation_s,
-        tissue.cubic_N_per_mm3,
+        time, position, tissue.k1_N_per_mm, tissue.k2_N_per_mm, tissue.relaxation_s, tissue.cubic_N_per_mm3
     )
     share = tissue.noise_variance_share
     noise = math.sqrt(share / (1.0 - share)) * force.std()

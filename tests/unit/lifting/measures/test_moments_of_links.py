@@ -64,8 +64,5 @@ def test_a_body_in_free_flight_needs_no_moment_about_its_own_centre():
     """Two masses on a slender rod that tumbles and falls: all angular momentum about the common centre is kept."""
     centre = np.stack([0.3 * TIME, 1.1 * TIME, 2 * TIME - 0.5 * G * TIME**2], axis=1)
     axis = np.stack([np.cos(3 * TIME), 0.6 * np.sin(3 * TIME), 0.8 * np.sin(3 * TIME)], axis=1)
-    links = [
-        Link(4.0, centre + 0.3 * axis, axis, 0.2),
-        Link(6.0, centre - 0.2 * axis, axis, 0.1),
-    ]
+    links = [Link(4.0, centre + 0.3 * axis, axis, 0.2), Link(6.0, centre - 0.2 * axis, axis, 0.1)]
     assert np.abs(net_moment(centre, links, RATE, G)[5:-5]).max() < 1e-3

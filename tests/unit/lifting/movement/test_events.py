@@ -410,11 +410,7 @@ def test_the_files_events_replace_ours_where_that_is_asked_for(lift, by):
     events = find_events(lift, settings, trial.events if by == "trial" else None)
     assert {
         name: (event.time_s, event.method) for name, event in events.items() if name != "deposit_start"
-    } == {
-        "lift_off": (1.9, "file"),
-        "toe_off": (3.25, "file"),
-        "release": (6.8, "file"),
-    }
+    } == {"lift_off": (1.9, "file"), "toe_off": (3.25, "file"), "release": (6.8, "file")}
     assert events["deposit_start"].method == "detected"
     assert events["release"].detected_s == pytest.approx(6.5, abs=0.05)
 

@@ -169,10 +169,7 @@ def real(path, aliases, mass, rate_Hz=None, **changes):
 def test_a_person_who_stands_has_the_centre_of_pressure_below_the_centre_of_mass(shared):
     """Athlete of 58.35 kg in a static trial: the pressure lies 15 mm behind the centre, and 27 mm ahead of the skin's."""
     path = shared / "real" / "lifting" / "athlete_static_full_spine" / "c3dfile1.c3d"
-    inner, skin = (
-        real(path, ATHLETE, 58.35),
-        real(path, ATHLETE, 58.35, segment_ends="skin"),
-    )
+    inner, skin = (real(path, ATHLETE, 58.35), real(path, ATHLETE, 58.35, segment_ends="skin"))
     assert inner.plates_kg == pytest.approx(58.35, rel=0.10)
     assert abs(inner.forward_mm) < 25
     assert inner.sway_mm < 5

@@ -44,11 +44,7 @@ SETTINGS = typed(
         "sum_of_squares": {"degree": 3, "knots": 5, "alternations": 2, "margin_1_s": 2e-5},
         "thesis_method": {"degree": 3, "knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
         "attack": {"starts": 400, "control_overstated": 0.3},
-        "limits": {
-            "mass_share": 0.05,
-            "knots": 101,
-            "certified_knots": 5,
-        },
+        "limits": {"mass_share": 0.05, "knots": 101, "certified_knots": 5},
         "lyapunov_shares": [0.0, 1.0],
         "sensitivity_factor": 2,
     },

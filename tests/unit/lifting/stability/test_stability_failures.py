@@ -17,17 +17,8 @@ from lumbar.lifting.stability.comparison import table_4_1_controls
 from lumbar.lifting.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.lifting.stability.comparison.percent_differences import comparisons
 from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
-from lumbar.lifting.stability.extended_basins import (
-    COLUMNS,
-    extended_basins,
-    extended_table,
-)
-from lumbar.lifting.stability.model.failures import (
-    announcement,
-    attempts,
-    failures_frame,
-    failures_table,
-)
+from lumbar.lifting.stability.extended_basins import COLUMNS, extended_basins, extended_table
+from lumbar.lifting.stability.model.failures import announcement, attempts, failures_frame, failures_table
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES
 from lumbar.publishing.figures.stability_figures import comparison_figure, figure_4_3, figure_4_4
 from study_settings import changed
@@ -98,10 +89,7 @@ def test_one_bad_basin_drops_only_its_row(broken):
     there = whole.set_index(keys).loc[left.index]
     assert left["mean_area"].to_numpy() == pytest.approx(there["mean_area"].to_numpy(), rel=1e-6)
     assert {(item.com, item.plane) for item in broken.failures} == {("thorax", "lateral_bending")}
-    assert [item.basin for item in broken.failures] == [
-        "exact, hanging",
-        "sum_of_squares, hanging",
-    ]
+    assert [item.basin for item in broken.failures] == ["exact, hanging", "sum_of_squares, hanging"]
     assert "rad are allowed: raise the regulator's control weight" in broken.failures[0].reason
     assert not broken.summary["mean_area"].isna().any()
 

@@ -191,12 +191,7 @@ def test_the_command_prints_and_writes_what_the_verb_does(run, folder, tmp_path)
     )
     assert status == 0, err
     assert "hardening stiffness" in out
-    found = lumbar.doctor(
-        lumbar.read(folder),
-        base="KB",
-        effects=["hardening_stiffness"],
-        faults=False,
-    )
+    found = lumbar.doctor(lumbar.read(folder), base="KB", effects=["hardening_stiffness"], faults=False)
     assert str(found) == out.rstrip("\n")
     found.save(tmp_path / "two")
     names = sorted(path.name for path in (tmp_path / "one").iterdir())

@@ -73,8 +73,7 @@ def test_the_start_of_every_record_is_left_out():
     assert joint.size == 700
     np.testing.assert_array_equal(joint.trim(signal), np.concatenate([signal[50:400], signal[450:]]))
     np.testing.assert_array_equal(
-        joint.whiten(signal),
-        np.concatenate([parts[0].whiten(signal[:400]), parts[1].whiten(signal[400:])]),
+        joint.whiten(signal), np.concatenate([parts[0].whiten(signal[:400]), parts[1].whiten(signal[400:])])
     )
     early, later = joint.split(0.5)
     assert (len(early.force), early.size, later.size) == (400, 300, 400)

@@ -22,22 +22,11 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.law.law_form import form_of
-from lumbar.tissue.diagnosis.law.proposal import (
-    effect_text,
-    law_beside,
-    propose,
-    with_law,
-)
+from lumbar.tissue.diagnosis.law.proposal import effect_text, law_beside, propose, with_law
 from lumbar.tissue.diagnosis.law.search import Search
 from lumbar.tissue.diagnosis.law.surface import surfaces
 from lumbar.tissue.diagnosis.law.terms import library
-from lumbar.tissue.diagnosis.law.validation import (
-    alternate,
-    is_dissipative,
-    least_work,
-    stays_bounded,
-    thin,
-)
+from lumbar.tissue.diagnosis.law.validation import alternate, is_dissipative, least_work, stays_bounded, thin
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 from lumbar.tissue.diagnosis.selection.verdict import headline

@@ -30,13 +30,7 @@ from lumbar.tissue.diagnosis.residuals.compare import (
     compare_record,
     comparison_table,
 )
-from lumbar.tissue.diagnosis.residuals.time_frequency import (
-    EVEN,
-    EXCITED,
-    ODD,
-    excited_lines,
-    line_classes,
-)
+from lumbar.tissue.diagnosis.residuals.time_frequency import EVEN, EXCITED, ODD, excited_lines, line_classes
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
@@ -235,11 +229,7 @@ def test_distortion_is_estimated_without_bias():
 PERIODS = 6
 SIGMA = 0.02
 
-FORCES = {
-    "even": lambda z: 0.02 * z**2,
-    "odd": lambda z: 0.01 * z**3,
-    "none": lambda z: 0.0 * z,
-}
+FORCES = {"even": lambda z: 0.02 * z**2, "odd": lambda z: 0.01 * z**3, "none": lambda z: 0.0 * z}
 
 
 @pytest.fixture(scope="module")

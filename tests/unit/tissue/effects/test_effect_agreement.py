@@ -31,10 +31,7 @@ _FUNCTIONS = {
     r"\ln": ("L", sympy.log),
     r"\arctan": ("R", sympy.atan),
     r"\mathrm{sign}": ("S", sympy.sign),
-    r"\mathrm{step}": (
-        "P",
-        lambda x: sympy.Piecewise((0, x < 0), (1, x > 1), (3 * x**2 - 2 * x**3, True)),
-    ),
+    r"\mathrm{step}": ("P", lambda x: sympy.Piecewise((0, x < 0), (1, x > 1), (3 * x**2 - 2 * x**3, True))),
 }
 """Functions that sympy's grammar does not know, or reads as ``\\tan h(x)`` or ``\\sin((x) + y)`` too, under a letter that it
 takes for a function."""

@@ -198,10 +198,7 @@ WRITTEN = {
         edited((1.9).hex(), (1.8).hex(), NUMBERS),
         "built from the FMU's own sources",
     ),
-    "no author": (
-        edited(' author="The lumbar developers"', ""),
-        "modelDescription.xml has no author",
-    ),
+    "no author": (edited(' author="The lumbar developers"', ""), "modelDescription.xml has no author"),
     "no word on the direction": (edited('="lumbar">', '="other">'), "direction and valid range are not said"),
     "inverted in the annotation alone": (
         told("resisting_sign", 1, -1),
@@ -292,11 +289,7 @@ COMPILED = {
         {"VR_OUTPUT_OFFSET: *value = limited ? 0.0 : 1.0": "VR_OUTPUT_OFFSET: *value = limited ? 0.0 : 2.0"},
         "derivative by force_offset",
     ),
-    "twice the sampling time": (
-        "model_data.h",
-        {(0.01).hex(): (0.02).hex()},
-        "of the reference",
-    ),
+    "twice the sampling time": ("model_data.h", {(0.01).hex(): (0.02).hex()}, "of the reference"),
     "a reset that keeps the past": (CORE, {WIPED: ""}, "after a reset"),
     "a reset that keeps the limit": (
         CORE,

@@ -31,10 +31,7 @@ from lumbar.tissue.fmu.build.reference_response import reference_output
 from lumbar.tissue.fmu.check.fmu_check import check_fmus, simulate_fmu
 from study_settings import changed
 
-pytestmark = [
-    ON_LINUX,
-    pytest.mark.usefixtures("without_plots"),
-]
+pytestmark = [ON_LINUX, pytest.mark.usefixtures("without_plots")]
 DEVICE = changed(
     SETTINGS, models=["IL", "MW", "KB", "HO"], rate_Hz=1000.0, moving_average_ms=3.0, start="first_position"
 )

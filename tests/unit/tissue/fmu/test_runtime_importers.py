@@ -80,11 +80,7 @@ def expected(folder, fmu_instance, fmu_positions):
 def printed(command: list, **environment: str) -> list[float]:
     """Forces that a program prints, one in a line; importers print lines of their own between them."""
     done = subprocess.run(
-        [*map(str, command)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, **environment},
+        [*map(str, command)], capture_output=True, text=True, check=False, env={**os.environ, **environment}
     )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     lines = [line for line in done.stdout.splitlines() if line.startswith(("0x", "-0x"))]

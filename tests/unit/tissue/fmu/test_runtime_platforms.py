@@ -45,8 +45,7 @@ def some_models():
     """KB, a static gain, and a model with effects."""
     entries = [entry("KB", [1.9, -1.2], [1.0, -0.45]), entry("gain", [1.0], [1.0])]
     linear = selected(
-        models_json(*entries),
-        changed(SETTINGS, models=["KB", "gain"], moving_average_ms=0, output_limit=1e9),
+        models_json(*entries), changed(SETTINGS, models=["KB", "gain"], moving_average_ms=0, output_limit=1e9)
     )
     settings = changed(SETTINGS, models=[NONLINEAR["name"]])
     return [*linear, *selected(models_json(NONLINEAR), settings)]

@@ -70,13 +70,7 @@ def test_physical_parameters_come_back(ratio):
     assert found == pytest.approx(expected, rel=1e-5)
     discrete = discretise(maxwell(3.2, 3.2 * gamma), T)
     assert models.MAXWELL.physical_parameters(discrete, T) == pytest.approx(
-        {
-            "branch_stiffness": 3.2,
-            "relaxation_time": gamma,
-            "k": 3.2,
-            "b": 3.2 * gamma,
-            "alpha": gamma,
-        },
+        {"branch_stiffness": 3.2, "relaxation_time": gamma, "k": 3.2, "b": 3.2 * gamma, "alpha": gamma},
         rel=1e-5,
     )
 

@@ -50,10 +50,7 @@ PELVIS: dict[str, tuple[float, float, float]] = {
     "L_HIP": (-LENGTHS["L_HIP", "R_HIP"] / 2, -0.030, -0.060),
     "R_HIP": (LENGTHS["L_HIP", "R_HIP"] / 2, -0.030, -0.060),
 }
-NEEDED = {
-    "thorax": ("C7", "T8", "T12", "MANUBRIUM"),
-    "pelvis": ("L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS"),
-}
+NEEDED = {"thorax": ("C7", "T8", "T12", "MANUBRIUM"), "pelvis": ("L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS")}
 """Landmarks that the joints' regressions ask for; they belong to the model whether a marker shows them or not."""
 TEMPLATES = {"pelvis": PELVIS, "thorax": THORAX}
 LANDMARK_SD_M, LANDMARK_ALONE_SD_M, NEIGHBOURHOOD_M = 0.022, 0.007, 0.12

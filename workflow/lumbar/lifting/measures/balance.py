@@ -299,10 +299,7 @@ class AnkleTorques:
 ANKLE_SOURCE = "da Fonseca et al., World J. Orthop. 16 (2025) 108858: mean isokinetic peak torques of 69 men and 31 women"
 
 
-_ANKLES = {
-    "male": AnkleTorques(158.1, 53.6, 37.0, 33.4),
-    "female": AnkleTorques(100.4, 37.4, 30.1, 22.3),
-}
+_ANKLES = {"male": AnkleTorques(158.1, 53.6, 37.0, 33.4), "female": AnkleTorques(100.4, 37.4, 30.1, 22.3)}
 
 
 def ankle_torques(sex: str) -> AnkleTorques:

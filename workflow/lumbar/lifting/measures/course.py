@@ -50,10 +50,7 @@ CORNERS = 8
 DIRECTIONS = ("forward", "right", "backward", "left")
 _GYRATION = {"HEAD": 0.495, "ELBOW": 0.322, "WRIST": 0.468, "STRAIGHT": 0.368}
 """Radii of gyration across the segment about its centre, shares of its length (Winter 2009, Table 4.1), by the lower end."""
-_TRUNK_GYRATION = {
-    "thorax": {"male": 0.320, "female": 0.314},
-    "abdomen": {"male": 0.383, "female": 0.354},
-}
+_TRUNK_GYRATION = {"thorax": {"male": 0.320, "female": 0.314}, "abdomen": {"male": 0.383, "female": 0.354}}
 """The same of upper (cervicale-xiphion) and middle trunk about the transverse axis (de Leva 1996, Table 4): Winter has none."""
 
 

@@ -45,14 +45,7 @@ SKIN_MARKERS = {
     MID_HIP: ("L_HIP", "R_HIP"),
 }
 """Markers whose mean is the point on the skin, which the thesis takes."""
-SKIN_OFF_MM = {
-    "C7T1": 75.0,
-    "T12L1": 70.0,
-    "XIPHOID_LEVEL": 90.0,
-    "L4L5": 80.0,
-    "L5S1": 85.0,
-    MID_HIP: 20.0,
-}
+SKIN_OFF_MM = {"C7T1": 75.0, "T12L1": 70.0, "XIPHOID_LEVEL": 90.0, "L4L5": 80.0, "L5S1": 85.0, MID_HIP: 20.0}
 """How far the point on the skin is from the joint's centre, about: the regressions' distances on an adult."""
 _HIP_OFF_MM = {"harrington": 15.0, "hara": 15.0, "reed": 25.0}
 _SPINE_OFF_MM, _WITHOUT_T8_OFF_MM = 20.0, 25.0
@@ -329,11 +322,7 @@ def harrington_hips(pelvis: Pelvis) -> tuple[float, float, float]:
     The published equations that need no length of the leg, with pelvic depth PD and width PW in millimetres:
     -0.24 PD - 9.9, -0.30 PW - 10.9, 0.33 PW + 7.3.
     """
-    return (
-        -0.24 * pelvis.depth - 0.0099,
-        -0.30 * pelvis.width - 0.0109,
-        0.33 * pelvis.width + 0.0073,
-    )
+    return (-0.24 * pelvis.depth - 0.0099, -0.30 * pelvis.width - 0.0109, 0.33 * pelvis.width + 0.0073)
 
 
 def hara_hips(leg_length: float) -> tuple[float, float, float]:

@@ -19,12 +19,7 @@ from lumbar.lifting.movement.carried_object import (
     speed,
     wrist_centre,
 )
-from lumbar.lifting.movement.centre_of_mass import (
-    COMS,
-    head_centre,
-    segment_centres,
-    whole_body_centre,
-)
+from lumbar.lifting.movement.centre_of_mass import COMS, head_centre, segment_centres, whole_body_centre
 from lumbar.lifting.movement.event_detection import TOES
 from lumbar.lifting.movement.events import DECLARED, EVENTS, IN_FILE, held_frames, phases
 from lumbar.lifting.movement.joint_centres import INNER, MID_HIP

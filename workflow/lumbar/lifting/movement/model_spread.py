@@ -140,11 +140,7 @@ def _filtered(lift: AnalysedLift, names: set[str], settings: FilterSettings) -> 
 
 
 def _motion(
-    choice: _Choice,
-    lift: AnalysedLift,
-    subject: SubjectSettings,
-    settings: LiftingSettings,
-    frames: slice,
+    choice: _Choice, lift: AnalysedLift, subject: SubjectSettings, settings: LiftingSettings, frames: slice
 ) -> _Motion:
     recording = choice.recording
     points: TrunkPoints = trunk_points(recording, choice.ends, choice.hips, subject.sex)

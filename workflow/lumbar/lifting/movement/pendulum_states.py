@@ -18,11 +18,7 @@ from lumbar.records.markers import MarkerRecording
 
 PLANES = {"lateral_bending": 0, "flexion_extension": 1}
 """Horizontal axis of each plane: x (to the right) or y (forward)."""
-PIVOTS = {
-    "mid_ankle": ("L_ANKLE", "R_ANKLE"),
-    "hip": (MID_HIP,),
-    "L5": ("L5S1",),
-}
+PIVOTS = {"mid_ankle": ("L_ANKLE", "R_ANKLE"), "hip": (MID_HIP,), "L5": ("L5S1",)}
 """Markers, or ends of the trunk's segments, whose mean is the pivot; it moves with them."""
 SHORTEST = 0.01
 """A centre of mass nearer to its pivot than this (metres) has no angle worth the name."""

@@ -157,9 +157,7 @@ def fill_rigid(
     return filled, gaps
 
 
-def fill_from_body(
-    markers: Mapping[str, np.ndarray],
-) -> tuple[Mapping[str, np.ndarray], dict[str, int]]:
+def fill_from_body(markers: Mapping[str, np.ndarray]) -> tuple[Mapping[str, np.ndarray], dict[str, int]]:
     """Fill every unseen frame of a body's markers from its other markers, as far as three of them are seen.
 
     How many frames of each marker were filled stands second.

@@ -112,9 +112,7 @@ def examine(
 
 
 def unchecked_properties(
-    points: dict[str, np.ndarray],
-    height_m: float | None = None,
-    meant: dict[str, str] | None = None,
+    points: dict[str, np.ndarray], height_m: float | None = None, meant: dict[str, str] | None = None
 ) -> dict[str, str]:
     """Return what `examine` cannot compare with a body in a recording, with the reason; parameters as there."""
     if not points:
@@ -301,12 +299,7 @@ def _exchanged(points, pair: tuple[str, str], stretches: list[slice]) -> dict[st
 
 
 def _exchange_findings(
-    points,
-    straight,
-    exchange: Exchange,
-    stretches: list[slice],
-    changing: frozenset[str],
-    clock: Clock,
+    points, straight, exchange: Exchange, stretches: list[slice], changing: frozenset[str], clock: Clock
 ) -> list[Finding]:
     """One finding per stretch, with the lengths to a third marker, which changes no place, as they are and as they would be."""
     pair = (exchange.first, exchange.second)

@@ -18,11 +18,7 @@ from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, disturbance_of
 from lumbar.lifting.stability.methods import METHODS, MethodResult, headline_methods, thesis_methods
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
-from lumbar.lifting.stability.model.eq_4_2_regulator import (
-    ClosedLoops,
-    close_loops,
-    weights_of,
-)
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, weights_of
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import THESIS, Failure, Trajectory
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION

@@ -158,10 +158,7 @@ class ExplorerPage:
     def _content(self, served: bool) -> dict[str, Any]:
         """What the page's script knows: models with errors, and sentences, by key."""
         verdict, floor = self.verdict, self.verdict.experiment.floor
-        located = {
-            model_key(()): self.base_on_records,
-            model_key(verdict.selected): self.evidence.remaining,
-        }
+        located = {model_key(()): self.base_on_records, model_key(verdict.selected): self.evidence.remaining}
         return {
             "unit": verdict.experiment.output_unit,
             "noise_rms": None if floor is None else floor.rms,

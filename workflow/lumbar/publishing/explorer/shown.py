@@ -11,13 +11,7 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.session import in_session
 from lumbar.tissue.diagnosis.residuals.locate import residual_of, simulation
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversal_reach, reversals
-from lumbar.tissue.diagnosis.residuals.time_frequency import (
-    EVEN,
-    EXCITED,
-    ODD,
-    excited_lines,
-    line_classes,
-)
+from lumbar.tissue.diagnosis.residuals.time_frequency import EVEN, EXCITED, ODD, excited_lines, line_classes
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import model_name
 from lumbar.tissue.diagnosis.selection.verdict import Verdict

@@ -132,10 +132,7 @@ def _draw_errors(axis, proposal: Proposal) -> None:
         on = proposal.law.start.effects
         rows.append(("catalogue and law" if on else "base and law", proposal.law.candidate))
     floor = proposal.experiment.floor
-    errors = {
-        "training": [item.train_rms for _, item in rows],
-        "unseen": [item.test_rms for _, item in rows],
-    }
+    errors = {"training": [item.train_rms for _, item in rows], "unseen": [item.test_rms for _, item in rows]}
     draw_error_bars(axis, errors, _in_digits, None if floor is None else floor.rms)
     axis.set_ylim(0, 1.35 * axis.get_ylim()[1])
     axis.set_xticks(range(len(rows)), [name.replace(" ", "\n", 1) for name, _ in rows])

@@ -106,10 +106,7 @@ def best_picks_figure(best_picks: dict[str, dict], confidence: float) -> Figure:
         axes.bar(
             place, percent[place], width=0.7, color=colour, alpha=0.6, edgecolor="#333333", linewidth=0.4
         )
-    intervals = (
-        (-0.12, wilson, "o", "each alone (Wilson)"),
-        (0.12, goodman, "D", "all together (Goodman)"),
-    )
+    intervals = ((-0.12, wilson, "o", "each alone (Wilson)"), (0.12, goodman, "D", "all together (Goodman)"))
     for offset, ends, shape, name in intervals:
         axes.errorbar(
             places + offset, percent, yerr=np.abs(ends.T - percent), fmt=shape, color="black",

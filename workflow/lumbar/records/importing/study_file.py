@@ -96,11 +96,7 @@ def _entry(recording: ImportedRecording) -> dict:
         "columns": {
             "time": {"column": "time_s", "quantity": "time", "unit": "s"},
             **{
-                role: {
-                    "column": recording.names[role],
-                    "quantity": channel.quantity,
-                    "unit": channel.unit,
-                }
+                role: {"column": recording.names[role], "quantity": channel.quantity, "unit": channel.unit}
                 for role, channel in record.channels.items()
             },
         },

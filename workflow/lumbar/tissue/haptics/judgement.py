@@ -16,13 +16,7 @@ from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.haptics.closed_loop import largest_stable_gain
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import RenderedModel, exported_at, rendered, scale_of
-from lumbar.tissue.haptics.simulation import (
-    LoopRun,
-    difference_equation,
-    encoder_ripple,
-    one_step,
-    simulate,
-)
+from lumbar.tissue.haptics.simulation import LoopRun, difference_equation, encoder_ripple, one_step, simulate
 from lumbar.tissue.models.fitted_model import FittedModel
 
 

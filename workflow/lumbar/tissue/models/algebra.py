@@ -104,11 +104,7 @@ _FUNCTION_DERIVATIVES = {
     "hypot": ("x/hypot(x, y)", "y/hypot(x, y)"),
     "max": ("where(x > y, 1, 0)", "where(x > y, 0, 1)"),
     "min": ("where(x < y, 1, 0)", "where(x < y, 0, 1)"),
-    "clip": (
-        "where(x < y, 0, where(x > w, 0, 1))",
-        "where(x < y, 1, 0)",
-        "where(x > w, 1, 0)",
-    ),
+    "clip": ("where(x < y, 0, where(x > w, 0, 1))", "where(x < y, 1, 0)", "where(x > w, 1, 0)"),
 }
 """By each operand x, y, w."""
 

@@ -142,12 +142,7 @@ def _dashpot_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarra
 
 _FREE = r"\quad F \geq 0"
 _TOUCHED = (
-    Base(
-        "LE-contact",
-        "k_e*max(z, 0)",
-        (_SPRING,),
-        touching=lambda motion, nonlinear: motion.position > 0,
-    ),
+    Base("LE-contact", "k_e*max(z, 0)", (_SPRING,), touching=lambda motion, nonlinear: motion.position > 0),
     Base(
         "KV-contact",
         r"k_e\,(x + T \dot x)," + _FREE,
@@ -192,15 +187,7 @@ _PENDULUM = Base(
     sensor_zero=False,
 )
 
-BASES = {
-    base.name: base
-    for base in (
-        *_FASTENED,
-        *_WITH_MASS,
-        *_TOUCHED,
-        _PENDULUM,
-    )
-}
+BASES = {base.name: base for base in (*_FASTENED, *_WITH_MASS, *_TOUCHED, _PENDULUM)}
 """Base models by name.
 
 KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. A tool that is not fastened to the tissue has the bases

@@ -30,12 +30,7 @@ from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels,
 from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops, regulate, weights_of
 from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import (
-    PLANES,
-    Failure,
-    Trajectory,
-    at_rest,
-)
+from lumbar.lifting.stability.model.trajectories import PLANES, Failure, Trajectory, at_rest
 from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
 from lumbar.tables.table import Table
 

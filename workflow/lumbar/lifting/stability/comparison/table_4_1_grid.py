@@ -43,10 +43,7 @@ COLUMNS = {
     "com": ("Centre of mass", "centre of mass"),
     "plane": ("Plane", "plane"),
     "sign": ("Gravity", "hanging: gravity as in Eq. 4.1; inverted: as people stand"),
-    "time": (
-        "Time",
-        "real: the movement lasts as long as it was recorded; unit: it is played in one second",
-    ),
+    "time": ("Time", "real: the movement lasts as long as it was recorded; unit: it is played in one second"),
     "mass": ("Mass", "whether the box counts to the pendulum's mass"),
     "pivot": ("Pivot", "point about which the pendulum turns"),
     "percent": ("Difference (%)", "difference of the average cross-sections in percent, exact method"),

@@ -30,12 +30,7 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.model.eq_4_1_pendulum import remainder
-from lumbar.lifting.stability.model.eq_4_2_regulator import (
-    ClosedLoops,
-    NormalForm,
-    determinant,
-    normal_axes,
-)
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, NormalForm, determinant, normal_axes
 
 SAMPLES = 48
 """Points on the boundary among which Newton's starts are chosen, for semi-axes up to `SMALL_SEMI_AXIS`."""

@@ -13,12 +13,7 @@ import numpy as np
 from lumbar.base.files import write_json, write_text
 from lumbar.tables.words import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, excitation_csv, separating_excitation
-from lumbar.tissue.diagnosis.evidence.ties import (
-    Detectable,
-    Ties,
-    detectable_effects,
-    signal_angles,
-)
+from lumbar.tissue.diagnosis.evidence.ties import Detectable, Ties, detectable_effects, signal_angles
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate
@@ -69,10 +64,7 @@ class Evidence:
 
 
 def gather_evidence(
-    diagnosis: Verdict,
-    settings: DiagnosisSettings,
-    seed: int,
-    machine: MachineSettings | None = None,
+    diagnosis: Verdict, settings: DiagnosisSettings, seed: int, machine: MachineSettings | None = None
 ) -> Evidence:
     """Gather the evidence for a diagnosis.
 

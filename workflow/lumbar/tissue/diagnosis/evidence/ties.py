@@ -13,12 +13,7 @@ import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, nonlinear_starts
-from lumbar.tissue.diagnosis.fitting.uncertainty import (
-    added_forces,
-    beyond,
-    simulation_over,
-    tangent_basis,
-)
+from lumbar.tissue.diagnosis.fitting.uncertainty import added_forces, beyond, simulation_over, tangent_basis
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, NullDistribution, number_of_forms
 from lumbar.tissue.diagnosis.selection.verdict import Verdict

@@ -107,9 +107,7 @@ class Experiment:
 
 
 def prepare(
-    records: list[Record],
-    train: str | Sequence[str] | None = None,
-    session: bool = False,
+    records: list[Record], train: str | Sequence[str] | None = None, session: bool = False
 ) -> Experiment:
     """Choose the training records, estimate their noise and prepare all records.
 

@@ -11,11 +11,7 @@ from lumbar.records.record import Record
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
-from lumbar.tissue.identification.metrics import (
-    fit_ratio,
-    mean_residual,
-    variance_accounted_for,
-)
+from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 
 RESAMPLES = 300
 CONFIDENCE = 0.95

@@ -45,10 +45,7 @@ _RANKED = ("time", "position and velocity", "depth", "reversals", "linear dynami
 
 
 def locate(
-    record: Record,
-    simulated: np.ndarray,
-    floor: NoiseFloor | None = None,
-    floor_from: str = "",
+    record: Record, simulated: np.ndarray, floor: NoiseFloor | None = None, floor_from: str = ""
 ) -> Location:
     """See where a free-run simulation fails.
 
