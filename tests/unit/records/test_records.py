@@ -9,8 +9,7 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
-from lumbar.records.record import Channel, Record, check_record, same_units
-from lumbar.records.resampling import resample
+from lumbar.records.record import Channel, Record, check_record, resample, same_units
 from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.plain import typed
 from study_settings import changed

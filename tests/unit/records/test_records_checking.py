@@ -14,7 +14,7 @@ from scipy.io import savemat
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.records.checking import check_recordings
-from lumbar.records.numbers import number
+from lumbar.records.text_rows import number
 from lumbar.records.unpacking import LARGEST_RATIO, SMALLEST_LIMIT, unpack
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, columns

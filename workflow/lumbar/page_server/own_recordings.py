@@ -295,7 +295,7 @@ def checked_training(given: Any, records: Sequence[Record]) -> list[str]:
 
 def at_one_rate(records: Sequence[Record]) -> list[Record]:
     """Return records at the lowest of their rates: one model needs one."""
-    from lumbar.records.resampling import resample
+    from lumbar.records.record import resample
 
     rate = common_rate(records)
     return list(records) if rate is None else [resample(record, rate) for record in records]

@@ -14,13 +14,11 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile, split_points
-from lumbar.records.numbers import number
 from lumbar.records.record import LARGEST
+from lumbar.records.text_rows import RATES_HZ, number, stop_at_many
 
 _CHANNELS = [f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ"]
 _MOST_JOINTS = 1000
-_MOST_PROBLEMS = 20
-_RATES_HZ = (1e-3, 1e6)
 _ALIKE = 0.1
 """How far the positions of a joint may lie from its offset, as a share of it, to be the offset written again."""
 
@@ -122,10 +120,9 @@ def _motion(path: Path, lines: list[str], begins: int, n_channels: int) -> tuple
     if len(rows) < 3:
         raise InputError(f"{path}: no frames")
     interval = stated["Frame Time:"]
-    if not 1 / _RATES_HZ[1] <= interval <= 1 / _RATES_HZ[0]:
-        raise InputError(
-            f"{path}: Frame Time is {interval:g} s; {1 / _RATES_HZ[1]:g} to {1 / _RATES_HZ[0]:g} s are read"
-        )
+    shortest, longest = (1 / rate for rate in reversed(RATES_HZ))
+    if not shortest <= interval <= longest:
+        raise InputError(f"{path}: Frame Time is {interval:g} s; {shortest:g} to {longest:g} s are read")
     if stated["Frames:"] != len(rows) - 2:
         raise InputError(
             f"{path}: Frames: {stated['Frames:']:g}; the file holds {len(rows) - 2}; it may be cut short: export it again"
@@ -137,9 +134,7 @@ def _motion(path: Path, lines: list[str], begins: int, n_channels: int) -> tuple
             values.append(_numbers(f"line {place}", words, n_channels))
         except InputError as error:
             problems.add("", str(error))
-        if len(problems.entries) >= _MOST_PROBLEMS:
-            problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")
-            break
+        stop_at_many(problems)
     problems.raise_if_any()
     return interval, np.array(values)
 

@@ -30,9 +30,17 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.numbers import number
-from lumbar.records.record import FEWEST_SAMPLES, LARGEST, Channel, Record, check_record, samples_between
+from lumbar.records.record import (
+    FEWEST_SAMPLES,
+    LARGEST,
+    Channel,
+    Record,
+    check_record,
+    resample,
+    samples_between,
+)
 from lumbar.records.stretches import check_clipping
+from lumbar.records.text_rows import number, stop_at_many
 from lumbar.records.unpacking import check_matlab, unpack
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
@@ -156,8 +164,6 @@ def read_record(
     if layout.clipped == "refuse":
         check_clipping(record, lines)
     if rate is not None:
-        from lumbar.records.resampling import resample
-
         record = resample(record, rate)
     return record
 
@@ -279,9 +285,7 @@ def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray],
         else:
             rows.append(_numbers(cells, positions, place, decimal, problems))
             lines.append(place)
-        if len(problems.entries) >= 20:
-            problems.add("", "reading stopped after 20 problems")
-            break
+        stop_at_many(problems)
     problems.raise_if_any()
     if positions is None or not rows:
         raise InputError(f"{path}: no data rows")

@@ -22,8 +22,8 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile, NoMarkers, mark_missing, split_points
-from lumbar.records.numbers import number
 from lumbar.records.record import LARGEST
+from lumbar.records.text_rows import number, read_lines, stop_at_many
 
 _TIME = re.compile(r"^(?:time|t|zeit)[\s_]*[\[(]?(s|sec|ms|)[\])]?$", re.IGNORECASE)
 _FRAME = re.compile(r"^(frame|frame#|index|sample)$", re.IGNORECASE)
@@ -32,7 +32,6 @@ _COORDINATE = re.compile(
 )
 _OFF_CLOCK = 0.25
 """How far a frame may lie from an even clock, in frames."""
-_MOST_PROBLEMS = 20
 
 
 def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> MarkerFile:
@@ -80,11 +79,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
 
 def _cells(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     """Separator, and the line and the cells of every row that is not empty."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        text = path.read_text(encoding="cp1252", errors="replace")
-    lines = text.splitlines()
+    lines = read_lines(path)
     first = next((line for line in lines if line.strip()), "")
     separator = next((sign for sign in "\t;," if sign in first), None)
     if separator is None:
@@ -163,9 +158,7 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], width: int, decimal_
             if np.nanmax(np.abs(row), initial=0) > LARGEST:
                 problems.add(f"line {place}", "a number too large", f"at most {LARGEST:g} in size is allowed")
             table.append(row)
-        if len(problems.entries) >= _MOST_PROBLEMS:
-            problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")
-            break
+        stop_at_many(problems)
     problems.raise_if_any()
     return np.array(table)
 

@@ -16,14 +16,12 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile, mark_missing, split_points
-from lumbar.records.numbers import number
 from lumbar.records.record import LARGEST
+from lumbar.records.text_rows import RATES_HZ, number, read_lines, stop_at_many
 
 _CLOCK_TOLERANCE = 0.05
 """How far a frame may lie from an even clock, in frames, beyond the rounding of what is printed."""
 _RATE_TOLERANCE = 1e-4
-_RATES_HZ = (1e-3, 1e6)
-_MOST_PROBLEMS = 20
 
 
 def read_trc(path: str | os.PathLike) -> MarkerFile:
@@ -36,11 +34,7 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
         not even.
     """
     path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        # Windows programs write the path in the first line in the system's own code page.
-        lines = path.read_text(encoding="cp1252", errors="replace").splitlines()
+    lines = read_lines(path)
     header, names, separator = _header(path, lines)
     labels = _labels(path, names, int(header["NumMarkers"]))
     printed, values, resolution = _rows(path, lines, separator, len(labels))
@@ -75,7 +69,7 @@ def _header(path: Path, lines: list[str]) -> tuple[dict, list[str], str]:
         keys, entries = [key for key in keys if key], [entry for entry in entries if entry]
     header: dict = dict(zip(keys, entries, strict=False))
     problems = Problems(f"{path}, lines 2 and 3")
-    for key, (low, high) in {"DataRate": _RATES_HZ, "NumFrames": (1, 1e9), "NumMarkers": (1, 1e5)}.items():
+    for key, (low, high) in {"DataRate": RATES_HZ, "NumFrames": (1, 1e9), "NumMarkers": (1, 1e5)}.items():
         if key not in header:
             problems.add("", f"no {key}")
             continue
@@ -135,7 +129,7 @@ def _rows(
         except ValueError as error:
             problems.add(f"line {place}", str(error), "numbers are needed")
         decimals = max(decimals, len(cells[columns][1].partition(".")[2]))
-        _stop_at_many(problems)
+        stop_at_many(problems)
     problems.raise_if_any()
     table = np.array(values)
     if not np.isfinite(table[:, :2]).all():
@@ -179,7 +173,7 @@ def _columns(path: Path, rows: list[tuple[int, list[str]]], width: int, n_marker
                 f"{usual} are needed, as in the other rows: a cell was lost or added, and the numbers after it stand "
                 "under other markers",
             )
-        _stop_at_many(problems)
+        stop_at_many(problems)
     problems.raise_if_any()
     return slice(first, last)
 
@@ -192,12 +186,6 @@ def _check_whole_markers(path: Path, points: np.ndarray) -> None:
         raise InputError(
             f"{path}: marker {int(torn.argmax()) + 1} has one or two coordinates and never three; a column is missing"
         )
-
-
-def _stop_at_many(problems: Problems) -> None:
-    if len(problems.entries) >= _MOST_PROBLEMS:
-        problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")
-        problems.raise_if_any()
 
 
 def _even_clock(path: Path, printed: np.ndarray, rate: float, resolution: float) -> np.ndarray:

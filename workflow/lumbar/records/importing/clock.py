@@ -10,8 +10,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.importing.raw_table import StatedRate
-from lumbar.records.record import CLOCK_TOLERANCE, Record, place_of
-from lumbar.records.resampling import resample
+from lumbar.records.record import CLOCK_TOLERANCE, Record, place_of, resample
 
 LONGEST_STEP = 3.0
 """Longest step of an uneven clock, in median steps, that is interpolated over."""
@@ -79,7 +78,7 @@ def evened(record: Record, lines: Sequence[int] | None) -> tuple[Record, list[st
     """Return the record on an even clock, and what was done to it in sentences.
 
     A clock within `CLOCK_TOLERANCE` of an even one stays as it is. Otherwise a cubic spline through the samples, four to
-    the median step, goes through the anti-aliasing filter of `lumbar.records.resampling.resample` to the median rate,
+    the median step, goes through the anti-aliasing filter of `lumbar.records.record.resample` to the median rate,
     which leaves ten samples out at either end.
 
     Raises

@@ -10,7 +10,7 @@ import numpy as np
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.importing.clock import check_forward, contradictions, evened, longest, stated_time
 from lumbar.records.importing.raw_table import RawTable
-from lumbar.records.importing.roles import NONE, Role, Wish, find_roles
+from lumbar.records.importing.roles import NONE, ROLES, Role, find_roles
 from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of, samples_between
 from lumbar.records.stretches import check_clipping
 
@@ -48,13 +48,9 @@ class Choices:
         if self.trim is not None and not self.trim[0] < self.trim[1]:
             raise InputError(f"--trim {self.trim[0]:g}:{self.trim[1]:g}: the start must lie before the stop")
 
-    def wishes(self) -> dict[str, Wish]:
-        """What was said of each role."""
-        return {
-            "time": Wish(self.time, self.time_unit),
-            "position": Wish(self.position, self.position_unit),
-            "force": Wish(self.force, self.force_unit),
-        }
+    def wishes(self) -> dict[str, tuple[str | None, str | None]]:
+        """Column and unit that were said of each role."""
+        return {role: (getattr(self, role), getattr(self, f"{role}_unit")) for role in ROLES}
 
 
 @dataclass(frozen=True)

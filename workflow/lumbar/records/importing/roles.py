@@ -50,14 +50,6 @@ class Role:
     """Why this column, and why in this unit."""
 
 
-@dataclass(frozen=True)
-class Wish:
-    """What a person said of a role: the column (name or number) and the unit, None where nothing."""
-
-    column: str | None = None
-    unit: str | None = None
-
-
 def _plain(text: str) -> str:
     text = text.casefold().replace("ü", "ue").replace("ä", "ae").replace("ö", "oe")
     return "".join(sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign))
@@ -86,13 +78,14 @@ def named_so(name: str, role: str) -> int:
     return 1 if tokens and tokens[0] in _WEAK[role].split() and len(tokens) <= 2 else 0
 
 
-def find_roles(table: RawTable, wishes: dict[str, Wish]) -> dict[str, Role]:
+def find_roles(table: RawTable, wishes: dict[str, tuple[str | None, str | None]]) -> dict[str, Role]:
     """Find the columns of time (unless there is none), position and force with their units.
 
     Parameters
     ----------
-    wishes : dict of str to Wish
-        By role; `NONE` as the column of time says that there is none.
+    wishes : dict of str to tuple
+        By role, what a person said of column (name or number) and unit, None where nothing; `NONE` as the column of
+        time says that there is none.
 
     Raises
     ------
@@ -103,23 +96,23 @@ def find_roles(table: RawTable, wishes: dict[str, Wish]) -> dict[str, Role]:
     roles: dict[str, Role] = {}
     taken: set[int] = set()
     for role in ROLES:
-        wish = wishes.get(role, Wish())
-        if role == "time" and wish.column == NONE:
+        wish, unit = wishes.get(role, (None, None))
+        if role == "time" and wish == NONE:
             continue
-        others = {other.column for name, other in wishes.items() if name != role and other.column}
+        others = {other for name, (other, _) in wishes.items() if name != role and other}
         free = [
             column
             for column in table.columns
             if column.number not in taken and not others & {column.name, str(column.number)}
         ]
         try:
-            column, why = _wished(table, wish.column, role) if wish.column else _found(free, role)
+            column, why = _wished(table, wish, role) if wish else _found(free, role)
             if column is not None:
                 if column.number in taken:
                     raise InputError(f"--{role}: {column.label} is taken already")
                 taken.add(column.number)
-                _check_twice(column, wish.column, table, role)
-                roles[role] = _in_unit(column, role, wish.unit, why)
+                _check_twice(column, wish, table, role)
+                roles[role] = _in_unit(column, role, unit, why)
         except InputError as error:
             problems.append(str(error))
     if problems:

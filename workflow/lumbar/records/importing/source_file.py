@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lumbar.base.errors import InputError
 from lumbar.records.importing.raw_table import RawTable
-from lumbar.records.importing.text_table import table_of_lines
+from lumbar.records.importing.text_table import read_text, table_of_lines
 from lumbar.records.unpacking import check_zip, unpack
 
 
@@ -82,14 +82,8 @@ def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
 
 def read_content(stored: bytes, path: Path, table: str | None = None) -> tuple[RawTable, str]:
     """Read what a file holds, wherever it lies; the path is for messages and for the ending of its name. As `read_source`."""
-    content = _unpacked(stored, path)
+    content = unpack(stored, path) if stored.startswith(b"\x1f\x8b") else stored
     return _reader(content, path)(content, str(path), table), hashlib.sha256(stored).hexdigest()
-
-
-def _unpacked(content: bytes, path: Path) -> bytes:
-    if not content.startswith(b"\x1f\x8b"):
-        return content
-    return unpack(content, path)
 
 
 def _reader(content: bytes, path: Path):
@@ -109,8 +103,6 @@ def _reader(content: bytes, path: Path):
         raise InputError(f"{path}: an Excel file of before 2007; save it as .xlsx or .csv")
     if kind in ("c3d", "trc", "bvh"):
         raise InputError(f"{path}: a file of markers, which needs no import: lumbar lift reads it")
-    from lumbar.records.importing.text_table import read_text
-
     return read_text
 
 

@@ -18,8 +18,8 @@ from lumbar.records.importing.dialect import (
 )
 from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
 from lumbar.records.importing.units import find_unit, name_and_unit
+from lumbar.records.text_rows import stop_at_many
 
-_MOST_PROBLEMS = 20
 _HEADER_ROWS = 4
 """Lines above a table among which names and units are looked for."""
 _DAY = 86400.0
@@ -199,9 +199,7 @@ def _values(
                 f"{lines[number].strip()[:60]!r}",
                 f"{dialect.width} numbers are expected",
             )
-            if len(problems.entries) >= _MOST_PROBLEMS:
-                problems.add("", f"reading stopped after {_MOST_PROBLEMS} problems")
-                break
+            stop_at_many(problems)
             continue
         rows.append(dialect.split(lines[number])[: dialect.width])
         numbers.append(number + 1)
