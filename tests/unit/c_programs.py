@@ -15,7 +15,7 @@ import pytest
 import lumbar.tissue.fmu.c
 from lumbar.tissue.fmu.build.compiler import TARGETS, compile_library
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.fmu.build.sources import c_files, source_files
+from lumbar.tissue.fmu.build.sources import C_FILES, source_files
 from lumbar.tissue.models.evaluation import NUMPY
 
 ON_LINUX = pytest.mark.skipif(
@@ -55,7 +55,7 @@ def write_sources(model: ExportModel, folder: Path) -> list[str]:
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in source_files(model).items():
         (folder / name).write_text(text)
-    return list(c_files(model))
+    return list(C_FILES)
 
 
 class CModel:

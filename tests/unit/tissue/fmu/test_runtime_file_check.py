@@ -15,7 +15,7 @@ from lumbar.base.errors import InputError
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.build.compiler import compile_library
 from lumbar.tissue.fmu.build.package import write_fmu
-from lumbar.tissue.fmu.build.sources import c_files, content_token, source_files
+from lumbar.tissue.fmu.build.sources import C_FILES, content_token, source_files
 from lumbar.tissue.fmu.check import file_check
 from lumbar.tissue.fmu.check.behaviour import compared, problems_of
 from lumbar.tissue.fmu.check.file_check import check_file, check_files
@@ -344,7 +344,7 @@ def defective(model, file: str, changes: dict[str, str], cache: Path, folder: Pa
         if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text:
             (folder / name).write_text(text, encoding="utf-8")
     library = folder / f"{model.identifier}.so"
-    compile_library([folder / name for name in c_files(model)], library, "x86_64-linux", cache)
+    compile_library([folder / name for name in C_FILES], library, "x86_64-linux", cache)
     return library.read_bytes()
 
 

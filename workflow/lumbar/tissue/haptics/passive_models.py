@@ -45,7 +45,28 @@ class PassiveFits:
 
     def table(self, data: str) -> Table:
         """Return the table model × (free, passive); `data` says where the records come from."""
-        return _table(self, data)
+        import pandas as pd
+
+        from lumbar.tissue.haptics.device_table import device_text
+
+        names = dict.fromkeys(model.name for model in self.free)
+        rows = [row for name in names for row in _rows(name, self)]
+        own, servo = self.rates
+        return Table(
+            title="Passive models: what it costs that they give out no energy.",
+            frame=pd.DataFrame(rows, columns=list(_DEFINITIONS)).astype(dict.fromkeys(_OPTIONAL, float)),
+            data=data,
+            definitions=_DEFINITIONS,
+            notes=(
+                device_text(self.settings.device),
+                f"Rate of identification {own:.4g} Hz, of the servo {servo:.4g} Hz; the moving average over as many samples at "
+                "both.",
+                "A model whose force is a sample late, as that of MW is, has Re H of mean 0 and takes energy at every frequency "
+                "only where it is 0.",
+            ),
+            decimals=dict.fromkeys(_OPTIONAL, 2),
+            may_be_empty=_OPTIONAL,
+        )
 
     def save(self, folder: Path, data: str) -> None:
         """Write ``passive_models.json`` and the table ``passive_fits``."""
@@ -169,30 +190,6 @@ _DEFINITIONS = {
 _OPTIONAL = frozenset(
     {"vaf_percent", "vaf_cost", "vaf_tests_percent", *(name for name in _DEFINITIONS if "_rate" in name)}
 )
-
-
-def _table(fits: PassiveFits, data: str) -> Table:
-    import pandas as pd
-
-    from lumbar.tissue.haptics.device_table import device_text
-
-    names = dict.fromkeys(model.name for model in fits.free)
-    rows = [row for name in names for row in _rows(name, fits)]
-    own, servo = fits.rates
-    return Table(
-        title="Passive models: what it costs that they give out no energy.",
-        frame=pd.DataFrame(rows, columns=list(_DEFINITIONS)).astype(dict.fromkeys(_OPTIONAL, float)),
-        data=data,
-        definitions=_DEFINITIONS,
-        notes=(
-            device_text(fits.settings.device),
-            f"Rate of identification {own:.4g} Hz, of the servo {servo:.4g} Hz; the moving average over as many samples at both.",
-            "A model whose force is a sample late, as that of MW is, has Re H of mean 0 and takes energy at every frequency "
-            "only where it is 0.",
-        ),
-        decimals=dict.fromkeys(_OPTIONAL, 2),
-        may_be_empty=_OPTIONAL,
-    )
 
 
 def _rows(name: str, fits: PassiveFits) -> list[dict]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -170,24 +171,20 @@ def _same_sampling_time(records: list[Record]) -> None:
             )
 
 
+@dataclass
 class _Identification:
     """One training record with what all its fits share."""
 
-    def __init__(
-        self,
-        record: Record,
-        data: IdentificationData,
-        tests: list[IdentificationData],
-        settings: TissueSettings,
-        seed: int,
-    ):
-        self.record = record
-        self.data = data
-        self.tests = tests
-        self.settings = settings
-        self.seed = seed
-        self.regression = ReducedRegression(data.inputs, data.outputs, settings.search.order_max)
-        self.block_rows = max(1, round(settings.bootstrap.block_s / data.sampling_time))
+    record: Record
+    data: IdentificationData
+    tests: list[IdentificationData]
+    settings: TissueSettings
+    seed: int
+
+    @cached_property
+    def regression(self) -> ReducedRegression:
+        """The largest regression of the search, which holds all others."""
+        return ReducedRegression(self.data.inputs, self.data.outputs, self.settings.search.order_max)
 
     def run(self) -> tuple[list[FittedModel], list[tuple[list[ArxCandidate], ArxCandidate]]]:
         """Fits in the order of Table 3.1; of every model the grid it was picked from, and the one that was."""
@@ -262,9 +259,8 @@ class _Identification:
         models, estimators = sorted(MODELS), (ARX, OUTPUT_ERROR)
         stream = [self.seed, models.index(model.name), estimators.index(estimator), *self.data.name.encode()]
         rng = np.random.default_rng(stream)
-        return block_bootstrap(
-            regressors, target, self.block_rows, self.settings.bootstrap.resamples, rng, alpha
-        )
+        block_rows = max(1, round(self.settings.bootstrap.block_s / self.data.sampling_time))
+        return block_bootstrap(regressors, target, block_rows, self.settings.bootstrap.resamples, rng, alpha)
 
     def described(
         self,

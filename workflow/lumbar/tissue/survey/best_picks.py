@@ -94,9 +94,7 @@ def best_picks_table(
             "percent": "Share of the participants, in percent",
             "wilson_low": f"Lower end of the {percent} Wilson interval of this share alone, in percent",
             "wilson_high": "Upper end of the same",
-            "goodman_low": f"Lower end of the {percent} Goodman intervals, which hold for all models "
-            f"together, in "
-            "percent",
+            "goodman_low": f"Lower end of the {percent} Goodman intervals, which hold for all models together, in percent",
             "goodman_high": "Upper end of the same",
         },
         data=data,

@@ -321,9 +321,8 @@ def _definitions(settings: SurveySettings) -> dict[str, str]:
         "p_wilcoxon": f"Two-sided p-value of Wilcoxon's signed-rank test; {zeros}",
         "p_holm": "The same after Holm's correction over all pairs",
         "distribution": "exact: distribution counted over all signs of the tied ranks; normal: approximation",
-        "A": "Vargha and Delaney's A: probability that a rating of the first model exceeds one of the "
-        "second, ties "
-        "half; 0.5 is no difference",
+        "A": "Vargha and Delaney's A: probability that a rating of the first model exceeds one of the second, ties half; 0.5 "
+        "is no difference",
         "A_low": f"Lower end of the {bound}",
         "A_high": "Upper end of the same interval",
         "equivalent": f"yes: A is shown to lie within 0.5 ± {margin:g} (two one-sided tests at "
@@ -334,16 +333,13 @@ def _definitions(settings: SurveySettings) -> dict[str, str]:
 def _notes(ratings: Ratings, comparisons: list[PairedComparison], margin: float) -> tuple[str, ...]:
     overall, concordance = friedman(ratings)
     notes = [
-        f"Friedman's test over {len(ratings.models)} models: chi-square = {overall.statistic:.2f}, "
-        f"{overall.dof} "
-        f"degrees of freedom, p = {overall.p_value:#.2g}; Kendall's W = {concordance:.3f}; "
-        f"{len(ratings)} participants."
+        f"Friedman's test over {len(ratings.models)} models: chi-square = {overall.statistic:.2f}, {overall.dof} degrees of "
+        f"freedom, p = {overall.p_value:#.2g}; Kendall's W = {concordance:.3f}; {len(ratings)} participants."
     ]
     for item in comparisons:
         if item.test.p_value >= 0.05 and not item.equivalent(margin):
             notes.append(
-                f"{item.first} and {item.second}: p = {item.test.p_value:#.2g} is not equivalence; A may lie "
-                f"anywhere "
-                f"from {item.low:.2f} to {item.high:.2f}."
+                f"{item.first} and {item.second}: p = {item.test.p_value:#.2g} is not equivalence; A may lie anywhere from "
+                f"{item.low:.2f} to {item.high:.2f}."
             )
     return (*notes, *reality_notes(ratings))

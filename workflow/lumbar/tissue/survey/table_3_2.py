@@ -33,11 +33,9 @@ def reality_notes(ratings: Ratings) -> tuple[str, ...]:
     if NOT_REAL not in ratings.sources:
         return ()
     return (
-        "The answers are reconstructed: their margins (how often each rating and each pick was given) fit "
-        "the "
-        "published table, but which answers belong to one participant is not known. Results that use the "
-        "pairing "
-        "are a demonstration here, not evidence.",
+        "The answers are reconstructed: their margins (how often each rating and each pick was given) fit the published "
+        "table, but which answers belong to one participant is not known. Results that use the pairing are a demonstration "
+        "here, not evidence.",
     )
 
 
@@ -149,19 +147,16 @@ _HEADERS = {"mode_count": "Times the mode was given", "best_percent": "Picked as
 def _definitions(ratings: Ratings) -> dict[str, str]:
     definitions = {
         "model": "Force-feedback model",
-        "median": f"Median of the ratings from 1 (strongly disagree) to {ratings.scale_points} (strongly "
-        f"agree) "
-        "that the forces resembled those of the tissue analogue",
+        "median": f"Median of the ratings from 1 (strongly disagree) to {ratings.scale_points} (strongly agree) that the "
+        "forces resembled those of the tissue analogue",
         "mode": "Rating given most often (several: joined by a slash)",
         "mode_count": "Number of participants who gave the mode",
-        "best_percent": "Share of participants who picked the model as the closest to the analogue, in "
-        "percent",
+        "best_percent": "Share of participants who picked the model as the closest to the analogue, in percent",
     }
     for second in ratings.models[1:]:
         definitions[f"p_vs_{second}"] = (
-            f"p-value of the two-sided Mann-Whitney U-test against {second} (normal approximation, "
-            f"corrected for "
-            "ties and continuity), not adjusted for the number of pairs"
+            f"p-value of the two-sided Mann-Whitney U-test against {second} (normal approximation, corrected for ties and "
+            "continuity), not adjusted for the number of pairs"
         )
         definitions[f"p_holm_vs_{second}"] = (
             f"The same after Holm's correction over all {len(pairs(ratings))} pairs"
@@ -178,13 +173,11 @@ def _notes(ratings: Ratings, p_values: np.ndarray, adjusted: np.ndarray) -> tupl
         if p < 0.05 <= p_holm
     ]
     return (
-        f"Kruskal-Wallis over {len(ratings.models)} models: H = {overall.statistic:.2f}, {overall.dof} "
-        f"degrees of "
-        f"freedom, p = {overall.p_value:#.2g}; {len(ratings)} participants.",
+        f"Kruskal-Wallis over {len(ratings.models)} models: H = {overall.statistic:.2f}, {overall.dof} degrees of freedom, "
+        f"p = {overall.p_value:#.2g}; {len(ratings)} participants.",
         "Pairs that lose significance at 0.05 by Holm's correction: " + (", ".join(changed) or "none") + ".",
-        "Every participant rated all models, so the ratings are not independent samples as these tests "
-        "assume: "
-        "see the within-subject analysis (survey_paired).",
+        "Every participant rated all models, so the ratings are not independent samples as these tests assume: see the "
+        "within-subject analysis (survey_paired).",
         "A large p-value is no proof that two models are rated alike.",
         *reality_notes(ratings),
     )

@@ -19,7 +19,7 @@ from lumbar.tissue.fmu.build.meaning import (
     range_text,
     sign_text,
 )
-from lumbar.tissue.fmu.build.sources import c_files, content_token
+from lumbar.tissue.fmu.build.sources import C_FILES, content_token
 from lumbar.tissue.fmu.conventions import ANNOTATION, base_unit
 
 if TYPE_CHECKING:
@@ -50,59 +50,18 @@ class Variable:
 def variables(model: ExportModel) -> list[Variable]:
     """Return the variables that a user sees, the same in both versions."""
     x, y, limit = model.input, model.output, model.output_limit
+    force, within = y.quantity.capitalize(), (-limit, limit, limit)
+    sampled = f"Measured {x.quantity}, sampled by the model; it grows into the model"
+    factor = f"Factor on the model's {y.quantity}"
+    largest = f"Largest magnitude of the {y.quantity}; it can be lowered, not raised"
+    at_rest = f"{x.quantity.capitalize()} at which the model is at rest"
     return [
-        Variable(
-            x.variable,
-            1,
-            "input",
-            f"Measured {x.quantity}, sampled by the model; it grows into the model",
-            x.unit,
-            x.offset,
-        ),
-        Variable(
-            y.variable,
-            2,
-            "output",
-            f"{y.quantity.capitalize()} of the model; {_resists(model)}",
-            y.unit,
-            None,
-            -limit,
-            limit,
-            limit,
-        ),
-        Variable(
-            "gain", 3, "parameter", f"Factor on the model's {y.quantity}", "", 1.0, 0.0, model.gain_limit, 1.0
-        ),
-        Variable(
-            f"{y.variable}_offset",
-            4,
-            "parameter",
-            f"{y.quantity.capitalize()} at rest",
-            y.unit,
-            y.offset,
-            -limit,
-            limit,
-            limit,
-        ),
-        Variable(
-            f"{y.variable}_limit",
-            5,
-            "parameter",
-            f"Largest magnitude of the {y.quantity}; it can be lowered, not raised",
-            y.unit,
-            limit,
-            0.0,
-            limit,
-            limit,
-        ),
-        Variable(
-            f"{x.variable}_offset",
-            6,
-            "parameter",
-            f"{x.quantity.capitalize()} at which the model is at rest",
-            x.unit,
-            x.offset,
-        ),
+        Variable(x.variable, 1, "input", sampled, x.unit, x.offset),
+        Variable(y.variable, 2, "output", f"{force} of the model; {_resists(model)}", y.unit, None, *within),
+        Variable("gain", 3, "parameter", factor, "", 1.0, 0.0, model.gain_limit, 1.0),
+        Variable(f"{y.variable}_offset", 4, "parameter", f"{force} at rest", y.unit, y.offset, *within),
+        Variable(f"{y.variable}_limit", 5, "parameter", largest, y.unit, limit, 0.0, limit, limit),
+        Variable(f"{x.variable}_offset", 6, "parameter", at_rest, x.unit, x.offset),
         *_guards(model),
     ]
 
@@ -110,52 +69,23 @@ def variables(model: ExportModel) -> list[Variable]:
 def _guards(model: ExportModel) -> list[Variable]:
     """Variables of the guards that the model has."""
     guards, y = model.guards, model.output
-    rate = Variable(
-        f"{y.variable}_rate_limit",
-        7,
-        "parameter",
-        f"Largest change of the {y.quantity} in a second; it can be lowered, not raised",
-        f"{y.unit}/s",
-        guards.rate_limit,
-        0.0,
-        guards.rate_limit,
-        guards.rate_limit,
-    )
-    damping = Variable(
-        "device_damping",
-        8,
-        "parameter",
+    steepest, damped, most = guards.rate_limit, guards.device_damping, guards.energy_reserve
+    change = f"Largest change of the {y.quantity} in a second; it can be lowered, not raised"
+    surely = (
         "Damping that the device surely has at the tool: with less of it the FMU bounds the "
-        f"{y.quantity} more; 0 lets none through",
-        model.damping_unit,
-        guards.device_damping,
-        0.0,
-        LARGEST,
-        1.0,
+        f"{y.quantity} more; 0 lets none through"
     )
-    reserve = Variable(
-        "energy_reserve",
-        9,
-        "parameter",
-        "Most energy that counts as taken in: what is dissipated early is not kept for ever",
-        "J",
-        guards.energy_reserve,
-        0.0,
-        LARGEST,
-        1.0,
+    counted = "Most energy that counts as taken in: what is dissipated early is not kept for ever"
+    taken = "Energy that model and device damping have taken in up to the last sample; never negative"
+    rate = Variable(
+        f"{y.variable}_rate_limit", 7, "parameter", change, f"{y.unit}/s", steepest, 0.0, steepest, steepest
     )
-    energy = Variable(
-        "energy",
-        10,
-        "output",
-        "Energy that model and device damping have taken in up to the last sample; never negative",
-        "J",
-        None,
-        None,
-        None,
-        1.0,
-    )
-    return [rate] * (guards.rate_limit > 0) + [damping, reserve, energy] * guards.passive
+    passive = [
+        Variable("device_damping", 8, "parameter", surely, model.damping_unit, damped, 0.0, LARGEST, 1.0),
+        Variable("energy_reserve", 9, "parameter", counted, "J", most, 0.0, LARGEST, 1.0),
+        Variable("energy", 10, "output", taken, "J", None, nominal=1.0),
+    ]
+    return [rate] * (steepest > 0) + passive * guards.passive
 
 
 def _resists(model: ExportModel) -> str:
@@ -190,7 +120,7 @@ def model_description(model: ExportModel, version: str, data: str) -> str:
         tool_version=__version__,
         model_version=model_version(model),
         token=content_token(model),
-        files=c_files(model),
+        files=C_FILES,
         annotation=ANNOTATION,
         meaning={key: str(value).lower() for key, value in told.items()},
         meaning_json=_escaped(json.dumps(told), attribute=False),
@@ -249,4 +179,4 @@ def model_version(model: ExportModel) -> str:
 
 def build_description(model: ExportModel) -> str:
     """Return FMI 3.0's sources/buildDescription.xml."""
-    return template("tissue/fmu/build/buildDescription.xml.jinja").render(model=model, files=c_files(model))
+    return template("tissue/fmu/build/buildDescription.xml.jinja").render(model=model, files=C_FILES)

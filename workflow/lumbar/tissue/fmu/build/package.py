@@ -20,7 +20,7 @@ from lumbar.tissue.fmu.build.description import FMI_VERSIONS, build_description,
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.reference_response import reference_output, reference_push
-from lumbar.tissue.fmu.build.sources import c_files, source_files
+from lumbar.tissue.fmu.build.sources import C_FILES, source_files
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
 
 _MAGIC = 0xCAFEBABE
@@ -140,9 +140,7 @@ def compile_model(model: ExportModel, targets: Sequence[str], cache: Path) -> di
     """
     sources = tuple(sorted((file, text.encode("utf-8")) for file, text in source_files(model).items()))
     return {
-        target: library_of(
-            sources, tuple(c_files(model)), f"{model.identifier}{TARGETS[target].suffix}", target, cache
-        )
+        target: library_of(sources, C_FILES, f"{model.identifier}{TARGETS[target].suffix}", target, cache)
         for target in resolve_targets(targets)
     }
 

@@ -10,7 +10,8 @@ from pathlib import Path
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.c import c_source
 
-_C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
+C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
+"""What is compiled; ``sampled_force.c`` includes the model itself."""
 _HEADERS = ("model.h", "sampled_force.h")
 _FMI_HEADERS = (
     "fmi2Functions.h",
@@ -20,11 +21,6 @@ _FMI_HEADERS = (
     "fmi3FunctionTypes.h",
     "fmi3PlatformTypes.h",
 )
-
-
-def c_files(model: ExportModel) -> tuple[str, ...]:
-    """What is compiled; ``sampled_force.c`` includes the model itself."""
-    return _C_FILES
 
 
 @cache
@@ -38,7 +34,7 @@ def _fixed_source(name: str) -> str:
 
 
 def _fixed_sources(model: ExportModel) -> dict[str, str]:
-    names = (*c_files(model), model.dynamics.c_source, *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
+    names = (*C_FILES, model.dynamics.c_source, *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
     return {name: _fixed_source(name) for name in names}
 
 
