@@ -7,7 +7,7 @@ def main(input, output, data: str):
     """Write the table and both drawings."""
     from lumbar.publishing.figures.style import save
     from lumbar.publishing.figures.tissue_figures import analogues_figure, arx_figure
-    from lumbar.tissue.identification.table_2_1 import table_2_1
+    from lumbar.tissue.identification.model_tables import table_2_1
     from lumbar.tissue.models.tissue_models import HO, IL, KB, MW
 
     table_2_1(data).write(stem(output.table_2_1))

@@ -143,14 +143,14 @@ class Identification(Result):
     @property
     def table_3_1(self) -> Table:
         """Error metrics of all models on all training records."""
-        from lumbar.tissue.identification.table_3_1 import table_3_1
+        from lumbar.tissue.identification.model_tables import table_3_1
 
         return table_3_1(self.models, self.settings, self.data)
 
     @property
     def physical_parameters(self) -> Table:
         """Physical parameters with intervals."""
-        from lumbar.tissue.identification.table_2_1 import physical_parameters_table
+        from lumbar.tissue.identification.model_tables import physical_parameters_table
 
         return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.data)
 

@@ -41,7 +41,7 @@ from lumbar.records.record import (
 )
 from lumbar.records.stretches import check_clipping
 from lumbar.records.text_rows import number, stop_at_many
-from lumbar.records.unpacking import check_matlab, unpack
+from lumbar.records.unpacking import load_matlab, unpack
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 LONGEST_GAP = 10
@@ -351,13 +351,7 @@ def _numbers(
 
 
 def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
-    from scipy.io import loadmat
-
-    check_matlab(path, str(path))
-    try:
-        content = loadmat(path, squeeze_me=True)
-    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
-        raise InputError(f"{path}: not a MATLAB file of version 4 to 7.2 ({error})") from error
+    content = load_matlab(path, str(path), "not a MATLAB file of version 4 to 7.2", squeeze_me=True)
     problems = Problems(str(path))
     values = {}
     names = [name for name in content if not name.startswith("__")]

@@ -21,7 +21,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.marker_file import MarkerFile, NoMarkers, RecordedEvent, mark_missing, split_points
 from lumbar.records.marker_table import even_clock
 from lumbar.records.record import LARGEST
-from lumbar.records.unpacking import check_matlab
+from lumbar.records.unpacking import load_matlab
 
 _TIME = ("time", "t", "time_s")
 _RATE = ("rate", "framerate", "rate_hz", "fs", "frequency")
@@ -65,13 +65,7 @@ def read_mat_markers(path: str | os.PathLike, rate: float | None = None) -> Mark
 
 def _fields(path: Path) -> dict[str, Any]:
     """Variables of a file, or the fields of the one struct that it holds."""
-    from scipy.io import loadmat
-
-    check_matlab(path, str(path))
-    try:
-        content = loadmat(path, simplify_cells=True)
-    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
-        raise InputError(f"{path}: the MATLAB file is broken ({error})") from error
+    content = load_matlab(path, str(path), "the MATLAB file is broken", simplify_cells=True)
     variables = {name: value for name, value in content.items() if not name.startswith("__")}
     structs = {name: value for name, value in variables.items() if isinstance(value, dict)}
     recordings = [name for name, value in structs.items() if "Trajectories" in value]

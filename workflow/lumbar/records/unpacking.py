@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import math
-import os
 import struct
 import zipfile
 import zlib
@@ -12,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from lumbar.base.errors import InputError
 
@@ -110,14 +109,28 @@ def unpacked(path: Path) -> Iterator[Path]:
             raise type(error)(str(error).replace(str(plain), str(path))) from error
 
 
-def check_matlab(file: str | os.PathLike | BinaryIO, source: str) -> None:
-    """Raise where what a MATLAB file holds, which packs its variables, is larger than any recording.
+def load_matlab(file: Path | bytes, source: str, broken: str, **options) -> dict[str, Any]:
+    """Return the variables of a MATLAB file, or of its bytes, by name; `options` as of `scipy.io.loadmat`.
 
     Raises
     ------
     InputError
-        Also where the file is no MATLAB file of version 4 to 7.2.
+        Where the file is none of version 4 to 7.2 or too large, or SciPy cannot read it: `broken` says so.
     """
+    from scipy.io import loadmat
+
+    def opened() -> Path | BinaryIO:
+        return io.BytesIO(file) if isinstance(file, bytes) else file
+
+    _check_matlab(opened(), source)
+    try:
+        return loadmat(opened(), **options)
+    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
+        raise InputError(f"{source}: {broken} ({error})") from error
+
+
+def _check_matlab(file: Path | BinaryIO, source: str) -> None:
+    """Raise where what a MATLAB file holds, which packs its variables, is larger than any recording."""
     from scipy.io import whosmat
 
     try:
@@ -135,10 +148,10 @@ def check_matlab(file: str | os.PathLike | BinaryIO, source: str) -> None:
     _check_packed_variables(file, source)
 
 
-def _check_packed_variables(file: str | os.PathLike | BinaryIO, source: str) -> None:
+def _check_packed_variables(file: Path | BinaryIO, source: str) -> None:
     """Unpack the variables of a MATLAB file of version 5 to 7.2 as far as the limits allow: a struct hides its size."""
-    if isinstance(file, str | os.PathLike):
-        content = Path(file).read_bytes()
+    if isinstance(file, Path):
+        content = file.read_bytes()
     else:
         content = file.read()
         file.seek(0)

@@ -9,8 +9,8 @@ from scipy.optimize import minimize
 from viscoelastic import discretise, kelvin_boltzmann
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.tissue.identification.bootstrap import block_bootstrap
 from lumbar.tissue.identification.metrics import (
+    block_bootstrap,
     condition_number,
     fit_ratio,
     mean_residual,

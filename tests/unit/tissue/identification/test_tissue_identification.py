@@ -18,9 +18,13 @@ from lumbar.settings.plain import typed
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.identification.arx_search import IdentificationData, search, select
 from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
+from lumbar.tissue.identification.model_tables import (
+    physical_parameters_table,
+    table_2_1,
+    table_3_1,
+    unit_slug,
+)
 from lumbar.tissue.identification.ridge import ReducedRegression
-from lumbar.tissue.identification.table_2_1 import physical_parameters_table, table_2_1
-from lumbar.tissue.identification.table_3_1 import table_3_1, unit_slug
 from lumbar.tissue.models.fitted_model import models_document, read_models
 from lumbar.tissue.models.model_data import Port
 from lumbar.tissue.models.tissue_models import HO, KB

@@ -12,8 +12,10 @@ import pytest
 from lumbar.base.errors import InputError
 from lumbar.settings.signals import SignalsSettings
 from lumbar.tissue.signals.excitation import (
+    band_limited_noise,
     design_excitation,
     excited_band,
+    linear_chirp,
     machine_file,
     multisine_description,
     signal_properties,
@@ -26,7 +28,6 @@ from lumbar.tissue.signals.multisine import (
     excited_lines,
     schroeder_phases,
 )
-from lumbar.tissue.signals.waveforms import band_limited_noise, linear_chirp
 from study_settings import changed
 
 

@@ -11,7 +11,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.importing.dialect import FEWEST_ROWS
 from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
 from lumbar.records.importing.units import name_and_unit
-from lumbar.records.unpacking import MOST_NUMBERS, check_matlab
+from lumbar.records.unpacking import MOST_NUMBERS, load_matlab
 
 _MOST_COLUMNS = 64
 _RATES = ("fs", "f_s", "fsample", "rate", "samplerate", "sampling_rate", "sample_rate", "samplingrate")
@@ -107,13 +107,8 @@ def read_matlab(content: bytes, source: str, table: str | None = None) -> RawTab
     InputError
         If it is none, or holds no vectors of one length.
     """
-    from scipy.io import loadmat
-
-    check_matlab(io.BytesIO(content), source)
-    try:
-        variables = loadmat(io.BytesIO(content), squeeze_me=True, struct_as_record=False)
-    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
-        raise InputError(f"{source}: not a MATLAB file that can be read ({error})") from error
+    broken = "not a MATLAB file that can be read"
+    variables = load_matlab(content, source, broken, squeeze_me=True, struct_as_record=False)
     arrays: dict[str, np.ndarray] = {}
     opaque: list[str] = []
     for name, value in variables.items():

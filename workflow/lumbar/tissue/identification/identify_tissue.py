@@ -21,8 +21,7 @@ from lumbar.tissue.identification.arx_search import (
     search,
     select,
 )
-from lumbar.tissue.identification.bootstrap import block_bootstrap, central_spread
-from lumbar.tissue.identification.metrics import relative_uncertainties
+from lumbar.tissue.identification.metrics import block_bootstrap, central_spread, relative_uncertainties
 from lumbar.tissue.identification.output_error import fit_output_error, relaxation_starts
 from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath, ridge_grid
 from lumbar.tissue.models.fitted_model import FittedModel

@@ -119,7 +119,7 @@ class RidgePath:
     def standard_deviations(self, alpha: float) -> np.ndarray | None:
         """σ_i of Eq. 3.15 in standardised coefficients; None where AᵀA has no inverse.
 
-        Biased where the regressors carry noise, as measured past outputs do: see `lumbar.tissue.identification.bootstrap`.
+        Biased where the regressors carry noise, as measured past outputs do: see `lumbar.tissue.identification.metrics`.
         """
         freedom = self.rows - self.singular_values.size
         if self.rank < self.singular_values.size or freedom <= 0:
