@@ -13,13 +13,11 @@ _TRUNK_TOP = ("C7", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER")
 _PELVIS = ("SACRUM", "L5", "L_HIP", "R_HIP", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS")
 _SIDES = ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE")
 _FEET_PAIRS = (("L_HEEL", "L_TOE"), ("R_HEEL", "R_TOE"))
+_PELVIS_PAIRS = (("SACRUM", "L_ASIS"), ("SACRUM", "R_ASIS"), ("L_PSIS", "L_ASIS"), ("R_PSIS", "R_ASIS"))
 _FACING = (
     (_FEET_PAIRS, "the toes are ahead of the heels"),
     ((("L_ANKLE", "L_TOE"), ("R_ANKLE", "R_TOE")), "the toes are ahead of the ankles"),
-    (
-        (("SACRUM", "L_ASIS"), ("SACRUM", "R_ASIS"), ("L_PSIS", "L_ASIS"), ("R_PSIS", "R_ASIS")),
-        "the front of the pelvis is ahead of its back",
-    ),
+    (_PELVIS_PAIRS, "the front of the pelvis is ahead of its back"),
     ((("C7", "MANUBRIUM"), ("C7", "XIPHOID")), "the chest is ahead of the back"),
 )
 """Pairs of which the second lies ahead of the first, the surest first, with words for them."""
@@ -161,19 +159,13 @@ def _sides_advice(facing: np.ndarray, ahead: list[np.ndarray], layout: MarkerLay
     return f'set forward: "{faces}", unless left and right labels are swapped {skip}'
 
 
-_FRONT = (
-    ("SACRUM", "L_ASIS"),
-    ("SACRUM", "R_ASIS"),
-    ("L_PSIS", "L_ASIS"),
-    ("R_PSIS", "R_ASIS"),
-    ("C7", "MANUBRIUM"),
-)
+_FRONT = (*_PELVIS_PAIRS, ("C7", "MANUBRIUM"), *_FEET_PAIRS)
 """Pairs of which the second lies in front of the first."""
 
 
 def _pointing_forward(positions: dict[str, np.ndarray]) -> list[np.ndarray]:
     """Vectors from the back to the front of trunk and feet, by the markers that exist."""
-    found = [_segment(positions, (back,), (front,)) for back, front in (*_FRONT, *_FEET_PAIRS)]
+    found = [_segment(positions, (back,), (front,)) for back, front in _FRONT]
     return [vector for vector in found if vector is not None]
 
 

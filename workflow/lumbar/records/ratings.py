@@ -89,7 +89,7 @@ def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     """
     path = Path(path)
     _check_layout(layout)
-    columns, rows = _read_rows(path, layout)
+    columns, rows = _columns(layout), _read_rows(path, layout)
     problems = Problems(str(path))
     missing = [column for column in columns if column not in rows[0]]
     for column in missing:
@@ -128,8 +128,8 @@ def _columns(layout: RatingsLayout) -> list[str]:
     ]
 
 
-def _read_rows(path: Path, layout: RatingsLayout) -> tuple[list[str], dict[int, list[str]]]:
-    """Return the declared columns, and the cells of each line that is not blank; the header has key 0."""
+def _read_rows(path: Path, layout: RatingsLayout) -> dict[int, list[str]]:
+    """Return the cells of each line that is not blank; the header has key 0."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     rows: dict[int, list[str]] = {}
@@ -149,7 +149,7 @@ def _read_rows(path: Path, layout: RatingsLayout) -> tuple[list[str], dict[int, 
         raise InputError(
             f"{path}, header: {', '.join(map(repr, doubled))} stands twice; name columns differently"
         )
-    return _columns(layout), rows
+    return rows
 
 
 def _cells(rows: dict[int, list[str]], problems: Problems) -> dict[int, dict[str, str]]:

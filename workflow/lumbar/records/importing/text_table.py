@@ -59,7 +59,8 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
     above = lines[before[-1] + 1 if before else 0 : first]
     names, units = _header(above, dialect)
     remarks = [] if any(names) else _nameless(above, lines[first], dialect, source)
-    words = {column: dialect.split(lines[first])[column] for column in sorted(dialect.text_columns)}
+    cells = dialect.split(lines[first])
+    words = {column: cells[column] for column in sorted(dialect.text_columns)}
     remarks += _left_out(lines, last, runs, dialect)
     remarks += [f"column {column + 1} is no number ({cell!r})" for column, cell in words.items()]
     values, numbers = _values(lines, first, last, dialect, source)
@@ -67,7 +68,7 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
         RawColumn(
             column + 1,
             names[column],
-            "s" if _is_clock(lines[first], dialect, column) else units[column],
+            "s" if CLOCK.match(cells[column]) else units[column],
             given,
         )
         for column, given in enumerate(values.T)
@@ -231,10 +232,6 @@ def _seconds(cells: tuple[str, ...]) -> np.ndarray:
     seconds = pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy()
     midnights = np.concatenate([[0], np.cumsum(np.diff(seconds) < -_DAY / 2)])
     return seconds - seconds[0] + _DAY * midnights
-
-
-def _is_clock(line: str, dialect: Dialect, column: int) -> bool:
-    return bool(CLOCK.match(dialect.split(line)[column]))
 
 
 _RATE = re.compile(
