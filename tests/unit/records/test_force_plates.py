@@ -6,7 +6,8 @@ import pytest
 from c3d_builder import build_c3d
 
 from lumbar.base.errors import InputError
-from lumbar.records.force_plates import UNLOADED_N, read_force_plates
+from lumbar.records.force_plates import read_force_plates
+from lumbar.records.ground_forces import UNLOADED_N
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from lumbar.lifting.quality.sheet import QualitySheet
-    from lumbar.records.force_plates import ForcePlate
+    from lumbar.records.ground_forces import ForcePlate
     from lumbar.settings.layout import Axis, MarkerLayout
 
 _STAND_IN = SubjectSettings(

@@ -260,7 +260,7 @@ def _words(path: Path) -> tuple[str, ...]:
 
 
 def _holds_forces(path: Path) -> bool:
-    from lumbar.records.force_plates import names_forces
+    from lumbar.records.ground_forces import names_forces
 
     return names_forces(path)
 

@@ -1,57 +1,70 @@
-"""What force plates measured under a person: C3D files, and ground reaction forces in OpenSim's ``.mot`` files."""
+"""Force plates of a recording: those of a C3D file, of types 1 to 4, from their signals, others as their file has them.
+
+A plate's own axes follow from its corners: x from corner 2 to 1, y from corner 4 to 1, z = x × y, down. Type 2 and 4 measure
+a force and the moment about an origin below the surface, type 3 (Kistler) has eight forces at four posts, type 1 states
+the centre of pressure itself. The ground cannot pull: where a file holds the force of the person on the plate, it is
+reversed, and noted.
+"""
 
 from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.errors import InputError, Problems
-from lumbar.records.marker_axes import file_axis, rotation_to_standard
-from lumbar.records.record import LARGEST
-from lumbar.records.text_rows import stop_at_many
+from lumbar.base.errors import InputError
+from lumbar.records.c3d_file import AnalogChannels, analog_channels, read_analog
+from lumbar.records.c3d_structure import C3dStructure, check_structure
+from lumbar.records.ground_forces import UNLOADED_N, ForcePlate, read_mot
+from lumbar.records.marker_axes import rotation_to_standard
+from lumbar.records.markers import METRES, metres_per_unit
 from lumbar.records.unpacking import ending_of, unpacked
 from lumbar.settings.layout import MarkerLayout
 
-UNLOADED_N = 20.0
-"""Vertical force below which a plate counts as unloaded: the centre of pressure is a ratio of noise there."""
-_FORCE = re.compile(r"^(.*?)_?vx(_?\d*)$", re.IGNORECASE)
-"""Name of a plate's first column: what stands before and after is the plate's name."""
-_HEADER_CHARACTERS = 100_000
-_EVEN = 0.05
-"""How far a step of the clock may be from the median step, as a share of it."""
+_CLEARLY_LOADED_N = 100.0
+"""Vertical force from which on its sign says which way the file counts it."""
+_LEVEL = 0.5
+"""Smallest vertical part of a plate's z axis: walls and handles are no floor."""
+_SQUARENESS = 0.02
+"""Largest cosine between two sides of a plate, and largest square of the gap between them in areas."""
+_CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
+"""Analog channels by type of plate."""
+_FORCE_UNITS = {"n": 1.0, "nt": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "lb": 4.4482216152605}
+_MOMENT_UNITS = {"nmm": 1e-3, "ntmm": 1e-3, "ncm": 1e-2, "nm": 1.0, "ntm": 1.0, "newtonmeters": 1.0}
 
 
-@dataclass(frozen=True, repr=False)
-class ForcePlate:
-    """What one force plate measured."""
+@dataclass(frozen=True)
+class _Plate:
+    """What FORCE_PLATFORM says of one plate: lengths in metres, axes of the file."""
 
-    name: str
-    """E.g. ``"plate 1"``."""
-    time: np.ndarray
-    """Shape (n,): seconds on the clock of the markers."""
+    place: str
+    kind: int
+    corners: np.ndarray
+    origin: np.ndarray
+    channels: tuple[int, ...]
+    calibration: np.ndarray | None
+    metres: float
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Axes of the plate as columns, shape (3, 3)."""
+        x, y = self.corners[0] - self.corners[1], self.corners[0] - self.corners[3]
+        z = np.cross(x, y)
+        columns = [x, np.cross(z, x), z]
+        return np.transpose([column / np.linalg.norm(column) for column in columns])
+
+
+@dataclass(frozen=True)
+class _Wrench:
+    """Force (n, 3), centre of pressure from the middle of the surface (n, 2) and free moment (n,) in a plate's axes."""
+
     force: np.ndarray
-    """Shape (n, 3): force of the ground on the person in newtons: lateral (right), forward, up."""
-    centre_of_pressure: np.ndarray
-    """Shape (n, 3): metres; NaN where less than `UNLOADED_N` press on the plate."""
+    centre: np.ndarray
     free_moment: np.ndarray
-    """Shape (n,): moment about the vertical through the centre of pressure, in N·m; NaN as above."""
-    rate: float
-    """Samples per second."""
-    corners: np.ndarray | None = None
-    """Shape (4, 3), or None: metres; None where a file states none."""
-    notes: tuple[str, ...] = ()
-    """What was taken for granted or changed: a reversed sign, a baseline that was subtracted, a unit."""
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    def __repr__(self) -> str:
-        largest = self.force[:, 2].max() if len(self) else 0
-        return f"<ForcePlate {self.name}: {len(self)} samples at {self.rate:g} Hz, up to {largest:.0f} N>"
 
 
 def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = None) -> list[ForcePlate]:
@@ -76,124 +89,222 @@ def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = Non
     ending = ending_of(path)
     if ending not in (".mot", ".c3d"):
         return []
-    from lumbar.records.c3d_plates import read_c3d_plates
-
     with unpacked(path) as plain:
         return read_mot(plain, layout) if ending == ".mot" else read_c3d_plates(plain, layout)
 
 
-def read_mot(path: str | os.PathLike, layout: MarkerLayout) -> list[ForcePlate]:
-    """Read the ground reaction forces of an OpenSim motion file.
-
-    Parameters
-    ----------
-    layout : MarkerLayout
-        Axes; OpenSim's own are ``up: "+y", forward: "+x"``. Lengths are metres.
-
-    Returns
-    -------
-    list of ForcePlate
-        One per triple of columns ``…_vx``, ``…_vy``, ``…_vz`` with ``…_px`` and so on; empty without any.
-
-    Raises
-    ------
-    InputError
-        No OpenSim header, a row that is cut short, no number, a clock that is not even, columns that lack their fellows,
-        forces that do not push upwards.
-    """
-    path = Path(path)
-    names, table = _table(path)
-    if names[0].lower() != "time":
-        raise InputError(f"{path}: the first column is {names[0]!r}; time is needed")
-    time = table[:, 0]
-    steps = np.diff(time)
-    if len(time) < 2 or not np.all(np.abs(steps - np.median(steps)) <= _EVEN * np.median(steps)):
-        raise InputError(f"{path}: time does not run evenly; export the forces at one rate")
+def read_c3d_plates(path: Path, layout: MarkerLayout) -> list[ForcePlate]:
+    """Return the plates of a C3D file in the axes of a layout; see `read_force_plates`."""
+    structure = check_structure(path, points_needed=False)
+    used = int((structure.parameters.get("FORCE_PLATFORM:USED") or [0])[0])
+    channels = analog_channels(path, structure)
+    if used < 1 or not len(channels):
+        return []
+    unit = (structure.parameters.get("POINT:UNITS") or [""])[0]
+    notes: list[str] = []
+    if not unit and not structure.n_points and layout.unit == "file":
+        unit = "mm"  # the user guide's own; no marker of this file could have another
+        notes.append("the file states no unit of length; millimetres were taken")
+    metres = layout.scale * metres_per_unit(str(path), unit, layout.unit)
     rotation = rotation_to_standard(layout.up, layout.forward)
-    rate = (len(time) - 1) / (time[-1] - time[0])
+    frames_per_s = layout.rate_Hz or structure.rate
+    rate = channels.rate * frames_per_s / structure.rate
+    time = (structure.first_frame - 1) / frames_per_s + np.arange(
+        structure.n_frames * channels.per_frame
+    ) / rate
     plates = []
-    for found in filter(None, map(_FORCE.match, names)):
-        stem, number = found.groups()
-        force, point, torque = (
-            _vectors(path, names, table, stem, kind, number) @ rotation.T for kind in ("v", "p", "torque")
+    for number in range(used):
+        plate = _plate(path, structure.parameters, number, used, metres)
+        own = list(notes)
+        signals = _signals(path, structure, channels, plate, own)
+        wrench = _WRENCHES[plate.kind](signals, plate)
+        turned = _turned(plate, wrench, rotation, own)
+        plates.append(
+            ForcePlate(f"plate {number + 1}", time, *turned, rate, plate.corners @ rotation.T, tuple(own))
         )
-        unloaded = np.abs(force[:, 2]) < UNLOADED_N
-        point[unloaded] = np.nan
-        free = np.where(unloaded, np.nan, torque[:, 2])
-        plates.append(ForcePlate(stem + number, time, force, point, free, rate))
-    _check_upward(path, plates, rotation, layout)
     return plates
 
 
-def names_forces(path: Path) -> bool:
-    """Whether the header of a motion file names columns of ground reaction forces; joint angles have the same ending."""
-    with path.open(encoding="utf-8-sig", errors="replace") as stream:
-        lines = stream.readlines(_HEADER_CHARACTERS)
-    ends = [number for number, line in enumerate(lines) if line.strip().lower() == "endheader"]
-    names = next((line.split() for line in lines[ends[0] + 1 :] if line.strip()), []) if ends else []
-    return any(map(_FORCE.match, names))
-
-
-def _check_upward(path: Path, plates: list[ForcePlate], rotation: np.ndarray, layout: MarkerLayout) -> None:
-    """Raise when the ground does not push upwards on the whole: the axes are not those of the markers."""
-    total = np.sum([plate.force.mean(axis=0) for plate in plates], axis=0)
-    if plates and np.linalg.norm(total) > UNLOADED_N and total[2] <= np.abs(total[:2]).max():
+def _plate(path: Path, parameters: dict[str, list], number: int, used: int, metres: float) -> _Plate:
+    """Geometry and channels of one plate, checked."""
+    place = f"{path}: force plate {number + 1}"
+    kind = int(_share(place, parameters, "TYPE", number, used, 1)[0])
+    if kind not in _CHANNELS:
+        allowed = ", ".join(map(str, _CHANNELS))
         raise InputError(
-            f"{path}: the forces push along {file_axis(total, rotation)}, but markers.up is {layout.up}; forces of the ground on "
-            "the person are needed, in the axes of the markers: export both in the same"
+            f"{place} is of type {kind}; types {allowed} are read: export ground reaction forces"
         )
+    corners = _share(place, parameters, "CORNERS", number, used, 12).reshape(4, 3) * metres
+    x, y, gap = (
+        corners[0] - corners[1],
+        corners[0] - corners[3],
+        corners[0] - corners[1] + corners[2] - corners[3],
+    )
+    area = np.linalg.norm(x) * np.linalg.norm(y)
+    square = area > 0 and max(abs(x @ y), gap @ gap) <= _SQUARENESS * area
+    if not square:
+        found = ", ".join(str(tuple(np.round(corner, 3).tolist())) for corner in corners)
+        raise InputError(
+            f"{place}: the corners {found} m are no rectangle in this order; put the four corners into the order "
+            "round the plate"
+        )
+    needed = _CHANNELS[kind]
+    per_plate = len(parameters.get("FORCE_PLATFORM:CHANNEL", [])) // used
+    if per_plate < needed:
+        raise InputError(
+            f"{place}: FORCE_PLATFORM:CHANNEL names {per_plate} channels; type {kind} has {needed}"
+        )
+    listed = _share(place, parameters, "CHANNEL", number, used, per_plate)[:needed]
+    channels = tuple(int(channel) - 1 for channel in listed)
+    calibration = None
+    if kind == 4:
+        # Stored by columns.
+        calibration = _share(place, parameters, "CAL_MATRIX", number, used, 36).reshape(6, 6).T
+    origin = _share(place, parameters, "ORIGIN", number, used, 3) * metres
+    return _Plate(place, kind, corners, origin, channels, calibration, metres)
 
 
-def _vectors(
-    path: Path, names: list[str], table: np.ndarray, stem: str, kind: str, number: str
+def _share(
+    place: str, parameters: dict[str, list], name: str, number: int, used: int, count: int
 ) -> np.ndarray:
-    """Three columns of a plate, shape (n, 3); torques may be named after the plate or after the force."""
-    columns = []
-    for axis in "xyz":
-        if kind == "torque":
-            wanted = [f"{stem.replace('force', 'torque')}_{axis}{number}", f"{stem}_m{axis}{number}"]
-        else:
-            wanted = [f"{stem}_{kind}{axis}{number}", f"{stem}{kind}{axis}{number}"]
-        present = [names.index(name) for name in wanted if name in names]
-        if not present:
-            raise InputError(f"{path}: no column {' or '.join(wanted)}; the file has {', '.join(names)}")
-        columns.append(present[0])
-    return table[:, columns]
-
-
-def _table(path: Path) -> tuple[list[str], np.ndarray]:
-    """Column names and numbers."""
-    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
-    ends = [number for number, line in enumerate(lines) if line.strip().lower() == "endheader"]
-    rows = [(number, line.split()) for number, line in enumerate(lines, start=1) if line.strip()]
-    rows = [row for row in rows if ends and row[0] > ends[0] + 1]
-    if len(rows) < 2:
+    """One plate's values of a parameter that holds those of all."""
+    values = parameters.get(f"FORCE_PLATFORM:{name}", [])
+    mine = values[number * count : (number + 1) * count]
+    if len(mine) < count or not all(isinstance(value, int | float) and np.isfinite(value) for value in mine):
         raise InputError(
-            f"{path}: no OpenSim motion file; a header that ends with 'endheader', a line of column names and "
-            "rows of numbers are needed"
+            f"{place}: FORCE_PLATFORM:{name} holds {len(values)} values; {count * used} finite numbers are needed"
         )
-    names = rows[0][1]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    problems = Problems(str(path))
-    if twice:
-        problems.add(
-            f"line {rows[0][0]}", f"{', '.join(twice)} stands twice", "every column needs its own name"
+    return np.array(mine, dtype=float)
+
+
+def _signals(
+    path: Path, structure: C3dStructure, channels: AnalogChannels, plate: _Plate, notes: list[str]
+) -> np.ndarray:
+    """Channels of a plate in N, N·m and (type 1) m, less the baseline; shape (n, 6 or 8)."""
+    values = read_analog(path, structure, channels, plate.channels)
+    if plate.calibration is not None:
+        values = values @ plate.calibration.T
+        factors = [1.0] * 3 + [plate.metres] * 3
+        notes.append(
+            "moments are in newtons times the file's unit of length, as FORCE_PLATFORM:CAL_MATRIX has it"
         )
-    values = []
-    for number, cells in rows[1:]:
-        stop_at_many(problems)
-        if len(cells) != len(names):
-            problems.add(
-                f"line {number}", f"{len(cells)} numbers", f"{len(names)} are needed, one per column"
+    else:
+        factors = [
+            _factor(plate, channel, quantity, channels.units[number], notes)
+            for channel, (number, quantity) in enumerate(
+                zip(plate.channels, _QUANTITIES[plate.kind], strict=True), 1
             )
-            continue
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError as error:
-            problems.add(f"line {number}", str(error), "numbers are needed")
-            continue
-        if not np.all(np.abs(row) <= LARGEST):
-            problems.add(f"line {number}", "a value that is not finite", "finite numbers are needed")
-        values.append(row)
-    problems.raise_if_any()
-    return names, np.array(values)
+        ]
+    return _without_baseline(values * factors, structure, channels, plate, notes)
+
+
+_QUANTITIES = {1: "FFFLLM", 2: "FFFMMM", 3: "FFFFFFFF"}
+"""Force, length or moment, by type of plate and channel."""
+
+
+def _factor(plate: _Plate, channel: int, quantity: str, unit: str, notes: list[str]) -> float:
+    """Factor to N, m or N·m."""
+    word = re.sub(r"[\s.*·-]", "", unit).lower()
+    if quantity == "L":
+        # The user guide has no unit of its own for these two: systems write that of the forces beside them.
+        return METRES.get(word, plate.metres)
+    known = _FORCE_UNITS if quantity == "F" else _MOMENT_UNITS
+    if word in known:
+        return known[word]
+    if not word or (quantity == "M" and plate.kind == 1):
+        taken = "newtons" if quantity == "F" else "newtons times the file's unit of length"
+        notes.append(f"channel {channel} states the unit {unit!r}; {taken} were taken")
+        return 1.0 if quantity == "F" else plate.metres
+    raise InputError(
+        f"{plate.place}: channel {channel} is in {unit!r}; allowed are {', '.join(known)}: export scaled forces"
+    )
+
+
+def _without_baseline(
+    signals: np.ndarray, structure: C3dStructure, channels: AnalogChannels, plate: _Plate, notes: list[str]
+) -> np.ndarray:
+    """Subtract the mean over the frames of FORCE_PLATFORM:ZERO, where the plate was unloaded in them."""
+    zero = structure.parameters.get("FORCE_PLATFORM:ZERO", [])
+    if plate.kind == 1 or len(zero) < 2 or not 1 <= zero[0] < zero[1] <= structure.n_frames:
+        return signals
+    stretch = signals[(int(zero[0]) - 1) * channels.per_frame : int(zero[1]) * channels.per_frame]
+    vertical = stretch[:, 2] if plate.kind != 3 else stretch[:, 4:].sum(axis=1)
+    baseline = float(np.median(vertical))
+    where = f"over frames {int(zero[0])} to {int(zero[1])} (FORCE_PLATFORM:ZERO)"
+    if np.abs(vertical).max() > 2 * UNLOADED_N:
+        notes.append(f"no baseline was subtracted: {abs(baseline):.0f} N stand on the plate {where}")
+        return signals
+    notes.append(f"the mean {where}, {abs(baseline):.1f} N, was subtracted")
+    return signals - stretch.mean(axis=0)
+
+
+def _type_1(signals: np.ndarray, plate: _Plate) -> _Wrench:
+    """Force, centre of pressure and free moment as the plate states them."""
+    return _Wrench(signals[:, :3], signals[:, 3:5], signals[:, 5])
+
+
+def _type_2(signals: np.ndarray, plate: _Plate) -> _Wrench:
+    """Force, and moment about an origin below the surface; `plate.origin` leads from there to its middle.
+
+    Some systems write it from the middle to the origin: z of the plate points down, so it must be negative.
+    """
+    force, origin = signals[:, :3], plate.origin * (-1 if plate.origin[2] > 0 else 1)
+    return _at_the_surface(force, signals[:, 3:6] - np.cross(origin, force))
+
+
+def _type_3(signals: np.ndarray, plate: _Plate) -> _Wrench:
+    """Eight forces at four posts (Kistler): x12, x34, y14, y23, z1, z2, z3, z4.
+
+    `plate.origin` holds the posts' distances from the middle and how deep they lie, which some systems write as a
+    positive number: the surface is above them, where z of the plate is negative.
+    """
+    x12, x34, y14, y23, z1, z2, z3, z4 = signals.T
+    a, b, depth = plate.origin
+    force = np.transpose([x12 + x34, y14 + y23, z1 + z2 + z3 + z4])
+    moment = np.transpose(
+        [b * (z1 + z2 - z3 - z4), a * (z2 + z3 - z1 - z4), b * (x34 - x12) + a * (y14 - y23)]
+    )
+    return _at_the_surface(force, moment - np.cross([0, 0, -abs(depth)], force))
+
+
+def _at_the_surface(force: np.ndarray, moment: np.ndarray) -> _Wrench:
+    """Centre of pressure of a force and the moment about the middle of the surface."""
+    vertical = np.where(force[:, 2:] == 0, np.nan, force[:, 2:])
+    centre = np.transpose([-moment[:, 1], moment[:, 0]]) / vertical
+    free = moment[:, 2] - (centre[:, 0] * force[:, 1] - centre[:, 1] * force[:, 0])
+    return _Wrench(force, centre, free)
+
+
+_WRENCHES: dict[int, Callable[[np.ndarray, _Plate], _Wrench]] = {
+    1: _type_1,
+    2: _type_2,
+    3: _type_3,
+    4: _type_2,
+}
+
+
+def _turned(
+    plate: _Plate, wrench: _Wrench, rotation: np.ndarray, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Force, centre of pressure and free moment in the axes of the markers, where the ground pushes."""
+    axes = rotation @ plate.axes
+    if axes[2, 2] > -_LEVEL:
+        raise InputError(
+            f"{plate.place}: z of the plate, by the order of its corners, does not point down but along "
+            f"{tuple(np.round(axes[:, 2], 2).tolist())} (right, forward, up); check up and forward of the layout, or "
+            "list the corners in the order of the C3D user guide"
+        )
+    force = wrench.force @ axes.T
+    free = wrench.free_moment * axes[2, 2]
+    loaded = np.abs(force[:, 2]) >= UNLOADED_N
+    if np.abs(force[:, 2]).max(initial=0) >= _CLEARLY_LOADED_N and np.median(force[loaded, 2]) < 0:
+        force, free = -force, -free
+        notes.append("the file holds the force on the plate; that on the person was taken")
+    centre = rotation @ plate.corners.mean(axis=0) + wrench.centre @ axes[:, :2].T
+    outside = np.abs(wrench.centre[loaded]) > 0.5 * np.linalg.norm(
+        plate.corners[[0, 0]] - plate.corners[[1, 3]], axis=1
+    )
+    if outside.any():
+        share = outside.any(axis=1).mean()
+        notes.append(f"the centre of pressure lies beside the plate in {share:.1%} of the loaded samples")
+    return force, np.where(loaded[:, None], centre, np.nan), np.where(loaded, free, np.nan)

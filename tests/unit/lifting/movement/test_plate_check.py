@@ -11,7 +11,7 @@ from lifting_cases import ATHLETE
 from lumbar.lifting.movement.centre_of_mass import whole_body_centre
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.movement.plate_check import check_against_plates, plate_check
-from lumbar.records.force_plates import ForcePlate
+from lumbar.records.ground_forces import ForcePlate
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings

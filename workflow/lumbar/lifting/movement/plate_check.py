@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lumbar.lifting.movement.lift import AnalysedLift
-    from lumbar.records.force_plates import ForcePlate
+    from lumbar.records.ground_forces import ForcePlate
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 
