@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from bokeh.document import Document
     from bokeh.embed.util import RenderItem
     from bokeh.models import ColumnDataSource
+    from bokeh.plotting import figure
 
 _CODE = "<!-- Bokeh's code -->"
 """Stands for it where names are looked for."""
@@ -25,6 +26,25 @@ _NUMBERED = re.compile(r"\bp\d{4,}\b")
 def beside(*names: str, folder: Path = Path(__file__).parent) -> str:
     """Text of style sheets or scripts that lie in a folder, one after the other; default this one."""
     return "\n".join((folder / name).read_text(encoding="utf-8") for name in names)
+
+
+def empty_source(name: str, columns: Iterable[str]) -> ColumnDataSource:
+    """Source of a picture's data that the page's script fills."""
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource({column: [] for column in columns}, name=name)
+
+
+def plain_figure(name: str, across: str, up: str, left: int, **more) -> figure:
+    """Picture as wide as its place, without frame and ground, `left` pixels for the labels of its axis."""
+    from bokeh.plotting import figure
+
+    labels = {"x_axis_label": across, "y_axis_label": up}
+    picture = figure(name=name, sizing_mode="stretch_width", **labels, **more)
+    picture.toolbar.logo = None
+    picture.min_border_left, picture.outline_line_color = left, None
+    picture.background_fill_alpha = picture.border_fill_alpha = 0.0
+    return picture
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumbar.publishing.explorer.one_file import empty_source, plain_figure
 from lumbar.publishing.explorer.shown import ShownModel, ShownRecord
 from lumbar.publishing.figures.style import MEASURED, SERIES
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -36,24 +37,14 @@ _HEIGHT = 230
 def page_models(
     experiment: Experiment, records: Sequence[ShownRecord], models: Sequence[ShownModel]
 ) -> tuple[list[Model], list[Model]]:
-    """Pictures, and the sources that hold the data; the page's script fills what is shown from them.
+    """Pictures in the page's order, and the sources that hold the data; the page's script fills what is shown from them.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        For units and quantities.
-
-    Returns
-    -------
-    list of bokeh.models.Model
-        In the order in which the page shows them.
-    list of bokeh.models.Model
-        Sources that are not drawn themselves.
+    Units and quantities are the experiment's.
     """
     from bokeh.models import ColumnDataSource
 
-    shown = _source(SHOWN, _COLUMNS)
-    brushed = _source(BRUSHED, _COLUMNS)
+    shown = empty_source(SHOWN, _COLUMNS)
+    brushed = empty_source(BRUSHED, _COLUMNS)
     held = [
         ColumnDataSource(
             {**record.columns, **{model.key: model.values[record.name] for model in models}},
@@ -69,29 +60,19 @@ def page_models(
         )
         for record in records
     ]
-    held += [brushed, _source(REQUEST, ("content",)), _source(ANSWER, ("content",))]
-    drawn = _pictures(experiment, shown, brushed)
-    return drawn, held
+    held += [brushed, empty_source(REQUEST, ("content",)), empty_source(ANSWER, ("content",))]
+    return _pictures(experiment, shown, brushed), held
 
 
 def _noise(record: ShownRecord) -> np.ndarray:
     return np.full(len(record.frequency), np.nan) if record.noise is None else record.noise
 
 
-def _source(name: str, columns: Sequence[str]) -> ColumnDataSource:
-    from bokeh.models import ColumnDataSource
-
-    return ColumnDataSource({column: [] for column in columns}, name=name)
-
-
 def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
     from bokeh.models import CustomJS, Range1d
 
-    output, moved = (
-        f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})",
-        experiment.input_quantity,
-    )
-    position = f"{moved.capitalize()} ({experiment.input_unit})"
+    output = f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})"
+    position = f"{experiment.input_quantity.capitalize()} ({experiment.input_unit})"
     velocity = f"Velocity ({experiment.input_unit}/s)"
     error = f"Error ({experiment.output_unit})"
     course = _figure("course", "Time (s)", output, x_range=Range1d(0, 1))  # the page's script sets it
@@ -114,8 +95,8 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
         for up in ups:
             picture.line(across, up, source=shown, **_line(up))
     _draw_cells(plane, error)
-    _draw_means(depth, _source(DEPTH, ("position", *_WAYS)), "position", _WAYS)
-    _draw_means(turns, _source(TURNS, ("since", "first", "second")), "since", ("first", "second"))
+    _draw_means(depth, empty_source(DEPTH, ("position", *_WAYS)), "position", _WAYS)
+    _draw_means(turns, empty_source(TURNS, ("since", "first", "second")), "since", ("first", "second"))
     for picture, across, up in (
         (course, "time", "measured"),
         (residual, "time", "first_error"),
@@ -145,22 +126,8 @@ def _line(column: str) -> dict:
 
 
 def _figure(name: str, across: str, up: str, **more) -> figure:
-    from bokeh.plotting import figure
-
-    picture = figure(
-        name=name,
-        height=_HEIGHT,
-        sizing_mode="stretch_width",
-        tools="box_select,pan,box_zoom,wheel_zoom,reset",
-        active_drag="box_select",
-        x_axis_label=across,
-        y_axis_label=up,
-        **more,
-    )
-    picture.toolbar.logo = None
-    picture.min_border_left, picture.outline_line_color = 70, None
-    picture.background_fill_alpha = picture.border_fill_alpha = 0.0
-    return picture
+    tools = {"tools": "box_select,pan,box_zoom,wheel_zoom,reset", "active_drag": "box_select"}
+    return plain_figure(name, across, up, height=_HEIGHT, left=70, **tools, **more)
 
 
 def _draw_noise(picture: figure, experiment: Experiment) -> None:
@@ -185,42 +152,25 @@ def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns:
 def _draw_cells(plane: figure, error: str) -> None:
     """RMS of the first model's error in cells of position and velocity."""
     from bokeh.models import ColorBar, LinearColorMapper
+    from bokeh.palettes import Blues256
 
-    cells = _source(CELLS, ("position", "velocity", "width", "height", "rms"))
-    mapper = LinearColorMapper(palette=_palette(), low=0, high=1, name="shading")
-    plane.rect(
-        "position",
-        "velocity",
-        "width",
-        "height",
-        source=cells,
-        fill_color={"field": "rms", "transform": mapper},
-        line_color=None,
-    )
+    cells = empty_source(CELLS, ("position", "velocity", "width", "height", "rms"))
+    light_to_dark = list(reversed(Blues256))[16:]  # one hue: the order survives in grey
+    mapper = LinearColorMapper(palette=light_to_dark, low=0, high=1, name="shading")
+    fill = {"field": "rms", "transform": mapper}
+    plane.rect("position", "velocity", "width", "height", source=cells, fill_color=fill, line_color=None)
     plane.add_layout(ColorBar(color_mapper=mapper, title=f"{error}, RMS", width=8), "right")
 
 
-def _palette() -> list[str]:
-    """Light to dark of one hue: the order survives in grey."""
-    from bokeh.palettes import Blues256
-
-    return list(reversed(Blues256))[16:]
-
-
 def _spectrum(experiment: Experiment) -> figure:
-    spectrum = _source(SPECTRUM, ("frequency", "noise", "marker", "first", "second"))
-    picture = _figure(
-        "spectrum",
-        "Frequency (Hz)",
-        f"Error ({experiment.output_unit}/√Hz)",
-        x_axis_type="log",
-        y_axis_type="log",
-    )
+    spectrum = empty_source(SPECTRUM, ("frequency", "noise", "marker", "first", "second"))
+    up, logarithmic = f"Error ({experiment.output_unit}/√Hz)", {"x_axis_type": "log", "y_axis_type": "log"}
+    picture = _figure("spectrum", "Frequency (Hz)", up, **logarithmic)
     picture.line("frequency", "noise", source=spectrum, color=NOISE, line_width=3, alpha=0.6)
     picture.line("frequency", "first", source=spectrum, color=FIRST, line_width=1.4)
     picture.scatter("frequency", "first", source=spectrum, marker="marker", size=5, color=FIRST)
     picture.line("frequency", "second", source=spectrum, color=SECOND, line_width=1.4, line_dash=[6, 3])
-    marked = _source(BRUSHED_LINES, ("frequency", "density"))
+    marked = empty_source(BRUSHED_LINES, ("frequency", "density"))
     picture.line("frequency", "density", source=marked, color=MARKED, line_width=3, alpha=0.7)
     _when_drawn(picture, "window.lumbar.brushBand(cb_obj)")
     return picture

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumbar.publishing.explorer.one_file import empty_source, plain_figure
 from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
 
 if TYPE_CHECKING:
@@ -46,28 +47,12 @@ def lift_pictures() -> list[figure]:
 
 
 def _source(name: str, *columns: str) -> ColumnDataSource:
-    from bokeh.models import ColumnDataSource
-
-    return ColumnDataSource({column: [] for column in columns}, name=name)
+    return empty_source(name, columns)
 
 
 def _figure(name: str, across: str, up: str, height: int, tools: str = "", **more) -> figure:
-    from bokeh.plotting import figure
-
-    picture = figure(
-        name=name,
-        height=height,
-        sizing_mode="stretch_width",
-        tools=tools,
-        x_axis_label=across,
-        y_axis_label=up,
-        toolbar_location="right" if tools else None,
-        **more,
-    )
-    picture.toolbar.logo = None
-    picture.min_border_left, picture.outline_line_color = 60, None
-    picture.background_fill_alpha = picture.border_fill_alpha = 0.0
-    return picture
+    toolbar = {"tools": tools, "toolbar_location": "right" if tools else None}
+    return plain_figure(name, across, up, height=height, left=60, **toolbar, **more)
 
 
 def _still(picture: figure, name: str) -> None:
@@ -96,20 +81,10 @@ def _body(name: str, across: str) -> figure:
         "x", "z", source=_source(f"{name}:pendulums", "x", "z", "colour", "dash"), color={"field": "colour"},
         line_width=1.5, line_dash={"field": "dash"},
     )  # fmt: skip
-    _draw_centres(picture, _source(f"{name}:centres", "x", "y", "mark", "colour", "size"))
+    centres = _source(f"{name}:centres", "x", "y", "mark", "colour", "size")
+    look = {"marker": {"field": "mark"}, "fill_color": {"field": "colour"}, "size": {"field": "size"}}
+    picture.scatter("x", "y", source=centres, line_color="white", **look)
     return picture
-
-
-def _draw_centres(picture: figure, source: ColumnDataSource) -> None:
-    picture.scatter(
-        "x",
-        "y",
-        source=source,
-        marker={"field": "mark"},
-        fill_color={"field": "colour"},
-        size={"field": "size"},
-        line_color="white",
-    )
 
 
 def _above() -> figure:
@@ -123,24 +98,9 @@ def _above() -> figure:
         "x", "y", source=_source("above:used", "x", "y"), color=MEASURED, line_width=1.6, name="ink used"
     )
     picture.line("x", "y", source=_source("above:trail", "x", "y"), color=SERIES[3], line_width=1, alpha=0.6)
-    picture.scatter(
-        "x",
-        "y",
-        source=_source("above:com", "x", "y"),
-        marker="diamond",
-        size=13,
-        fill_color=SERIES[0],
-        line_color="white",
-    )
-    picture.scatter(
-        "x",
-        "y",
-        source=_source("above:xcom", "x", "y"),
-        marker="star",
-        size=16,
-        fill_color=SERIES[3],
-        line_color="white",
-    )
+    for name, marker, size, colour in (("com", "diamond", 13, SERIES[0]), ("xcom", "star", 16, SERIES[3])):
+        look = {"marker": marker, "size": size, "fill_color": colour, "line_color": "white"}
+        picture.scatter("x", "y", source=_source(f"above:{name}", "x", "y"), **look)
     return picture
 
 
@@ -151,10 +111,8 @@ def _course(name: str, up: str, **more) -> figure:
     ranges = {"x_range": Range1d(0, 1), "y_range": Range1d(0.1, 1), **more}  # the page's script sets them
     picture = _figure(name, "Time (s)", up, 220, "xpan,xbox_zoom,xwheel_zoom,reset", **ranges)
     picture.toolbar.active_drag = picture.toolbar.active_scroll = None
-    now = Span(
-        dimension="height", location=np.nan, line_color=MEASURED, line_width=1.5, name=f"ink now:{name}"
-    )
-    picture.add_layout(now)
+    look = {"line_color": MEASURED, "line_width": 1.5, "name": f"ink now:{name}"}
+    picture.add_layout(Span(dimension="height", location=np.nan, **look))
     picture.js_on_event("tap", CustomJS(code="window.lumbarLift.tapped(cb_obj)"))
     return picture
 
@@ -164,43 +122,30 @@ def _draw_margin(picture: figure) -> None:
     from bokeh.models import LabelSet, Span
 
     phases = _source("phases", "start", "stop", "shade", "phase")
-    picture.vstrip(
-        x0="start",
-        x1="stop",
-        source=phases,
-        fill_color=GREY,
-        fill_alpha="shade",
-        line_color=None,
-        level="underlay",
-    )
+    grey = {"fill_color": GREY, "fill_alpha": "shade", "line_color": None}
+    picture.vstrip(x0="start", x1="stop", source=phases, level="underlay", **grey)
     words = {"text": "phase", "text_font_size": "11px", "text_color": MEASURED, "name": "ink phases"}
     picture.add_layout(LabelSet(x="start", y=2, x_offset=3, y_units="screen", source=phases, **words))
-    edge = Span(dimension="width", location=0, line_color=GREY, line_dash=[4, 3])
-    picture.add_layout(edge)
-    picture.line(
-        "time", "margin", source=_source("margins", "time", "margin"), color=SERIES[3], line_width=1.8
-    )
+    picture.add_layout(Span(dimension="width", location=0, line_color=GREY, line_dash=[4, 3]))
+    margins = _source("margins", "time", "margin")
+    picture.line("time", "margin", source=margins, color=SERIES[3], line_width=1.8)
 
 
 def _funnel() -> list[figure]:
     """Cross-sections with the push, the funnel over time, and V/ρ over time."""
+    from bokeh.models import Span
+
     over_time = _course("funnel", "Angle off the trajectory (rad)")
     level = _course("level", "V/ρ", x_range=over_time.x_range, y_axis_type="log")
     band = _source("band", "time", "low", "high", "least", "most")
     over_time.varea("time", "low", "high", source=band, fill_color=CERTIFIED, fill_alpha=0.4)
     for edge in ("least", "most"):
         over_time.line("time", edge, source=band, color=MEASURED, line_dash=[5, 3], name=f"ink {edge}")
-    _draw_edge_of_funnel(level)
+    level.add_layout(Span(dimension="width", location=1, line_color=CERTIFIED, line_width=2.5))
     path = _source("path", "time", "angle", "velocity", "level")
     for picture, up in ((over_time, "angle"), (level, "level")):
         picture.line("time", up, source=path, color=PUSHED, line_width=2.2)
     return [_plane(path), over_time, level]
-
-
-def _draw_edge_of_funnel(picture: figure) -> None:
-    from bokeh.models import Span
-
-    picture.add_layout(Span(dimension="width", location=1, line_color=CERTIFIED, line_width=2.5))
 
 
 def _plane(path: ColumnDataSource) -> figure:

@@ -9,15 +9,7 @@ from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 
 
 def comparison_page(simulated: list[ResidualReport], model: str, data: str, pictures: dict[str, Path]) -> str:
-    """Return the page of a comparison.
-
-    Parameters
-    ----------
-    model : str
-        Name of the model.
-    pictures : dict of str to pathlib.Path
-        SVG file by record.
-    """
+    """Return the page of a comparison; `pictures` are SVG files by record."""
     blocks = [
         paragraph(
             "Free-run simulation against every record. Error intervals: what another excitation of the same kind would give."
@@ -26,28 +18,23 @@ def comparison_page(simulated: list[ResidualReport], model: str, data: str, pict
     ]
     for item in simulated:
         name = item.record.name
-        blocks.append(
-            figure(
-                pictures[name], f"{name}: measured and simulated, residual, and what is left of every record."
-            )
-        )
+        caption = f"{name}: measured and simulated, residual, and what is left of every record."
+        blocks.append(figure(pictures[name], caption))
     return document(f"The {model} model against every record", data, blocks)
 
 
 def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
     """Sentences and figures of merit of every record."""
     unit = simulated[0].comparison.unit
-    rows = [
-        (
-            item.record.name,
-            f"{item.comparison.vaf.value:.4g} ({item.comparison.vaf.low:.4g} to {item.comparison.vaf.high:.4g})",
-            f"{item.comparison.fit.value:.4g} ({item.comparison.fit.low:.4g} to {item.comparison.fit.high:.4g})",
-            f"{item.comparison.rms.value:.4g} ({item.comparison.rms.low:.4g} to {item.comparison.rms.high:.4g})",
-            "unknown" if item.comparison.floor is None else f"{item.comparison.floor.rms:.4g}",
-            "unknown" if item.comparison.floor is None else f"{item.comparison.explainable_rms:.4g}",
+    rows = []
+    for found in (item.comparison for item in simulated):
+        errors = (
+            f"{it.value:.4g} ({it.low:.4g} to {it.high:.4g})" for it in (found.vaf, found.fit, found.rms)
         )
-        for item in simulated
-    ]
+        noise = ("unknown", "unknown")
+        if found.floor is not None:
+            noise = (f"{found.floor.rms:.4g}", f"{found.explainable_rms:.4g}")
+        rows.append((found.record, *errors, *noise))
     head = ("record", "VAF (%)", "FIT (%)", f"RMS error ({unit})", f"noise ({unit})", f"explainable ({unit})")
     return [listing(item.comparison.sentence for item in simulated), table(head, rows)]
 

@@ -58,25 +58,14 @@ class Beside:
 
 def said_of(claims: pd.DataFrame, artefact: str) -> list[Said]:
     """Return the claims that are shown with an artefact."""
-    own = [
-        row
-        for row in claims.itertuples()
-        if not _is_cell(row.claim)
-        and SHOWN_WITH.get(row.evidence.split()[0], row.evidence.split()[0]) == artefact
-    ]
-    return [said(row) for row in own]
+    sentences = [(row, row.evidence.split()[0]) for row in claims.itertuples() if not _is_cell(row.claim)]
+    return [said(row) for row, evidence in sentences if SHOWN_WITH.get(evidence, evidence) == artefact]
 
 
 def said(row) -> Said:
     """Return a row of ``claims.csv`` in words."""
-    return Said(
-        row.statement,
-        in_digits(row.thesis_value),
-        in_digits(row.this_run),
-        row.verdict,
-        row.criterion,
-        row.location,
-    )
+    values = in_digits(row.thesis_value), in_digits(row.this_run)
+    return Said(row.statement, *values, row.verdict, row.criterion, row.location)
 
 
 def not_holding(claims: pd.DataFrame, verdict: str) -> tuple[list[Said], list[Said]]:
@@ -97,11 +86,8 @@ def beside(claims: pd.DataFrame, table: str) -> Beside | None:
     cells: dict[tuple[str, ...], dict[str, tuple[str, str, str]]] = {}
     for row in rows:
         *key, column = row.claim.removeprefix(f"{table}.").split(".")
-        cells.setdefault(tuple(key), {})[column] = (
-            in_digits(row.this_run),
-            in_digits(row.thesis_value),
-            row.verdict,
-        )
+        values = in_digits(row.this_run), in_digits(row.thesis_value)
+        cells.setdefault(tuple(key), {})[column] = (*values, row.verdict)
     columns = list(dict.fromkeys(column for found in cells.values() for column in found))
     empty = ("–", "–", "")
     return Beside(
