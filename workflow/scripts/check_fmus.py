@@ -14,9 +14,7 @@ def main(input, output, settings: RuntimeSettings, seed: int, data: str):
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.effects.catalogue import catalogues_with
     from lumbar.tissue.fmu.build.export_model import select_models
-    from lumbar.tissue.fmu.check.check_table import check_table
-    from lumbar.tissue.fmu.check.fmu_check import check_fmus
-    from lumbar.tissue.fmu.check.reference_stimulus import push
+    from lumbar.tissue.fmu.check.fmu_check import check_fmus, check_table, push
     from lumbar.tissue.models.fitted_model import read_models
 
     fitted = read_models(read_json(input.models), catalogues_with(input.effects))

@@ -1,4 +1,4 @@
-"""Checking finished FMUs: schema, lint, and simulation against the identified transfer function."""
+"""Checking finished FMUs: schema, lint, simulation against the identified model and a push into the tissue; the table of it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import Problems
+from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.description import FMI_VERSIONS
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.package import fmu_name
 from lumbar.tissue.fmu.build.reference_response import (
     moving_average,
+    push_depth,
+    push_profile,
     reference_output,
     samples_within_range,
     scale_to,
@@ -189,3 +192,122 @@ def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int)
             problems.add(check.file, text)
     problems.raise_if_any()
     return checks
+
+
+def check_table(checks: list[Check], data: str, seed: int) -> Table:
+    """Return the table of checked FMUs.
+
+    Parameters
+    ----------
+    checks : list of Check
+        Passed checks, as `lumbar.tissue.fmu.check.fmu_check.check_fmus` returns them.
+    data : str
+        Where the models' data come from.
+    seed : int
+        Seed of the test input.
+    """
+    import pandas as pd
+
+    rows = [
+        {
+            "file": check.file,
+            "model": check.model.name,
+            "fmi_version": check.version,
+            "states": check.model.dynamics.kept,
+            "largest_pole": check.model.dynamics.largest_pole,
+            "stable": "yes" if check.model.stable else "NO",
+            "feedthrough": "none" if not check.model.feedthrough else _feedthrough(check.version),
+            "schema_problems": len(check.schema),
+            "lint_problems": len(check.lint),
+            "largest_output": check.largest_output,
+            "relative_error": check.largest_error,
+            "tolerance": check.tolerance,
+        }
+        for check in checks
+    ]
+    first = checks[0]
+    unit = first.model.output.unit
+    return Table(
+        title="FMUs of the identified models and their checks.",
+        frame=pd.DataFrame(rows),
+        data=data,
+        definitions={
+            "file": "FMU, a co-simulation unit",
+            "model": "Name of the model",
+            "fmi_version": "Version of the FMI standard",
+            "states": "Numbers kept from sample to sample; for linear models the states of Eq. 3.17",
+            "largest_pole": "Largest magnitude of a pole of the discrete model",
+            "stable": (
+                "Whether all poles lie inside the unit circle; "
+                "the output of an unstable model runs into its limit"
+            ),
+            "feedthrough": (
+                "When the input of a sample acts in the output (D of Eq. 3.18): at once (FMI 3.0 event mode) "
+                "or one sample late (FMI 2.0, where a client sets the input after it has read the output); "
+                "none where D = 0"
+            ),
+            "schema_problems": "Problems found by fmpy's validation against the standard's schema",
+            "lint_problems": "Problems found in files, names, token and bounds",
+            "largest_output": f"Largest magnitude of the reference output in {unit}",
+            "relative_error": (
+                f"Largest difference over {first.samples} samples between the FMU, simulated by fmpy, and "
+                "the model in Python (scipy's lfilter; with effects, sample by sample) with the same moving average; "
+                "relative to largest_output"
+            ),
+            "tolerance": (
+                "What relative_error may be at most: 1e-12, or the bound of rounding errors where larger"
+            ),
+        },
+        notes=(
+            f"Test input: a random walk (seed {seed}) that drives the output to 80 % of its limit of "
+            f"{first.model.output_limit:g} {unit}. "
+            f"Moving average of {first.model.moving_average} samples at {1 / first.model.sampling_time:g} Hz on the input.",
+        ),
+    )
+
+
+def _feedthrough(version: str) -> str:
+    return "one sample late" if version == "2.0" else "at once"
+
+
+@dataclass(frozen=True)
+class Push:
+    """Outputs of all FMUs to the same movement."""
+
+    time: np.ndarray
+    """Shape (samples,): seconds."""
+    inputs: np.ndarray
+    """Shape (samples,)."""
+    outputs: dict[tuple[str, str], np.ndarray]
+    """Dict of tuple (str, str) to numpy.ndarray, each of shape (samples,): by model and FMI version."""
+
+    def most_delayed(self) -> str:
+        """Model whose FMI 2.0 output differs most from that of FMI 3.0."""
+        names = dict.fromkeys(name for name, _ in self.outputs)
+        return max(
+            names, key=lambda name: np.abs(self.outputs[name, "2.0"] - self.outputs[name, "3.0"]).max()
+        )
+
+
+def push(models: list[ExportModel], folder: Path) -> Push:
+    """Play one push through the FMUs of all models.
+
+    The depth is chosen such that the stiffest model reaches half of its output limit.
+
+    Parameters
+    ----------
+    models : list of ExportModel
+        At least one, all with the same input and sampling time.
+    folder : Path
+        Where the FMUs lie.
+    """
+    time, profile = push_profile(models[0].sampling_time)
+    depth = min(push_depth(model, profile) for model in models)
+    outputs = {
+        (model.name, version): simulate_fmu(
+            folder / fmu_name(model.name, version), time, model.input.offset + depth * profile
+        )
+        for model in models
+        for version in FMI_VERSIONS
+    }
+    return Push(time, depth * profile, outputs)
