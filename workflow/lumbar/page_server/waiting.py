@@ -63,12 +63,14 @@ class NotReady(Matcher):
         return None if found.ready else {}
 
 
-class WaitingHandler(RequestHandler):
-    """The page in waiting, which begins the work."""
-
+class _SetsHandler(RequestHandler):
     def initialize(self, sets: ServedSets) -> None:
         """Take what Tornado hands over."""
         self.sets = sets
+
+
+class WaitingHandler(_SetsHandler):
+    """The page in waiting, which begins the work."""
 
     def get(self) -> None:
         """Begin the diagnosis, or show how far it is."""
@@ -99,12 +101,8 @@ def _sketches(explored: ExploredSet) -> list[Sketch]:
         return []
 
 
-class _AskedHandler(RequestHandler):
+class _AskedHandler(_SetsHandler):
     """A question about the set of a page that is named."""
-
-    def initialize(self, sets: ServedSets) -> None:
-        """Take what Tornado hands over."""
-        self.sets = sets
 
     @property
     def explored(self) -> ExploredSet:

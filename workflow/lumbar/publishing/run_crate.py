@@ -103,7 +103,10 @@ def metadata(run: Run, contents: Mapping[str, bytes]) -> dict:
     recordings = [_recording(name, digest, run.source) for digest, name in run.recordings]
     software = [_software(name, version) for name, version in sorted(run.versions.items()) if version]
     variables = [_variable(name, value) for name, value in sorted(run.environment.items())]
-    inputs = [*(_reference(name) for name in (run.configuration, *published)), *map(_to, recordings)]
+    inputs = [
+        *(_reference(name) for name in (run.configuration, *published)),
+        *(_reference(item["@id"]) for item in recordings),
+    ]
     records = [
         _descriptor(),
         _root(run, [MAIN, *files, *folders, *(item["@id"] for item in recordings)]),
@@ -140,10 +143,6 @@ def _reference(key: str) -> dict:
     return {"@id": key}
 
 
-def _to(record: dict) -> dict:
-    return _reference(record["@id"])
-
-
 def _descriptor() -> dict:
     versions = ("https://w3id.org/ro/crate/1.1", "https://w3id.org/workflowhub/workflow-ro-crate/1.0")
     return {
@@ -178,7 +177,10 @@ def _workflow(run: Run, content: bytes, software: list[dict]) -> dict:
         "author": _reference("#developers"),
         "programmingLanguage": _reference("#snakemake"),
         "conformsTo": _reference("https://bioschemas.org/profiles/ComputationalWorkflow/1.0-RELEASE"),
-        "softwareRequirements": [_reference("envs/lock.txt"), *map(_to, software)],
+        "softwareRequirements": [
+            _reference("envs/lock.txt"),
+            *(_reference(item["@id"]) for item in software),
+        ],
     }
 
 
@@ -191,7 +193,7 @@ def _action(run: Run, inputs: list[dict], variables: list[dict]) -> dict:
         "endTime": run.ended.isoformat(),
         "actionStatus": "http://schema.org/CompletedActionStatus",
         "instrument": _reference(MAIN),
-        "environment": [_to(variable) for variable in variables],
+        "environment": [_reference(variable["@id"]) for variable in variables],
         "object": inputs,
         "result": [_reference(name) for name in sorted(run.outputs)],
     }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.publishing.explorer.shown import model_key
 from lumbar.publishing.figures.comparison_figures import signature_thumbnail
+from lumbar.publishing.pages.diagnosis_page import role_of
 from lumbar.publishing.pages.html import picture, table
 from lumbar.tables.words import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
@@ -112,7 +113,7 @@ def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictur
     return Card(
         key=model_key(effects),
         title=effects_text(effects).capitalize(),
-        role=_role(item, diagnosis),
+        role=role_of(item, diagnosis),
         error=f"Error on unseen records: {before} → {after} {unit}; {probability(item.p_value)}.",
         mechanism=" ".join(catalogue[name].mechanism for name in new),
         settles="; ".join(catalogue[name].experiment for name in new) if set(effects) in tied else "",
@@ -122,15 +123,6 @@ def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictur
         long=sum(bool(found.effect) for found in item.estimates) > _MANY,
         signature=_signature(catalogue[new[-1]], system, pictures),
     )
-
-
-def _role(item: Ranked, diagnosis: Verdict) -> str:
-    effects = set(item.candidate.effects)
-    if effects == set(diagnosis.selected):
-        return "selected"
-    if any(effects == set(other.effects) for other in diagnosis.tied_with):
-        return "tied"
-    return "runner-up" if item is runner_up(diagnosis) else ""
 
 
 def _parameters(item: Ranked) -> Markup | str:

@@ -98,23 +98,11 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
         for item in diagnosis.path[1:-1]
         if frozenset(item.effects) not in ranked
     ]
-    tied = {frozenset(item.effects) for item in diagnosis.tied_with}
-    others = runner_up(diagnosis)
     for item in diagnosis.ranking:
-        effects = frozenset(item.candidate.effects)
-        role = "selected" if effects == frozenset(diagnosis.selected) else "tied" if effects in tied else ""
-        role = role or ("runner-up" if item is others else "")
-        rows.append(_error_row(effects_text(item.candidate.effects), item.candidate, item, diagnosis, role))
-    head = (
-        "effects added",
-        "role",
-        "form",
-        f"training ({unit})",
-        f"unseen ({unit})",
-        "unseen / noise",
-        "p",
-        "converged",
-    )
+        name, role = effects_text(item.candidate.effects), role_of(item, diagnosis)
+        rows.append(_error_row(name, item.candidate, item, diagnosis, role))
+    errors = (f"training ({unit})", f"unseen ({unit})", "unseen / noise")
+    head = ("effects added", "role", "form", *errors, "p", "converged")
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
     return [
         paragraph(
@@ -126,6 +114,16 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
         heading("The selected model on every record", 3),
         *comparison_blocks(evidence.remaining),
     ]
+
+
+def role_of(item: Ranked, diagnosis: Verdict) -> str:
+    """Return what a candidate is to the verdict: selected, tied with it, the runner-up, or nothing."""
+    effects = set(item.candidate.effects)
+    if effects == set(diagnosis.selected):
+        return "selected"
+    if any(effects == set(other.effects) for other in diagnosis.tied_with):
+        return "tied"
+    return "runner-up" if item is runner_up(diagnosis) else ""
 
 
 def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, role: str = "") -> tuple:
@@ -150,13 +148,9 @@ def _false_alarm(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
         "than that, and a smaller error on unseen records, to be selected."
     )
     if not diagnosis.selected:
-        best = max(
-            (
-                likelihood_ratio(diagnosis.base, item.candidate, diagnosis.experiment)
-                for item in diagnosis.ranking
-            ),
-            default=0.0,
-        )
+        candidates = (item.candidate for item in diagnosis.ranking)
+        ratios = (likelihood_ratio(diagnosis.base, item, diagnosis.experiment) for item in candidates)
+        best = max(ratios, default=0.0)
         return [paragraph(told), paragraph(f"Here the best candidate gains {best:.3g}.")]
     found = likelihood_ratio(diagnosis.base, diagnosis.model, diagnosis.experiment)
     verb = "gains" if len(diagnosis.selected) == 1 else "gain"

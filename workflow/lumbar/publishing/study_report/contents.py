@@ -259,9 +259,8 @@ def _diagnosis(results: Path, files: Sequence[str]) -> str:
     diagnosis = read_json(results / found[0])
     unit, ladder = diagnosis["unit"], diagnosis["ladder"]
     named = ", ".join(name.replace("_", " ") for name in diagnosis["selected"]) or "nothing"
-    words = [
-        f"Base {diagnosis['base']}, trained on {diagnosis['train']}: {diagnosis['verdict']}. Missing: {named}."
-    ]
+    trained = f"Base {diagnosis['base']}, trained on {diagnosis['train']}"
+    words = [f"{trained}: {diagnosis['verdict']}. Missing: {named}."]
     first, last = (ladder[place].get("test_rms") for place in (0, -1))
     if first is not None and last is not None:
         words.append(
