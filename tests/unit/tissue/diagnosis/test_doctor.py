@@ -66,7 +66,7 @@ def test_the_prediction_agrees_with_the_least_squares_gain(truth):
     form = TISSUE["hardening_stiffness"].forms[0]
     injection = Injection.middle(truth.fit, form, truth.training)
     data, fit = truth.training, truth.fit
-    predicted = injection.predicted(truth.noise * np.sqrt(30.0 / data.size))
+    predicted = injection.predict(truth.noise * np.sqrt(30.0 / data.size))
     cubic = data.whiten(data.motion.position**3)
     step = 1e-6
     columns = [np.ones(data.size)]

@@ -299,7 +299,7 @@ def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
     assert not diagnosed.complete
     law = law_beside(replace(diagnosed, verdict="unexplained", further=diagnosed.model))
     beside = with_law(diagnosed, law)
-    assert law.left_by is law.base
+    assert law.start is law.base
     assert beside.verdict == "unexplained"
     assert beside.findings[-1].kind == "proposed_law"
     assert beside.findings[-1].value < 0.5 * diagnosed.model.test_rms

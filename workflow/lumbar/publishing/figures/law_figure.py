@@ -59,7 +59,7 @@ def _added(proposal: Proposal) -> np.ndarray | None:
     if proposal.law is None:
         return None
     records = (proposal.experiment.training, *proposal.experiment.tests)
-    before, after = proposal.left_by.fit, proposal.law.fit
+    before, after = proposal.start.fit, proposal.law.fit
     return np.concatenate(
         [item.trim(after.simulate(item.motion) - before.simulate(item.motion)) for item in records]
     )

@@ -110,7 +110,7 @@ def effect_size(truth: Truth, effect: Effect, least_gain: float, diagnose: Diagn
     own = injection.rms(truth.fit) if present else None
     if injection.largest <= 0:
         return EffectSize(form, injection, own)
-    predicted = injection.predicted(truth.noise * _least_visible(truth, injection, least_gain))
+    predicted = injection.predict(truth.noise * _least_visible(truth, injection, least_gain))
     wanted = STRONG * truth.noise if predicted is None else CONFIRMED_AT * predicted
     put_in = min(wanted, injection.largest)
     found = diagnosis_or_refusal(

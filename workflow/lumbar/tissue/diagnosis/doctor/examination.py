@@ -93,8 +93,8 @@ def examine(
     InputError
         For an unknown effect, and for records of which the direction or a sign is wrong.
     """
-    if verdict.turned is not None:
-        raise InputError(f"nothing can be put into these records: {verdict.turned.sentence}")
+    if verdict.orientation is not None:
+        raise InputError(f"nothing can be put into these records: {verdict.orientation.sentence}")
     truth = Truth.of(verdict, records, seed)
     usable, _ = without_channels(catalogue, truth.training.motion.channels)
     wanted = usable if effects is None else _choice(effects, catalogue, usable)

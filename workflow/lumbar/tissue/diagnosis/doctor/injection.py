@@ -188,7 +188,7 @@ class Injection:
             return fit_at(rms / largest)
         return fit_at(self._dose_of(min(rms, largest)))
 
-    def predicted(self, least: float) -> float | None:
+    def predict(self, least: float) -> float | None:
         """Smallest RMS of the force of which so much is visible, to first order.
 
         Visible is what the model's own parameters cannot take up, after whitening, as of

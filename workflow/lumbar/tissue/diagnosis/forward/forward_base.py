@@ -52,13 +52,13 @@ class ForwardData(FitData):
     """One forward record; attributes as of `FitData`, with the force as its motion and the motion as its force."""
 
     @cached_property
-    def moved(self) -> Motion:
+    def measured_motion(self) -> Motion:
         """The motion, smoothed."""
         return Motion(self.motion.time, without_noise(self.force), self.motion.sampling_time)
 
     def scale(self, kind: str) -> float:
         """Size of a quantity for starting values; ``force`` is what a form at the output transforms."""
-        return self.moved.scale(kind) if kind in _OF_MOTION else super().scale(kind)
+        return self.measured_motion.scale(kind) if kind in _OF_MOTION else super().scale(kind)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ def turn_round(experiment: Experiment, response: Response) -> Experiment:
     """A forward experiment turned round."""
 
     def turned(data: ForwardData) -> CarriedData:
-        moved = data.moved
+        moved = data.measured_motion
         motion = Motion(moved.time, moved.position, moved.sampling_time)
         known = (data.whitening, data.settling_time, data.own_zero)
         return CarriedData(data.name, motion, data.motion.position, *known, response=response)

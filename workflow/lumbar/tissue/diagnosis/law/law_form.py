@@ -195,11 +195,11 @@ def linear_unit(part: str, term: Term) -> str:
     InputError
         If the part is dimensionally unsound.
     """
-    found = dimension(parse(part), _known(term))
+    found = dimension(parse(part), dimensions_in(term))
     return (FORCE / (found or Dimension())).unit
 
 
-def _known(term: Term) -> dict[str, Dimension]:
+def dimensions_in(term: Term) -> dict[str, Dimension]:
     """Dimensions of all symbols of a term; those of states follow from their rates of change."""
     known = {
         **OF_SIGNALS,
@@ -213,19 +213,6 @@ _STATE_DIMENSIONS = {
     "q": Dimension(x=1), "u": Dimension(x=1), "m": Dimension(x=1), "r": Dimension(), "l": Dimension(), "b": Dimension(),
 }  # fmt: skip
 """By the first letter of a state's symbol."""
-
-
-def check_dimensions(term: Term) -> None:
-    """Refuse a term of which a part or the rate of a state is dimensionally unsound."""
-    known = _known(term)
-    for part in term.parts:
-        found = dimension(parse(part), known)
-        if term.place is Place.OUTPUT and found != FORCE:
-            raise InputError(f"{term.name}: {part} is no force")
-    for name, rate in term.state:
-        found, wanted = dimension(parse(rate), known), known[name] * Dimension(s=-1)
-        if found not in (None, wanted):
-            raise InputError(f"{term.name}: the rate of {name} has the unit {found.unit}, not {wanted.unit}")
 
 
 def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
@@ -249,7 +236,7 @@ def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
                 )
                 number += 1
         used |= {names[symbol]: meaning for symbol, meaning in own.items()}
-        found.append(term.renamed({old: new for old, new in names.items() if old != new}))
+        found.append(term.rename({old: new for old, new in names.items() if old != new}))
     return tuple(found)
 
 

@@ -96,14 +96,14 @@ class Proposal:
         return not is_adequate(self.before, self.experiment, COMPLETE)
 
     @property
-    def left_by(self) -> Candidate:
+    def start(self) -> Candidate:
         """The model that the law is added to; without a law the catalogue's best."""
         return self.before if self.law is None else self.law.start
 
     @cached_property
     def surfaces(self) -> list[Surface]:
-        """What `left_by` leaves, without a formula, the pair of coordinates that explains most first."""
-        return surfaces(self.left_by.fit, self.experiment)
+        """What `start` leaves, without a formula, the pair of coordinates that explains most first."""
+        return surfaces(self.start.fit, self.experiment)
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -126,7 +126,7 @@ class Proposal:
         return "; ".join(term.words for term in self.terms)
 
     @property
-    def found_for(self) -> str:
+    def validity(self) -> str:
         """Where the law was found, and what is known of it beyond."""
         found, unit, force = self.range, self.experiment.input_unit, self.experiment.output_unit
         where = f"z from {found.low:.3g} to {found.high:.3g} {unit}, |v| up to {found.speed:.3g} {unit}/s"
@@ -151,7 +151,7 @@ class Proposal:
         if not self.is_needed:
             return [f"No law is needed: {name} leaves nothing but noise ({said})."]
         best = self.surfaces[0]
-        on = "+".join([before.fit.structure.base.name, *self.left_by.effects])
+        on = "+".join([before.fit.structure.base.name, *self.start.effects])
         seen = (
             f"Without a formula, the best smooth function of {best.first.words} and {best.second.words} explains "
             f"{100 * best.share:.0f} % of what {on} leaves to explain."
@@ -170,7 +170,7 @@ class Proposal:
             f"{100 * self.share_removed:.0f} % of what was missing is gone on unseen seconds that no choice has looked at "
             f"({self.certainty:.1f} standard errors).",
             seen,
-            f"It was found for {self.found_for}.",
+            f"It was found for {self.validity}.",
         ]
 
     @property
@@ -321,7 +321,7 @@ def effect_text(proposal: Proposal, name: str = NAME, data: str = "") -> str:
         ),
     ]
     mechanism = f"{MARK[0].upper()}{MARK[1:]}: {proposal.words}."
-    source = f"lumbar propose{f' on {data}' if data else ''}: {proposal.found_for}"
+    source = f"lumbar propose{f' on {data}' if data else ''}: {proposal.validity}"
     lines = [
         *(f"# {line}" for line in proposal.sentences),
         f"name: {name}",
@@ -372,7 +372,7 @@ def law_beside(verdict: Verdict) -> Proposal | None:
     """
     goes_on = verdict.further is not None and is_adequate(verdict.further, verdict.experiment, COMPLETE)
     named_on = verdict.complete is False and not goes_on
-    if verdict.turned is not None or not (verdict.verdict == "unexplained" or named_on):
+    if verdict.orientation is not None or not (verdict.verdict == "unexplained" or named_on):
         return None
     return propose(verdict.experiment, verdict.base, verdict.model)
 
@@ -386,7 +386,7 @@ def with_law(verdict: Verdict, proposal: Proposal | None) -> Verdict:
     if proposal is None or proposal.law is None:
         return verdict
     found = replace(verdict, findings=(*verdict.findings, proposal.finding))
-    alone = not proposal.left_by.effects
+    alone = not proposal.start.effects
     if alone and verdict.selected and proposal.law.candidate.test_rms < _CLEARLY * verdict.model.test_rms:
         return replace(found, verdict="unexplained", tied_with=[])
     return found

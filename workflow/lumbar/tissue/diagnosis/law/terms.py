@@ -34,7 +34,7 @@ class Term:
     becomes: str = ""
     """Name of the term that it becomes at the largest lengths: of an exponential growth, what grows."""
 
-    def renamed(self, names: dict[str, str]) -> Term:
+    def rename(self, names: dict[str, str]) -> Term:
         """The term with other symbols for its states and nonlinear parameters."""
         trees = {symbol: Symbol(name) for symbol, name in names.items()}
 

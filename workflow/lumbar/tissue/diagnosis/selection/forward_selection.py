@@ -165,7 +165,7 @@ class Selection:
         """Select effects and judge what was selected."""
         path = self.selected_path()
         model = path[-1]
-        tied = self.tied(model)
+        tied = self.ties(model)
         share = self.share_removed(model)
         verdict = self.verdict(model, tied, share)
         further = self.further(model)
@@ -258,7 +258,7 @@ class Selection:
             path.pop()
         return path
 
-    def tied(self, model: Candidate) -> list[Candidate]:
+    def ties(self, model: Candidate) -> list[Candidate]:
         """Other sets of as many effects that explain all records as well."""
         if model is self.base:
             return []
@@ -336,9 +336,9 @@ class Selection:
         sets = by_score(best_by_effect([*self.tried, *([model] if model is not self.base else [])]))
         others = [item for item in sets if set(item.effects) != set(model.effects)]
         chosen = [] if model is self.base else [model]
-        return [self.ranked(item) for item in [*chosen, *others][:_SHOWN]]
+        return [self.rank(item) for item in [*chosen, *others][:_SHOWN]]
 
-    def ranked(self, candidate: Candidate) -> Ranked:
+    def rank(self, candidate: Candidate) -> Ranked:
         """A set of effects with its evidence."""
         experiment = self.experiment
         units = experiment.input_unit, experiment.output_unit

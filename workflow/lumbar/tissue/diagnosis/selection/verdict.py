@@ -75,7 +75,7 @@ class Verdict:
         return self.model.train_rms if floor is None else floor.rms
 
     @property
-    def turned(self) -> Finding | None:
+    def orientation(self) -> Finding | None:
         """The finding that input and output, or a sign, are the wrong way round; None where they are not."""
         return next((item for item in self.findings if item.kind in ("direction", "sign")), None)
 
@@ -191,8 +191,8 @@ def headline(diagnosis: Verdict) -> str:
     before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
     named = effects_text(diagnosis.selected)
     fall = f"the error on unseen records falls from {' to '.join(distinguishing_digits([before, after], 3))} {unit}"
-    if diagnosis.turned is not None:
-        return f"These records are not what the {base} model takes. {diagnosis.turned.sentence}"
+    if diagnosis.orientation is not None:
+        return f"These records are not what the {base} model takes. {diagnosis.orientation.sentence}"
     if diagnosis.verdict == "adequate":
         return f"Nothing is missing: what the {base} model leaves ({before:.3g} {unit}) is noise as far as can be told."
     if diagnosis.verdict == "named":
