@@ -7,11 +7,11 @@ from typing import Any, TypeVar
 
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import read_yaml
-from lumbar.settings.plain import plain, typed
+from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings
 from lumbar.study.load_study import read_subject
-from lumbar.study.validation import Origins, laid_over, validated
+from lumbar.study.validation import Origins, overlay, validate
 from running import PROJECT
 
 Kind = TypeVar("Kind")
@@ -21,7 +21,7 @@ def study_config(*files: str) -> dict:
     """Return files of config/, by default those of the default study, laid over each other."""
     problems, content = Problems("configuration"), {}
     for name in ("config.yaml", "twin.yaml", *files):
-        content = laid_over(content, read_yaml(PROJECT / "config" / name, problems).content)
+        content = overlay(content, read_yaml(PROJECT / "config" / name, problems).content)
     problems.raise_if_any()
     return content
 
@@ -30,7 +30,7 @@ def study_config(*files: str) -> dict:
 def study_settings(*files: str) -> StudySettings:
     """Return the settings of the default study, with files of config/ laid over them."""
     problems = Problems("configuration")
-    settings = validated(study_config(*files), StudySettings, problems, Origins())
+    settings = validate(study_config(*files), StudySettings, problems, Origins())
     problems.raise_if_any()
     return settings
 
@@ -46,4 +46,4 @@ def subject_settings(name: str) -> SubjectSettings:
 
 def changed(settings: Kind, **changes: Any) -> Kind:
     """Return settings with some keys changed; sections are dicts of what changes in them."""
-    return typed(type(settings), laid_over(plain(settings), changes))
+    return from_plain(type(settings), overlay(plain(settings), changes))

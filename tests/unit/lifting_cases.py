@@ -11,7 +11,7 @@ from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import check_weights
 from lumbar.lifting.stability.model.trajectories import Trajectory
 from lumbar.records.markers import MarkerRecording
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 from lumbar.settings.pushes import PerturbationsSettings, PushesSettings
 
 GRAVITY = 9.81
@@ -76,7 +76,7 @@ ATHLETE = {
 
 def perturbation_settings(**more) -> PerturbationsSettings:
     """A trunk between sacrum and C7 in the sagittal plane."""
-    return typed(
+    return from_plain(
         PerturbationsSettings,
         {
             "subject": "S0",

@@ -57,7 +57,7 @@ def run(main, snakemake) -> None:
     Warnings, progress and errors go to the rule's log file and to the terminal. Other exceptions are programming
     errors: they keep their traceback.
     """
-    from lumbar.base.errors import explained
+    from lumbar.base.errors import user_message
     from run.jobs import end_with_parent
 
     end_with_parent()
@@ -69,7 +69,7 @@ def run(main, snakemake) -> None:
         print(f"{snakemake.rule}: interrupted", file=sys.stderr)
         sys.exit(INTERRUPTED)
     except Exception as error:
-        told = explained(error)
+        told = user_message(error)
         print(f"{snakemake.rule}: {told}" if told else traceback.format_exc(), file=sys.stderr)
         sys.exit(1)
     finally:
@@ -88,7 +88,7 @@ def _typed_parameters(main, params) -> dict:
     """
     from typing import get_type_hints
 
-    from lumbar.settings.plain import typed
+    from lumbar.settings.plain import from_plain
 
     kinds = {name: kind for name, kind in get_type_hints(main).items() if name != "return"}
     given = {name: value for name, value in params.items() if name != "code"}
@@ -96,4 +96,4 @@ def _typed_parameters(main, params) -> dict:
         raise TypeError(
             f"the rule passes {', '.join(sorted(given))}; the job takes {', '.join(sorted(kinds))}"
         )
-    return {name: typed(kind, given[name], complete=False) for name, kind in kinds.items()}
+    return {name: from_plain(kind, given[name], complete=False) for name, kind in kinds.items()}

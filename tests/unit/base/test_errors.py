@@ -7,7 +7,7 @@ import errno
 import numpy as np
 import pytest
 
-from lumbar.base.errors import InputError, LumbarError, NumericalError, Problems, explained
+from lumbar.base.errors import InputError, LumbarError, NumericalError, Problems, user_message
 
 
 def test_nothing_is_raised_without_problems():
@@ -43,10 +43,10 @@ def raised(action):
 
 
 def test_what_a_user_can_mend_is_explained(tmp_path):
-    assert explained(InputError("a.csv: empty")) == "a.csv: empty"
+    assert user_message(InputError("a.csv: empty")) == "a.csv: empty"
     absent = tmp_path / "absent.csv"
-    assert explained(raised(absent.read_text)) == f"{absent}: No such file or directory"
-    assert "No space left on device" in explained(OSError(errno.ENOSPC, "No space left on device"))
+    assert user_message(raised(absent.read_text)) == f"{absent}: No such file or directory"
+    assert "No space left on device" in user_message(OSError(errno.ENOSPC, "No space left on device"))
 
 
 def test_arithmetic_out_of_range_names_its_place():
@@ -56,10 +56,10 @@ def test_arithmetic_out_of_range_names_its_place():
         raised(lambda: 10.0**400),
         raised(lambda: solve_linear(np.full((9, 2), np.nan), np.ones(9), (1, 1))),
     ):
-        assert "numbers left the range that can be computed with" in explained(error)
-    assert "in joint_fit.py, line " in explained(error)
+        assert "numbers left the range that can be computed with" in user_message(error)
+    assert "in joint_fit.py, line " in user_message(error)
 
 
 def test_programming_errors_are_not_explained():
-    assert explained(raised(lambda: {}["absent"])) is None
-    assert explained(raised(lambda: None + 1)) is None
+    assert user_message(raised(lambda: {}["absent"])) is None
+    assert user_message(raised(lambda: None + 1)) is None

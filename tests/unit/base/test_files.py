@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from lumbar.base.errors import InputError, NumericalError, explained
+from lumbar.base.errors import InputError, NumericalError, user_message
 from lumbar.base.files import half_written, read_json, replacing, write_csv, write_json, write_text
 
 
@@ -35,7 +35,7 @@ def test_a_full_disk_is_told_with_the_file_and_the_free_space(tmp_path):
     assert caught.value.filename == str(path)
     free = r"\d+\.\d MB are free in " + re.escape(str(tmp_path))
     assert re.fullmatch(
-        f"{re.escape(str(path))}: No space left on device; {free}: make room, .*", explained(caught.value)
+        f"{re.escape(str(path))}: No space left on device; {free}: make room, .*", user_message(caught.value)
     )
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]

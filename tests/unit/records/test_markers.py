@@ -14,7 +14,7 @@ from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 
 BODY = {  # metres; x right, y forward, z up
     "C7": (0.0, 0.0, 1.45),
@@ -31,7 +31,7 @@ STANDARD = dict(zip(BODY, BODY, strict=True))
 
 def layout_of(**keys) -> MarkerLayout:
     """Return a layout from what a study's YAML would say."""
-    return typed(MarkerLayout, keys)
+    return from_plain(MarkerLayout, keys)
 
 
 def write(tmp_path, positions, axes=None, unit="mm", **options):

@@ -11,10 +11,10 @@ from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record, check_record, resample, same_units
 from lumbar.settings.layout import ColumnLayout
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 from study_settings import changed
 
-LAYOUT = typed(
+LAYOUT = from_plain(
     ColumnLayout,
     {
         "columns": {
@@ -79,7 +79,7 @@ def test_an_optional_column_may_be_absent_or_rest(tmp_path, values):
 
 def test_scale_offset_numbers_comments_and_decimal_comma(tmp_path, values):
     text = text_of(1000 * values, header="% made up\n", form="{:.3f}\t{:.3f}\t{:.3f}").replace(".", ",")
-    layout = typed(
+    layout = from_plain(
         ColumnLayout,
         {
             "delimiter": "\t",
@@ -276,7 +276,7 @@ def test_a_record_too_short_for_the_filter_is_refused():
 
 
 def test_real_recordings_are_read(shared):
-    layout = typed(
+    layout = from_plain(
         ColumnLayout,
         {
             "delimiter": ",",
@@ -294,7 +294,7 @@ def test_real_recordings_are_read(shared):
     )
     assert record.sampling_time == pytest.approx(0.005, rel=1e-3)
     assert record.duration == pytest.approx(20, rel=0.1)
-    damper = typed(
+    damper = from_plain(
         ColumnLayout,
         {
             "columns": {

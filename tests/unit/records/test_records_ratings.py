@@ -9,10 +9,10 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.records.ratings import read_ratings
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 from lumbar.settings.survey import RatingsLayout
 
-LAYOUT = typed(
+LAYOUT = from_plain(
     RatingsLayout,
     {
         "participant": "who",
@@ -119,7 +119,7 @@ def test_contradictory_layouts(tmp_path):
 def test_other_scales_delimiters_and_fewer_questions(tmp_path):
     path = tmp_path / "survey.csv"
     path.write_text("\ufeffwho;x;y;best\n1; 7 ;1;Y\n2;6;2;X\n", encoding="utf-8")
-    layout = typed(
+    layout = from_plain(
         RatingsLayout,
         {
             "delimiter": ";",

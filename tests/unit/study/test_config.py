@@ -13,13 +13,13 @@ import yaml
 from generate.configuration_reference import keys
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import read_yaml
-from lumbar.settings.plain import plain, typed
+from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import TrialSettings
 from lumbar.study.artefacts import Artefact, read_artefacts
 from lumbar.study.load_study import load_study, name_lifts
 from lumbar.study.study import reading_plan, record_layout, record_set, recordings_of
-from lumbar.study.validation import laid_over
+from lumbar.study.validation import overlay
 from running import PROJECT
 from study_settings import study_config, study_settings, subject_settings
 
@@ -34,7 +34,7 @@ def folder(project, tmp_path):
 @pytest.fixture
 def config() -> dict:
     """Files of the default study, with the sections that the tests change."""
-    return laid_over({name: {} for name in ("survey", "runtime", "stability")}, study_config())
+    return overlay({name: {} for name in ("survey", "runtime", "stability")}, study_config())
 
 
 def message_of(config, folder) -> str:
@@ -330,8 +330,8 @@ def test_every_key_has_a_description():
 
 def test_plain_data_come_back_as_the_settings_they_were():
     settings = study_settings("studies/box_transfer.yaml")
-    assert typed(StudySettings, plain(settings)) == settings
-    assert typed(StudySettings, yaml.safe_load(yaml.safe_dump(plain(settings)))) == settings
+    assert from_plain(StudySettings, plain(settings)) == settings
+    assert from_plain(StudySettings, yaml.safe_load(yaml.safe_dump(plain(settings)))) == settings
 
 
 def test_repeated_trials_with_one_box_are_lifts_of_their_own():

@@ -12,7 +12,7 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.settings.plain import plain
 from lumbar.settings.twin import SyntheticLift
 from lumbar.study.load_study import load_study, name_lifts
-from lumbar.study.validation import Origins, laid_over, validated
+from lumbar.study.validation import Origins, overlay, validate
 from lumbar.twin.cohort import (
     FARTHEST_SD,
     cohort_subjects,
@@ -70,7 +70,7 @@ def test_a_cohort_is_a_study_of_its_people(project):
     assert (len(study.subjects), len(study.lifts)) == (20, 120)
     assert sorted(set(study.labels.values())) == ["expert", "novice"]
     assert len(study.lifts_by_person["novice_0010"]) == 6
-    renamed = laid_over(config, {"stability": {"compare": {"groups": ["trained", "novice"]}}})
+    renamed = overlay(config, {"stability": {"compare": {"groups": ["trained", "novice"]}}})
     with pytest.raises(InputError, match=r"nobody is labelled 'trained'.*expert, novice"):
         load_study(renamed, project)
     alone = {**config, "twin": {"lifting": {"cohort": {"groups": {"expert": {"persons": 4}}}}}}
@@ -121,7 +121,7 @@ def test_every_lift_can_be_moved(settings, cohort, tmp_path):
         person = draw_person(large, name, group, SEED)
         for mass, trial in lifts_of(large):
             lift = draw_lift(large, person, mass, trial, SEED)
-            validated(plain(lift), SyntheticLift, problems, Origins())
+            validate(plain(lift), SyntheticLift, problems, Origins())
             assert np.all(np.diff([1.2, *vars(lift.events_s).values()]) >= 0.2)
     problems.raise_if_any()
     write_person(settings, cohort, "novice_0001", "novice", SEED, {(23.0, 2): tmp_path / "lift.c3d"})

@@ -20,7 +20,7 @@ class NumericalError(LumbarError):
     """A computation that did not reach a result that may be published."""
 
 
-def explained(error: BaseException) -> str | None:
+def user_message(error: BaseException) -> str | None:
     """Return what went wrong in words for the user; None for a programming error, whose traceback is needed.
 
     Parameters

@@ -15,7 +15,7 @@ _watcher: ContextVar[Callable[[str], None] | None] = ContextVar("watcher", defau
 
 
 @contextmanager
-def watched(watcher: Callable[[str], None]) -> Iterator[None]:
+def watch_progress(watcher: Callable[[str], None]) -> Iterator[None]:
     """Tell `watcher` of the work in the block, often: in words where they are known, else with ""; what it raises ends it."""
     token = _watcher.set(watcher)
     try:

@@ -37,16 +37,16 @@ class YamlFile:
     def place(self, way: tuple) -> str:
         """Name file, line and key as messages do, e.g. ``study.yaml, line 3: tissue.records.0.file``."""
         line = self.line(way)
-        return f"{self.path}, line {line}: {dotted(way)}" if line else f"{self.path}: {dotted(way)}"
+        return f"{self.path}, line {line}: {dotted_path(way)}" if line else f"{self.path}: {dotted_path(way)}"
 
 
-def dotted(way: tuple) -> str:
+def dotted_path(way: tuple) -> str:
     """Name the way to a key, e.g. ``tissue.records.0.file``."""
     return ".".join(map(str, way))
 
 
 def way_of(key: str) -> tuple:
-    """Way to a key that is named as by `dotted`."""
+    """Way to a key that is named as by `dotted_path`."""
     return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
 
 
@@ -108,7 +108,7 @@ class _YamlReader:
         for name, _ in node.value:
             key, line = getattr(name, "value", None), name.start_mark.line + 1
             if isinstance(key, str) and key in first:
-                words = f"key {dotted((*way, key))!r} stands twice"
+                words = f"key {dotted_path((*way, key))!r} stands twice"
                 self.problems.add(
                     f"{self.file.path}, lines {first[key]} and {line}", words, "keep one of them"
                 )

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from lumbar.base.environment import use_one_thread
-from lumbar.base.errors import explained
+from lumbar.base.errors import user_message
 from lumbar.cli import device, explore, lifting, recordings, survey, tissue
 
 COMMANDS = (
@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:
-        told = explained(error)
+        told = user_message(error)
         if told is None:
             raise
         print(f"lumbar: {told}", file=sys.stderr)

@@ -34,9 +34,9 @@ def _checked(value: Any) -> Any:
         return value
     from lumbar.base.errors import Problems
     from lumbar.settings.plain import plain
-    from lumbar.study.validation import Origins, validated
+    from lumbar.study.validation import Origins, validate
 
     problems = Problems(type(value).__name__)
-    found = validated(plain(value), type(value), problems, Origins())
+    found = validate(plain(value), type(value), problems, Origins())
     problems.raise_if_any()
     return found

@@ -338,9 +338,9 @@ class Rendering(Result):
     def loop_figure(self) -> Figure:
         """The loop that oscillates beside the mended one, of the best fitting model that has both; else the first two loops."""
         from lumbar.publishing.figures.runtime_figures import loop_figure
-        from lumbar.tissue.haptics.judgement import mended
+        from lumbar.tissue.haptics.judgement import oscillating_and_calm
 
-        return loop_figure(mended(self.judgements) or self.judgements[:2])
+        return loop_figure(oscillating_and_calm(self.judgements) or self.judgements[:2])
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """The table ``rendering`` and the figures ``closed_loop`` and, of transfer functions, ``z_width``."""

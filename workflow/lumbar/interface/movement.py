@@ -242,11 +242,11 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
     for attempt in attempts([item for _, item in sound], "exact, both signs", []):
         with attempt as items:
             loops = close_loops(items * len(SIGNS), [sign for sign in SIGNS for _ in items], fewer)
-            areas = exact_funnels(loops, settings.goal_level).mean_area.reshape(len(SIGNS), len(items))
-            computed |= zip(map(id, items), areas.T, strict=True)
+            of_signs = exact_funnels(loops, settings.goal_level).mean_area.reshape(len(SIGNS), len(items))
+            computed |= zip(map(id, items), of_signs.T, strict=True)
     for name, item in sound:
-        found = computed.get(id(item))
-        rows.append((name, item, ABSENT, NO_BASIN) if found is None else (name, item, found, ""))
+        areas = computed.get(id(item))
+        rows.append((name, item, ABSENT, NO_BASIN) if areas is None else (name, item, areas, ""))
     frame = pd.DataFrame(
         [
             (name, f"basin_area_{item.com}_{sign}", item.plane, area, reason)

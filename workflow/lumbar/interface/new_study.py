@@ -205,9 +205,9 @@ def _read(path: Path) -> tuple[MarkerRecording, str]:
 
 
 def _in_unit(layout: MarkerLayout, unit: str) -> MarkerLayout:
-    from lumbar.settings.plain import plain, typed
+    from lumbar.settings.plain import from_plain, plain
 
-    return typed(type(layout), {**plain(layout), "unit": unit})
+    return from_plain(type(layout), {**plain(layout), "unit": unit})
 
 
 def _is_a_persons_size(recording: MarkerRecording) -> bool:

@@ -11,8 +11,8 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from lumbar.base.errors import LumbarError, explained
-from lumbar.base.progress import watched
+from lumbar.base.errors import LumbarError, user_message
+from lumbar.base.progress import watch_progress
 
 DRAWING = threading.Lock()
 """Held where figures are drawn: Matplotlib draws one at a time."""
@@ -24,9 +24,9 @@ class Cancelled(LumbarError):
     """Work that was ended by the one who asked for it."""
 
 
-def told(error: Exception) -> str:
+def page_message(error: Exception) -> str:
     """Return an error in words for the page; the details of one that the program made are printed."""
-    words = explained(error)
+    words = user_message(error)
     if words is None:
         traceback.print_exception(error, file=sys.stderr)
         words = f"the program failed ({type(error).__name__}); the details stand where 'lumbar explore' was started"
@@ -101,10 +101,10 @@ class Job:
 
     def _run(self) -> None:
         try:
-            with watched(self._step):
+            with watch_progress(self._step):
                 self._work()
         except Exception as error:
-            self.error = told(error)
+            self.error = page_message(error)
         finally:
             self._done.set()
 

@@ -48,7 +48,7 @@ def keep_effects(path: Path, settings: StudySettings, name: str, effects: Sequen
     number = next(number for number, entry in enumerate(sets) if entry.name == name)
     if is_tissue_chapter(settings, sets[number]) and sets[number].effects is None:
         return with_value(path, ("improvement", "effects"), effects)
-    listed = listed_in(path)
+    listed = read_listed_sets(path)
     if listed:
         found = [place for place, entry in enumerate(listed) if entry.get("name") == name]
         if len(found) != 1:
@@ -59,7 +59,7 @@ def keep_effects(path: Path, settings: StudySettings, name: str, effects: Sequen
     return with_value(path, SETS, entries)
 
 
-def listed_in(path: Path) -> list[dict]:
+def read_listed_sets(path: Path) -> list[dict]:
     """Record sets that a study's file lists itself, as it stands now; empty where they are those of the defaults.
 
     Raises
@@ -132,7 +132,7 @@ def keep_records(
     entry = _entry(name, imported, train, effects)
     if study.settings.improvement.session:
         entry["session"] = False  # as they were diagnosed: files of a person's own need not be of one session
-    listed = listed_in(path)
+    listed = read_listed_sets(path)
     now = listed or listed_sets(study.settings)
     there = next((number for number, item in enumerate(now) if item.get("name") == name), None)
     if there is None:

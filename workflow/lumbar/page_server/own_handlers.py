@@ -11,7 +11,7 @@ from tornado.web import Finish, RequestHandler, stream_request_body
 
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
-from lumbar.page_server.background import in_background, told
+from lumbar.page_server.background import in_background, page_message
 from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis, OwnRecordings, OwnTabs
 from lumbar.page_server.recording_preview import FIELDS
 from lumbar.page_server.requests import read_request
@@ -110,7 +110,7 @@ class _FileHandler(_OwnHandler):
         try:
             self.write(await in_background(self.held.add, name, b"".join(self.pieces)))
         except Exception as error:
-            self.refuse(400, told(error))
+            self.refuse(400, page_message(error))
 
 
 def too_large(name: str) -> str:
@@ -129,7 +129,7 @@ class _AskHandler(_OwnHandler):
             asked = read_request(self.request.body)
             self.write(await in_background(self._answer, held, action, asked))
         except Exception as error:
-            self.refuse(400, told(error))
+            self.refuse(400, page_message(error))
 
     def _answer(self, held: OwnRecordings, action: str, asked: dict[str, Any]) -> dict[str, Any]:
         if action == "look":

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.importing import ForeignFile, ImportedRecordings, import_recordings
-from lumbar.page_server.background import WRITING, told
+from lumbar.page_server.background import WRITING, page_message
 from lumbar.page_server.recording_preview import FIELDS, in_fields, preview, tables_columns
 from lumbar.page_server.served_sets import OWN, ExploredSet, ServedSets
 from lumbar.settings.key import NAME
@@ -161,7 +161,7 @@ class OwnRecordings:
             shown["columns"] = tables_columns(read.table)
             return shown | preview(import_recordings([read], **self.choices))
         except Exception as error:
-            return shown | {"wrong": in_fields(told(error), wrong)}
+            return shown | {"wrong": in_fields(page_message(error), wrong)}
 
     def _foreign(self, name: str) -> ForeignFile:
         table = self.choices.get("table")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
-from lumbar.page_server.background import DRAWING, WRITING, told
+from lumbar.page_server.background import DRAWING, WRITING, page_message
 from lumbar.page_server.served_sets import ExploredSet
 from lumbar.page_server.study_change import Change
 
@@ -64,7 +64,7 @@ class TabRequests:
             with self._one_at_a_time:
                 content, models = actions[action](self._effects(asked))
         except Exception as error:
-            return {"number": number, "error": told(error)}, []
+            return {"number": number, "error": page_message(error)}, []
         return {"number": number, **content}, models
 
     def _effects(self, asked: dict) -> list[str]:
@@ -82,19 +82,19 @@ class TabRequests:
 
     def _fit(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """Every step of the path, and where its end fails."""
-        from lumbar.publishing.explorer.page import told as told_of_model
+        from lumbar.publishing.explorer.page import model_facts
 
         models = [self.explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
         located = {models[-1].key: self.explored.refitted(effects).locate().simulated}
-        content = {model.key: told_of_model(model, located.get(model.key, [])) for model in models}
+        content = {model.key: model_facts(model, located.get(model.key, [])) for model in models}
         return {"models": content, "effects": effects}, models
 
     def _locate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
-        from lumbar.publishing.explorer.page import told as told_of_model
+        from lumbar.publishing.explorer.page import model_facts
 
         model = self.explored.fitted(effects)
         located = self.explored.refitted(effects).locate().simulated
-        return {"key": model.key, "located": told_of_model(model, located)["located"]}, []
+        return {"key": model.key, "located": model_facts(model, located)["located"]}, []
 
     def _separate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """The excitation that tells these effects from the selected ones."""

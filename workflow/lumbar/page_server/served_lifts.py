@@ -15,7 +15,7 @@ from tornado.routing import PathMatches, Rule
 from tornado.web import RequestHandler
 
 from lumbar.interface.lift_page import lift_page
-from lumbar.page_server.background import in_background, told
+from lumbar.page_server.background import in_background, page_message
 from lumbar.page_server.trust import FromHere
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class LiftHandler(RequestHandler):
         except Exception as error:
             self.set_status(500)
             self.set_header("Content-Type", "text/plain; charset=utf-8")
-            self.write(told(error))
+            self.write(page_message(error))
 
 
 def add_lifts(server: Server, lifts: Sequence[ServedLift]) -> None:

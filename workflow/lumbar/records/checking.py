@@ -11,7 +11,7 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.base.progress import track
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import ColumnLayout, MarkerLayout
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 from lumbar.settings.survey import RatingsLayout
 
 MarkerReader = Callable[[str, MarkerLayout], MarkerRecording]
@@ -79,7 +79,7 @@ def _columns(item: dict) -> tuple[object, dict]:
 
     record = read_record(
         item["path"],
-        typed(ColumnLayout, item["layout"]),
+        from_plain(ColumnLayout, item["layout"]),
         name=item.get("name"),
         period=item.get("period_s"),
         rate=item.get("rate_Hz"),
@@ -99,7 +99,7 @@ def _columns(item: dict) -> tuple[object, dict]:
 
 
 def _markers(item: dict, read: MarkerReader) -> tuple[object, dict]:
-    recording = read(item["path"], typed(MarkerLayout, item["layout"]))
+    recording = read(item["path"], from_plain(MarkerLayout, item["layout"]))
     return recording, {
         "name": recording.name,
         "samples": len(recording.time),
@@ -116,7 +116,7 @@ def _markers(item: dict, read: MarkerReader) -> tuple[object, dict]:
 def _ratings(item: dict) -> tuple[object, dict]:
     from lumbar.records.ratings import read_ratings
 
-    ratings = read_ratings(item["path"], typed(RatingsLayout, item["layout"]))
+    ratings = read_ratings(item["path"], from_plain(RatingsLayout, item["layout"]))
     return ratings, {
         "participants": len(ratings),
         "models": list(ratings.models),

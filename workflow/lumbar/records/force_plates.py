@@ -22,7 +22,7 @@ from lumbar.records.c3d_structure import C3dStructure, check_structure
 from lumbar.records.ground_forces import UNLOADED_N, ForcePlate, read_mot
 from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, metres_per_unit
-from lumbar.records.unpacking import ending_of, unpacked
+from lumbar.records.unpacking import ending_of, readable_path
 from lumbar.settings.layout import MarkerLayout
 
 _CLEARLY_LOADED_N = 100.0
@@ -89,7 +89,7 @@ def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = Non
     ending = ending_of(path)
     if ending not in (".mot", ".c3d"):
         return []
-    with unpacked(path) as plain:
+    with readable_path(path) as plain:
         return read_mot(plain, layout) if ending == ".mot" else read_c3d_plates(plain, layout)
 
 

@@ -29,7 +29,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.records.marker_file import MarkerFile, RecordedEvent
-from lumbar.records.unpacking import stem_of, unpacked
+from lumbar.records.unpacking import readable_path, stem_of
 from lumbar.settings.layout import MarkerLayout
 
 Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
@@ -129,7 +129,7 @@ def read_markers(
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    with unpacked(path) as plain:
+    with readable_path(path) as plain:
         file = replace(_read_file(plain, layout), source=str(path))
     file = _at_rate(select_subject(file, layout.subject_prefix), layout.rate_Hz)
     if len(file.time) < minimum_frames:

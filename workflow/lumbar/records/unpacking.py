@@ -92,7 +92,7 @@ def _pieces(reader, stored: bytes, left: int, size: int, source: str, unpacked: 
 
 
 @contextmanager
-def unpacked(path: Path) -> Iterator[Path]:
+def readable_path(path: Path) -> Iterator[Path]:
     """Give the path under which a file can be read: a packed one is unpacked, up to the limits above, for as long.
 
     Messages about the unpacked file name the packed one.

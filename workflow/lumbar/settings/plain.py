@@ -76,7 +76,7 @@ class NotPassed:
     __hash__ = object.__hash__
 
 
-def typed(kind: type[Kind], content: Any, complete: bool = True) -> Kind:
+def from_plain(kind: type[Kind], content: Any, complete: bool = True) -> Kind:
     """Return plain data that were validated before as the settings they are.
 
     Parameters

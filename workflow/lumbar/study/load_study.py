@@ -19,7 +19,7 @@ from lumbar.settings.subject import SubjectFile, SubjectSettings
 from lumbar.study.artefacts import LIFTED, NEEDS, read_artefacts
 from lumbar.study.consistency import check_consistency
 from lumbar.study.study import TWIN, RecordedLift, Study
-from lumbar.study.validation import Origins, laid_over, validated
+from lumbar.study.validation import Origins, overlay, validate
 
 if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings
@@ -46,7 +46,7 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
     """
     problems = Problems("configuration")
     origins = Origins([read_yaml(_below(root, file), problems, _named(root, file)) for file in files])
-    settings = validated(config, StudySettings, problems, origins)
+    settings = validate(config, StudySettings, problems, origins)
     subjects = _load_subjects(config, settings, root, problems)
     if settings is not None:
         _check_chapters(settings, problems, origins)
@@ -83,7 +83,7 @@ def load_study_file(root: Path, file: Path | None = None) -> Study:
     files += [] if file is None else [file]
     problems, content = Problems("configuration"), {}
     for path in files:
-        content = laid_over(content, read_yaml(path, problems).content)
+        content = overlay(content, read_yaml(path, problems).content)
     problems.raise_if_any()
     return load_study(content, root, files)
 
@@ -179,7 +179,7 @@ def read_subject(path: Path, name: str, problems: Problems) -> SubjectSettings |
     file: YamlFile = read_yaml(path, problems, name)
     if len(problems.entries) > before:
         return None
-    checked = validated(file.content, SubjectFile, problems, Origins([file]))
+    checked = validate(file.content, SubjectFile, problems, Origins([file]))
     return checked.subject if checked else None
 
 
@@ -233,14 +233,14 @@ def load_settings(*files: str | os.PathLike) -> StudySettings:
     from lumbar.base.yaml_file import read_yaml, way_of
     from lumbar.settings.study_settings import StudySettings
     from lumbar.study.consistency import check_effects
-    from lumbar.study.validation import Origins, laid_over, validated
+    from lumbar.study.validation import Origins, overlay, validate
 
     files, problems = tuple(map(Path, files)), Problems("configuration")
     read = [read_yaml(path, problems) for path in files]
     origins, content = Origins(read), {}
     for file in read:
-        content = laid_over(content, file.content)
-    settings = validated(content, StudySettings, problems, origins)
+        content = overlay(content, file.content)
+    settings = validate(content, StudySettings, problems, origins)
     problems.raise_if_any()
     places = [Path(), *(parent for path in reversed(files) for parent in path.resolve().parents)]
     own = tuple(_first_found(file, places) for file in settings.improvement.effect_files)

@@ -41,7 +41,7 @@ class KeyType:
     @property
     def allowed(self) -> str:
         """Type and limits in words."""
-        return allowed(self.kind, {**self.facts, "unit": self.unit})
+        return allowed_words(self.kind, {**self.facts, "unit": self.unit})
 
 
 def keys_of(section: type) -> dict[str, KeyType]:
@@ -89,7 +89,7 @@ def _members(kind: Any) -> list:
     return [kind]
 
 
-def allowed(kind: Any, limits: Mapping[str, Any] | None = None) -> str:
+def allowed_words(kind: Any, limits: Mapping[str, Any] | None = None) -> str:
     """Say what a type allows.
 
     Examples
@@ -106,9 +106,9 @@ def allowed(kind: Any, limits: Mapping[str, Any] | None = None) -> str:
             if isinstance(each, Each)
             for name, value in each.limits.items()
         }
-        return allowed(arguments[0], {**limits, **own})
+        return allowed_words(arguments[0], {**limits, **own})
     if origin in (Union, UnionType):
-        *first, last = [allowed(member, limits) for member in arguments]
+        *first, last = [allowed_words(member, limits) for member in arguments]
         return f"{', '.join(first)}, or {last}"
     if origin is Literal:
         return ", ".join(map(str, arguments))
@@ -116,10 +116,12 @@ def allowed(kind: Any, limits: Mapping[str, Any] | None = None) -> str:
         unit = {"unit": limits.get("unit", "")}
         few = limits.get("min_length", 0)
         if arguments[-1] is Ellipsis:
-            return (f"list of at least {few}: " if few > 1 else "list of ") + allowed(arguments[0], unit)
-        return f"list of {len(arguments)}: {allowed(arguments[0], unit)}"
+            return (f"list of at least {few}: " if few > 1 else "list of ") + allowed_words(
+                arguments[0], unit
+            )
+        return f"list of {len(arguments)}: {allowed_words(arguments[0], unit)}"
     if origin is dict:
-        return f"names, each with {allowed(arguments[1])}"
+        return f"names, each with {allowed_words(arguments[1])}"
     if is_dataclass(kind):
         return "{" + ", ".join(keys_of(kind)) + "}"
     if kind is str and limits.get("min_length"):
@@ -136,13 +138,13 @@ _LONGEST_VALUE = 60
 _ANY = object()
 
 
-def laid_over(base: dict, upper: dict) -> dict:
+def overlay(base: dict, upper: dict) -> dict:
     """Merge as Snakemake does: mappings merge, lists and scalars replace."""
     merged = dict(base)
     for key, value in upper.items():
         below = merged.get(key)
         both = isinstance(below, dict) and isinstance(value, dict)
-        merged[key] = laid_over(below, value) if both else value
+        merged[key] = overlay(below, value) if both else value
     return merged
 
 
@@ -195,7 +197,7 @@ def _adapter(kind: type):
     return TypeAdapter(kind)
 
 
-def validated(
+def validate(
     content: dict, kind: type[Kind], problems: Problems, origins: Origins, above: tuple = ()
 ) -> Kind | None:
     """Return a configuration as settings, with the defaults of all that it leaves out.
@@ -222,20 +224,20 @@ def validated(
     for way in unfilled:
         value = f"{FILL_IN}: still to be filled in"
         problems.add(origins.place((*above, *way)), value, _rule(key_at(kind, way)))
-    merged = laid_over(_defaults(kind), content)
+    merged = overlay(_defaults(kind), content)
     try:
         checked = _adapter(kind).validate_json(json.dumps(merged, default=_as_plain), strict=True)
         return None if unfilled else checked
     except ValidationError as error:
         said: dict[tuple, tuple[str, str]] = dict.fromkeys(unfilled, ("", ""))
         for item in error.errors(include_url=False):
-            way, found, allowed = _explained(kind, merged, item)
-            said.setdefault(way, (found, allowed))
+            way, found, allowed_words = _explained(kind, merged, item)
+            said.setdefault(way, (found, allowed_words))
         places = {way: origins.place((*above, *way), _value(merged, way, _ANY)) for way in said}
-        for way, (found, allowed) in said.items():
+        for way, (found, allowed_words) in said.items():
             if any(place[: len(way)] == way for place in unfilled):
                 continue
-            problems.add(places[way], found, allowed)
+            problems.add(places[way], found, allowed_words)
     return None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from lumbar.tables.layout import EMPTY, Column, split
+from lumbar.tables.layout import EMPTY, Column, split_number
 
 COLUMN_WIDTH = 52
 """Characters in ``\\footnotesize`` across a journal's column."""
@@ -33,7 +33,7 @@ _PLAIN = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _NUMBERED = re.compile(r"^Table \d+\.\d+[.:,]? *(as |the )?")
 
 
-def escaped(text: str) -> str:
+def escape_latex(text: str) -> str:
     """Return a text as LaTeX prints it."""
     written = text.translate(_ESCAPES)
     return _POWER.sub(lambda found: rf"$\cdot10^{{{found[1].translate(_PLAIN)}}}$", written)
@@ -62,7 +62,7 @@ def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], d
             rf"\begin{{{environment}}}",
             *([] if number == 0 else [r"\addtocounter{table}{-1}"]),
             r"\footnotesize",
-            rf"\caption{{{escaped(caption)}}}",
+            rf"\caption{{{escape_latex(caption)}}}",
             rf"\begin{{tabular}}{{@{{}}{''.join(map(_alignment, columns))}@{{}}}}",
             r"\toprule",
             " & ".join(_head(column) for column in columns) + r" \\",
@@ -73,7 +73,7 @@ def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], d
         ]
         if part is parts[-1]:
             told = " ".join(f"{text.rstrip('.')}." for text in remarks)
-            lines.append(rf"\par\smallskip\parbox{{\linewidth}}{{\raggedright {escaped(told)}}}")
+            lines.append(rf"\par\smallskip\parbox{{\linewidth}}{{\raggedright {escape_latex(told)}}}")
         lines.append(rf"\end{{{environment}}}")
     return "\n".join(lines) + "\n"
 
@@ -98,9 +98,9 @@ def _head(column: Column) -> str:
         else:
             lines[-1] = f"{lines[-1]} {word}".strip()
     if len(lines) == 1:
-        return escaped(lines[0])
+        return escape_latex(lines[0])
     side = "r" if column.numeric else "l"
-    stacked = r" \\ ".join(map(escaped, lines))
+    stacked = r" \\ ".join(map(escape_latex, lines))
     return rf"\begin{{tabular}}[b]{{@{{}}{side}@{{}}}}{stacked}\end{{tabular}}"
 
 
@@ -108,7 +108,7 @@ def _cell(column: Column, row: int) -> str:
     """Cell, filled up with invisible digits behind the decimal sign so that the signs stand below one another."""
     text = column.cells[row]
     if not column.numeric or text == EMPTY or "·" in text:
-        return escaped(text)
-    missing = column.fraction - len(split(text)[1])
+        return escape_latex(text)
+    missing = column.fraction - len(split_number(text)[1])
     fill = "." + "0" * (missing - 1) if missing == column.fraction else "0" * missing
-    return escaped(text).replace("-", "$-$", 1) + (rf"\phantom{{{fill}}}" if missing else "")
+    return escape_latex(text).replace("-", "$-$", 1) + (rf"\phantom{{{fill}}}" if missing else "")

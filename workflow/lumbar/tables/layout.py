@@ -33,14 +33,14 @@ class Column:
     @cached_property
     def fraction(self) -> int:
         """Characters from the decimal sign on of the cell that has most."""
-        return max((len(split(cell)[1]) for cell in self.cells), default=0)
+        return max((len(split_number(cell)[1]) for cell in self.cells), default=0)
 
     @cached_property
     def width(self) -> int:
         """Characters that the column takes, the space beside it counted in."""
         word = max(map(len, re.split(r"[ /]", self.header)))
         if self.numeric:
-            widest = max(len(split(cell)[0]) for cell in self.cells) + self.fraction
+            widest = max(len(split_number(cell)[0]) for cell in self.cells) + self.fraction
         else:
             widest = min(max(map(len, self.cells), default=0), _WORDS)
         return max(word, widest) + _GAP
@@ -59,7 +59,7 @@ class Column:
         return max(map(len, self.cells), default=0)
 
 
-def split(cell: str) -> tuple[str, str]:
+def split_number(cell: str) -> tuple[str, str]:
     """Return a number's part before the decimal sign, and the rest."""
     found = _NUMBER.fullmatch(cell)
     return (found[1], found[2]) if found else (cell, "")

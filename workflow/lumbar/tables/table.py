@@ -13,7 +13,7 @@ from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_text
 from lumbar.base.templates import template
 from lumbar.tables.latex import latex_table
-from lumbar.tables.layout import EMPTY, Column, blocks, fitting, keys_of, scientific, split
+from lumbar.tables.layout import EMPTY, Column, blocks, fitting, keys_of, scientific, split_number
 from lumbar.tables.words import column_in_words, value_in_words
 
 if TYPE_CHECKING:
@@ -152,5 +152,5 @@ class Table:
             counts=(len(rows), len(every), len(names), len(names) + len(hidden)),
             notes=self.notes,
             definitions=self._remarks([*names, *hidden]),
-            split=split,
+            split=split_number,
         )

@@ -22,7 +22,7 @@ from lumbar.lifting.movement.events import Event
 from lumbar.lifting.movement.joint_centres import trunk_points
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 
 
 def shares(table):
@@ -220,7 +220,7 @@ def test_the_trunk_moves_with_the_whole_body_centre_of_plug_in_gait(shared):
         "R_HIP": {"from": "RASI", "offset_m": [0, 0, -0.1]},
         "WHOLE": "CentreOfMass",
     }
-    layout = typed(MarkerLayout, {"unit": "m", "aliases": aliases, "check_axes": False})
+    layout = from_plain(MarkerLayout, {"unit": "m", "aliases": aliases, "check_axes": False})
     walk = read_markers(shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d", layout)
     centres = segment_centres(on_skin(walk), WINTER)
     mass = {segment.name: segment.mass_share for segment in WINTER.segments}

@@ -21,7 +21,7 @@ from lumbar.lifting.pushes.trial_separation import body_trial, values_of
 from lumbar.lifting.stability.comparison.perturbed_trials import trial_of
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.plain import plain, typed
+from lumbar.settings.plain import from_plain, plain
 
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 120.0, 1000.0])
@@ -184,7 +184,7 @@ def test_an_island_between_gaps_that_stay_is_left_out():
 @pytest.mark.parametrize("used", [pendulum_of, measures_of])
 @pytest.mark.parametrize("longer", ["keep", "error"])
 def test_an_island_in_a_marker_that_a_trial_does_not_use_changes_nothing(used, longer):
-    settings = typed(LiftingSettings, {"gaps": {"longer": longer}})
+    settings = from_plain(LiftingSettings, {"gaps": {"longer": longer}})
     recording = standing_up()
     np.testing.assert_equal(used(with_an_island(recording, "HEAD"), settings), used(recording))
 

@@ -17,7 +17,7 @@ from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import EventLabels, EventSettings
-from lumbar.settings.plain import plain, typed
+from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.subject import DeclaredEvents, TrialSettings
 from study_settings import study_settings
 
@@ -405,7 +405,7 @@ def test_the_files_events_stand_beside_ours_and_change_nothing(lift):
 
 @pytest.mark.parametrize("by", ["trial", "study"])
 def test_the_files_events_replace_ours_where_that_is_asked_for(lift, by):
-    trial = typed(TrialSettings, {**plain(TrialSettings(15.0, "lift.c3d")), "events": "file"})
+    trial = from_plain(TrialSettings, {**plain(TrialSettings(15.0, "lift.c3d")), "events": "file"})
     settings = SETTINGS if by == "trial" else replace(SETTINGS, taken_from="file")
     events = find_events(lift, settings, trial.events if by == "trial" else None)
     assert {

@@ -14,12 +14,12 @@ from lumbar.lifting.movement.lift_tables import gaps_frame
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import GapSettings, LiftingSettings
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 ANN = SubjectSettings("ann", "female", 61.0, 1.68, "novice")
 TRIAL = TrialSettings(0, "squat.c3d")
-SQUAT = typed(
+SQUAT = from_plain(
     MarkerLayout,
     {
         "up": "+y",

@@ -29,7 +29,7 @@ from lumbar.lifting.movement.joint_centres import (
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import ALIASES
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 
 POSE = Rotation.from_euler("zxy", [35, 50, -12], degrees=True)
 SHIFT = np.array([1.2, -0.4, 0.9])
@@ -235,7 +235,9 @@ def whole_body(recording, trunk):
 
 
 def plug_in_gait(shared, trial):
-    layout = typed(MarkerLayout, {"unit": "m", "aliases": PLUG_IN_GAIT, "required": [], "check_axes": False})
+    layout = from_plain(
+        MarkerLayout, {"unit": "m", "aliases": PLUG_IN_GAIT, "required": [], "check_axes": False}
+    )
     return read_markers(shared / "real" / "lifting" / "ktk_pig_com_oracle" / f"{trial}.c3d", layout)
 
 
@@ -275,7 +277,7 @@ def test_hips_lie_near_plug_in_gait_s(shared):
 def test_t12_on_a_static_trial_with_the_whole_spine(shared):
     """The estimate of T12/L1 lies 70-76 mm ahead of the real marker on T12, and at its height within 10 mm."""
     aliases = {**ALIASES, "SACRUM": {"mean": ["L_PSIS", "R_PSIS"]}, "MANUBRIUM": "STRN", "XIPHOID": "XIPH"}
-    layout = typed(MarkerLayout, {"aliases": aliases, "required": [], "check_axes": False})
+    layout = from_plain(MarkerLayout, {"aliases": aliases, "required": [], "check_axes": False})
     recording = read_markers(
         shared / "real" / "lifting" / "athlete_static_full_spine" / "c3dfile1.c3d", layout
     )

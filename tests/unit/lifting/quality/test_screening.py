@@ -195,9 +195,11 @@ def test_what_the_checks_leave_out_of_the_deposit_is_no_gap_to_be_filled(points,
 
 
 def test_a_finding_concerns_what_follows_from_its_marker_by_a_rule(points, lift_of):
-    from lumbar.settings.plain import typed
+    from lumbar.settings.plain import from_plain
 
-    rules = typed(MarkerLayout, {"aliases": {"L5": {"between": ["T12", "SACRUM"], "share": 0.7}}}).aliases
+    rules = from_plain(
+        MarkerLayout, {"aliases": {"L5": {"between": ["T12", "SACRUM"], "share": 0.7}}}
+    ).aliases
     frozen = changed(points, "T12", slice(300, 340), points["T12"][300])
     (finding,) = lift_of(frozen, aliases=study_settings().lifting.markers.aliases | rules).quality.findings
     assert set(finding.concerns) == {"T12", "L5"}

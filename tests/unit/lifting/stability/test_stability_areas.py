@@ -24,11 +24,11 @@ from lumbar.lifting.stability.model.trajectories import (
     trajectories_of_lift,
 )
 from lumbar.publishing.figures.stability_figures import ellipses, shown_lift
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 from lumbar.settings.stability import StabilitySettings
 from study_settings import changed
 
-SETTINGS = typed(
+SETTINGS = from_plain(
     StabilitySettings,
     {
         "pendulum": {"sign": "hanging", "mass": "with_box", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},

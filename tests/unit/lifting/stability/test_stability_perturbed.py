@@ -18,11 +18,11 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
     relative_value,
     trials_table,
 )
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 from lumbar.settings.stability import StabilitySettings
 
 SETTINGS = perturbation_settings(unperturbed=("u0", "u1", "u2", "u3"), perturbed=("far", "near"))
-STABILITY = typed(
+STABILITY = from_plain(
     StabilitySettings,
     {
         "pendulum": {"sign": "hanging", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},

@@ -17,7 +17,7 @@ from lumbar.tissue.fmu.build.compiler import compile_library
 from lumbar.tissue.fmu.build.package import write_fmu
 from lumbar.tissue.fmu.build.sources import C_FILES, content_token, source_files
 from lumbar.tissue.fmu.check import file_check
-from lumbar.tissue.fmu.check.behaviour import compared, problems_of
+from lumbar.tissue.fmu.check.behaviour import first_difference, problems_of
 from lumbar.tissue.fmu.check.file_check import check_file, check_files
 from lumbar.tissue.fmu.check.instance import UnzippedFmu
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
@@ -354,7 +354,7 @@ def played_here(monkeypatch):
 
     def played(jobs, work):
         fmus = [[UnzippedFmu(folder) for folder in folders] for folders in jobs]
-        return [problems_of(*fmu) if len(fmu) == 1 else compared(*fmu) for fmu in fmus]
+        return [problems_of(*fmu) if len(fmu) == 1 else first_difference(*fmu) for fmu in fmus]
 
     monkeypatch.setattr(file_check, "played", played)
 

@@ -31,7 +31,7 @@ from test_runtime_file_check import CORE, defective, played_here  # noqa: F401 -
 
 from lumbar import __version__
 from lumbar.tissue.fmu.build.package import export_fmus, write_fmu
-from lumbar.tissue.fmu.check.file_check import check_file, checked
+from lumbar.tissue.fmu.check.file_check import check_each, check_file
 from study_settings import changed
 
 pytestmark = ON_LINUX
@@ -398,7 +398,7 @@ def test_of_several_libraries_the_right_one_is_to_blame(
         put_in(sound, ends, 3, tmp_path / "two"),
         fmu_folder / "HO_fmi3.fmu",
     ]
-    found = [check.problems for check in checked(paths, zig_cache)]
+    found = [check.problems for check in check_each(paths, zig_cache)]
     assert [bool(problems) for problems in found] == [False, True, False, True, False]
     assert "crashes with signal" in found[1][0]
     assert "ends the program" in found[3][0]

@@ -18,7 +18,7 @@ from lumbar.publishing.figures.style import save
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.reference_response import push_profile, reference_output
 from lumbar.tissue.fmu.check.fmu_check import check_fmus, check_input, check_table, push
-from lumbar.tissue.fmu.check.playing import played
+from lumbar.tissue.fmu.check.playing import play_libraries
 from study_settings import changed
 
 pytestmark = ON_LINUX
@@ -291,4 +291,4 @@ def test_no_library_is_blamed_for_a_check_that_is_killed_from_outside(tmp_path, 
     killed.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(killed))
     with pytest.raises(InputError, match="killed from outside"):
-        played([(tmp_path,)], tmp_path)
+        play_libraries([(tmp_path,)], tmp_path)

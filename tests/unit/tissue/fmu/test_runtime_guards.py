@@ -25,7 +25,7 @@ from runtime_models import (
 from scipy.linalg import expm
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.fmu.build.guards import guarded
+from lumbar.tissue.fmu.build.guards import guard_forces
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.reference_response import reference_output
 from lumbar.tissue.fmu.check.fmu_check import check_fmus, simulate_fmu
@@ -102,7 +102,7 @@ def test_guarded_forces_differ_in_no_bit(name, zig_cache, tmp_path):
     export_fmus([model], tmp_path, "synthetic twin", TARGET, zig_cache)
     time = np.arange(len(inputs)) * model.sampling_time
     for version in (2, 3):
-        expected = guarded(model, inputs, limited, event_mode=version == 3).read
+        expected = guard_forces(model, inputs, limited, event_mode=version == 3).read
         found = simulate_fmu(tmp_path / f"{name}_fmi{version}.fmu", time, inputs)
         np.testing.assert_array_equal(found, expected)
         assert np.count_nonzero(expected != limited) > 100

@@ -23,7 +23,7 @@ from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.device_table import with_device
 from lumbar.tissue.haptics.judgement import analyse, judge, judge_fmu
 from lumbar.tissue.haptics.passivity import lowest_rates
-from lumbar.tissue.haptics.rendered_model import direction, exported_at, rendered
+from lumbar.tissue.haptics.rendered_model import direction, export_at, render_model
 from study_settings import changed
 
 STYLUS = RuntimeSettings().device
@@ -101,7 +101,7 @@ def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models):
     settings = RuntimeSettings()
     model = next(model for model in fmu_models if model.name == name)
     found = judge_fmu(fmu_folder / f"{name}_fmi3.fmu", settings)
-    expected = rendered(model, STYLUS)
+    expected = render_model(model, STYLUS)
     from lumbar.tissue.haptics.judgement import analyse, run_loop
 
     assert found.analysis.damping == pytest.approx(analyse(expected, STYLUS).damping, rel=1e-6)
@@ -126,7 +126,7 @@ def test_a_model_with_effects_is_linearised_and_its_fmu_simulated(zig_cache):
     settings = changed(SETTINGS, models=["KB+hardening_stiffness"], compiler_cache=str(zig_cache))
     document = models_json(effect_entry("KB", "hardening_stiffness/cubic"))
     model = read_models(document, CATALOGUES)[0]
-    meets = rendered(exported_at(model, settings, 100.0), STYLUS)
+    meets = render_model(export_at(model, settings, 100.0), STYLUS)
     assert meets.linearised
     cubic = model["hardening_stiffness.cubic_stiffness"].value
     at_rest, at_depth = (meets.loops[index].response(np.array([1e-3]))[0].real for index in (0, 2))
@@ -207,7 +207,7 @@ DEFAULTS = RuntimeSettings()
 
 
 def analysed(name: str, rate: float, settings: RuntimeSettings = DEFAULTS, late: bool = False):
-    return analyse(rendered(exported_at(fitted(name), settings, rate), STYLUS, late=late), STYLUS)
+    return analyse(render_model(export_at(fitted(name), settings, rate), STYLUS, late=late), STYLUS)
 
 
 @pytest.mark.parametrize(
@@ -243,8 +243,8 @@ def without_average() -> RuntimeSettings:
 
 def test_a_client_that_reads_first_gets_the_feedthrough_late():
     """C x[k] + D u[k−1], not the whole force: that would be H/z, which asks for 45 N·s/m of Kelvin–Boltzmann."""
-    model = exported_at(fitted("KB"), DEFAULTS, 100.0)
-    loop = rendered(model, STYLUS, late=True).loops[0]
+    model = export_at(fitted("KB"), DEFAULTS, 100.0)
+    loop = render_model(model, STYLUS, late=True).loops[0]
     rng = np.random.default_rng(1)
     positions = np.concatenate([[0.0], rng.standard_normal(200)])
     averaged = np.convolve(positions, np.ones(3) / 3)[:201]
@@ -256,7 +256,7 @@ def test_a_client_that_reads_first_gets_the_feedthrough_late():
 
 
 def replace_loop(model, seconds: float):
-    meets = rendered(model, STYLUS)
+    meets = render_model(model, STYLUS)
     return replace(meets, loops=(meets.loops[0].late(seconds),))
 
 
@@ -265,22 +265,22 @@ def test_units_change_nothing(unit):
     factor = {"m": 1e3, "cm": 10.0}[unit]
     model = fitted("KB", unit)
     structure = model.structure.times(factor)
-    found = rendered(exported_at(replace(model, structure=structure), DEFAULTS, 100.0), STYLUS)
-    expected = rendered(exported_at(fitted("KB"), DEFAULTS, 100.0), STYLUS)
+    found = render_model(export_at(replace(model, structure=structure), DEFAULTS, 100.0), STYLUS)
+    expected = render_model(export_at(fitted("KB"), DEFAULTS, 100.0), STYLUS)
     np.testing.assert_allclose(found.loops[0].numerator, expected.loops[0].numerator, rtol=1e-12)
 
 
 def test_an_angle_is_no_position_of_a_stylus():
     model = fitted("KB", "rad", "angle")
     with pytest.raises(InputError, match="angle in 'rad'"):
-        rendered(exported_at(model, DEFAULTS, 100.0), STYLUS)
+        render_model(export_at(model, DEFAULTS, 100.0), STYLUS)
     judgements, refused = judge([model], DEFAULTS)
     assert judgements == []
     assert "angle in 'rad'" in refused[0]
 
 
 def test_the_inverted_model_is_rendered_with_the_sign_that_resists():
-    loop = rendered(exported_at(fitted("IL"), DEFAULTS, 100.0), STYLUS).loops[0]
+    loop = render_model(export_at(fitted("IL"), DEFAULTS, 100.0), STYLUS).loops[0]
     np.testing.assert_allclose(loop.numerator, 125.0 / 3)
     assert direction(SampledModel("", -np.ones(1), np.ones(1), 0.01)) == -1.0
 
@@ -308,7 +308,7 @@ def test_lowest_rates_are_where_damping_and_gain_suffice():
 def analysed_alone(name: str, rate: float):
     """On a servo that is as fast as the model."""
     device = replace(STYLUS, rate_Hz=rate)
-    return analyse(rendered(exported_at(fitted(name), DEFAULTS, rate), device), device)
+    return analyse(render_model(export_at(fitted(name), DEFAULTS, rate), device), device)
 
 
 def test_the_simulated_loops_do_what_the_analysis_says():

@@ -21,7 +21,7 @@ from lumbar.tissue.identification.output_error import (
     fit_output_error,
     relaxation_starts,
     simulation_sensitivities,
-    stabilised,
+    stabilise,
 )
 from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath, ridge_grid
 from lumbar.tissue.models.tissue_models import KB, MAXWELL, MW, higher_order_structures
@@ -290,7 +290,7 @@ def test_an_unstable_start_is_reflected_and_still_leads_to_the_minimum():
     inputs, outputs = experiment(3)
     unstable = TransferFunction((3.0, -2.9), (1.0, -1.04))
     assert not unstable.stable
-    assert stabilised(unstable).stable
+    assert stabilise(unstable).stable
     good = fit_output_error(KB.structure, inputs, outputs, [arx(KB.structure, inputs, outputs)], 50)
     fit = fit_output_error(KB.structure, inputs, outputs, [unstable], 50)
     assert np.sum(fit.residuals**2) == pytest.approx(np.sum(good.residuals**2), rel=1e-6)

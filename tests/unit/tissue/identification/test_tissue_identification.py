@@ -14,7 +14,7 @@ from viscoelastic import discretise, kelvin_boltzmann
 from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record
-from lumbar.settings.plain import typed
+from lumbar.settings.plain import from_plain
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.identification.arx_search import IdentificationData, search, select
 from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
@@ -31,7 +31,7 @@ from lumbar.tissue.models.tissue_models import HO, KB
 from lumbar.tissue.models.transfer_function import ArxStructure
 from study_settings import changed, study_settings
 
-SETTINGS = typed(
+SETTINGS = from_plain(
     TissueSettings,
     {
         "settling_s": 0.5,

@@ -25,7 +25,7 @@ from lumbar.tissue.survey.paired_analysis import (
     vargha_delaney,
 )
 from lumbar.tissue.survey.survey_analysis import analyse_survey, describe_participants
-from lumbar.tissue.survey.table_3_2 import holm, kruskal_wallis, mann_whitney, modes, pairs, printed
+from lumbar.tissue.survey.table_3_2 import holm, kruskal_wallis, mann_whitney, modes, pairs, print_p_value
 from study_settings import study_settings
 
 
@@ -109,7 +109,7 @@ def test_holm_steps_down():
     ("p", "text"), [(1e-9, "<0.001"), (0.001, "<0.05"), (0.0499, "<0.05"), (0.051, "0.051"), (0.793, "0.8")]
 )
 def test_p_values_are_printed_as_in_the_thesis(p, text):
-    assert printed(p) == text
+    assert print_p_value(p) == text
 
 
 def test_all_modes_are_named():

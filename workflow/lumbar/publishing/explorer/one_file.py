@@ -70,7 +70,7 @@ class Drawn:
         return replace(self, documents={name: {**document, "roots": [first, *others]}})
 
 
-def drawn(fill: Callable[[Document], None]) -> Drawn:
+def embedded_pictures(fill: Callable[[Document], None]) -> Drawn:
     """Return the pictures that are put into a Bokeh document.
 
     Parameters

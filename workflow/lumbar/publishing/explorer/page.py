@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from lumbar.publishing.explorer.answers import cards, how_sure
-from lumbar.publishing.explorer.one_file import beside, drawn, one_file
+from lumbar.publishing.explorer.one_file import beside, embedded_pictures, one_file
 from lumbar.publishing.explorer.plots import ANSWER, FIRST, SECOND, page_models
 from lumbar.publishing.explorer.shown import (
     ShownModel,
@@ -169,7 +169,7 @@ class ExplorerPage:
             "trained": [record.name for record in self.records if record.trained],
             "pictures": [name for name, *_ in PICTURES],
             "excitations": self._excitations(),
-            "models": {model.key: told(model, located.get(model.key, [])) for model in self.models},
+            "models": {model.key: model_facts(model, located.get(model.key, [])) for model in self.models},
         }
 
     def _excitations(self) -> dict[str, dict[str, str]]:
@@ -182,10 +182,10 @@ class ExplorerPage:
 
     def to_html(self) -> str:
         """Return the page as a file that needs nothing else: the same bytes for the same diagnosis."""
-        return one_file(drawn(self.fill), PAGE, self.variables())
+        return one_file(embedded_pictures(self.fill), PAGE, self.variables())
 
 
-def told(model: ShownModel, located: Sequence[ResidualReport]) -> dict[str, Any]:
+def model_facts(model: ShownModel, located: Sequence[ResidualReport]) -> dict[str, Any]:
     """Return what the page's script knows of a model."""
     return {
         "label": model.label,

@@ -14,7 +14,7 @@ from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import DEPOSIT, MEASURES
 from lumbar.lifting.movement.lift_tables import points_of
 from lumbar.lifting.stability.model.trajectories import LiftStates
-from lumbar.publishing.explorer.one_file import Drawn, beside, drawn, one_file
+from lumbar.publishing.explorer.one_file import Drawn, beside, embedded_pictures, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
 from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
@@ -61,7 +61,7 @@ def _pictures() -> Drawn:
             for picture in lift_pictures():
                 document.add_root(picture)
 
-    return drawn(fill)
+    return embedded_pictures(fill)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.files import read_json
 from lumbar.publishing.figures.style import SHOWS
-from lumbar.publishing.study_report.published_values import Beside, Said, beside, said_of
+from lumbar.publishing.study_report.published_values import Beside, Said, beside, claims_shown_with
 from lumbar.study.artefacts import Artefact
 
 if TYPE_CHECKING:
@@ -246,7 +246,7 @@ def _entry(
         page="" if is_table or not pages else pages[0],
         sentence=_diagnosis(results, files),
         files=files,
-        said=() if claims is None else tuple(said_of(claims, artefact.id)),
+        said=() if claims is None else tuple(claims_shown_with(claims, artefact.id)),
         beside=None if claims is None else beside(claims, artefact.id),
     )
 

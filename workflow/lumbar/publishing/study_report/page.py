@@ -12,8 +12,8 @@ from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
 from lumbar.publishing.study_report.contents import Chapter
-from lumbar.publishing.study_report.published_values import counted, not_holding
-from lumbar.tables.layout import split
+from lumbar.publishing.study_report.published_values import count_verdicts, not_holding
+from lumbar.tables.layout import split_number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -222,8 +222,8 @@ def report_page(
         recordings=recordings(results),
         sentences=sentences,
         cells=cells,
-        counted=() if claims is None else counted(claims),
+        counted=() if claims is None else count_verdicts(claims),
         missing=[entry for entry in entries if entry.missing],
         pages=[entry for entry in entries if entry.page],
-        split=split,
+        split=split_number,
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lumbar.tables.layout import scientific, split
+from lumbar.tables.layout import scientific, split_number
 from lumbar.tables.words import column_in_words
 
 if TYPE_CHECKING:
@@ -53,16 +53,18 @@ class Beside:
     def fractions(self) -> list[int]:
         """Characters from the decimal sign on, by column of values."""
         columns = zip(*(row[self.names :] for row in self.rows), strict=True)
-        return [max(len(split(text)[1]) for cell in cells for text in cell[:2]) for cells in columns]
+        return [max(len(split_number(text)[1]) for cell in cells for text in cell[:2]) for cells in columns]
 
 
-def said_of(claims: pd.DataFrame, artefact: str) -> list[Said]:
+def claims_shown_with(claims: pd.DataFrame, artefact: str) -> list[Said]:
     """Return the claims that are shown with an artefact."""
     sentences = [(row, row.evidence.split()[0]) for row in claims.itertuples() if not _is_cell(row.claim)]
-    return [said(row) for row, evidence in sentences if SHOWN_WITH.get(evidence, evidence) == artefact]
+    return [
+        claim_sentence(row) for row, evidence in sentences if SHOWN_WITH.get(evidence, evidence) == artefact
+    ]
 
 
-def said(row) -> Said:
+def claim_sentence(row) -> Said:
     """Return a row of ``claims.csv`` in words."""
     values = in_digits(row.thesis_value), in_digits(row.this_run)
     return Said(row.statement, *values, row.verdict, row.criterion, row.location)
@@ -72,8 +74,8 @@ def not_holding(claims: pd.DataFrame, verdict: str) -> tuple[list[Said], list[Sa
     """Return the claims with a verdict: sentences, and cells of published tables."""
     rows = list(claims[claims["verdict"] == verdict].itertuples())
     return (
-        [said(row) for row in rows if not _is_cell(row.claim)],
-        [said(row) for row in rows if _is_cell(row.claim)],
+        [claim_sentence(row) for row in rows if not _is_cell(row.claim)],
+        [claim_sentence(row) for row in rows if _is_cell(row.claim)],
     )
 
 
@@ -107,7 +109,7 @@ def in_digits(value) -> str:
         return str(value)
 
 
-def counted(claims: pd.DataFrame) -> Sequence[tuple[str, int]]:
+def count_verdicts(claims: pd.DataFrame) -> Sequence[tuple[str, int]]:
     """Return how many claims have each verdict."""
     return list(claims["verdict"].value_counts().items())
 

@@ -74,7 +74,7 @@ def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) ->
     problems.raise_if_any()
 
 
-def evened(record: Record, lines: Sequence[int] | None) -> tuple[Record, list[str]]:
+def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, list[str]]:
     """Return the record on an even clock, and what was done to it in sentences.
 
     A clock within `CLOCK_TOLERANCE` of an even one stays as it is. Otherwise a cubic spline through the samples, four to

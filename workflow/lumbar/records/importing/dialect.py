@@ -33,7 +33,7 @@ DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "bl
 """Delimiters in the order in which one is preferred where two read a table alike."""
 
 
-def decoded(content: bytes) -> tuple[list[str], str]:
+def decode_lines(content: bytes) -> tuple[list[str], str]:
     """Return lines of text, as an editor counts them, and the encoding: UTF-16, UTF-8 or else Windows-1252."""
     text, encoding = _decoded(content)
     return re.split(r"\r\n|\r|\n", text.replace("\N{MINUS SIGN}", "-")), encoding

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.importing.clock import check_forward, contradictions, evened, longest, stated_time
+from lumbar.records.importing.clock import check_forward, contradictions, even_clock, longest, stated_time
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.roles import NONE, ROLES, Role, find_roles
 from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of, samples_between
@@ -118,7 +118,7 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
     if not choices.clipped:
         check_clipping(record, lines)  # before resampling, after which no two samples are alike
     notes += contradictions(record, table.rates)
-    record, resampled = evened(record, lines)
+    record, resampled = even_clock(record, lines)
     check_record(record, lines=None if resampled else lines)
     notes += [*resampled, *_suspicions(record, choices)]
     return ImportedRecording(record, table.form, grounds, tuple(notes), samples, sha256, choices.clipped)

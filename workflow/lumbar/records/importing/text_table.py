@@ -12,7 +12,7 @@ from lumbar.records.importing.dialect import (
     FEWEST_ROWS,
     MISSING,
     Dialect,
-    decoded,
+    decode_lines,
     find_blocks,
     find_dialect,
 )
@@ -40,7 +40,7 @@ def read_text(content: bytes, source: str, table: str | None = None) -> RawTable
         If no table is found, or several are; or rows hold something that is no number, with their
         lines.
     """
-    lines, encoding = decoded(content)
+    lines, encoding = decode_lines(content)
     return table_of_lines(lines, source, encoding, table)
 
 

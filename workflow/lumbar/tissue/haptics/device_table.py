@@ -12,7 +12,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.haptics.judgement import Analysis, Judgement, analyse
 from lumbar.tissue.haptics.passivity import FASTEST_HZ
-from lumbar.tissue.haptics.rendered_model import renderable, rendered
+from lumbar.tissue.haptics.rendered_model import render_model, renderable
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
 
 _DEFINITIONS = {
@@ -151,7 +151,7 @@ def with_device(models: Sequence[ExportModel], device: DeviceSettings) -> list[E
             ("In FMI 3.0's event mode", False),
             ("Read as FMI 2.0 reads, the position set after", True),
         ):
-            found = analyse(rendered(model, device, late=late), device)
+            found = analyse(render_model(model, device, late=late), device)
             sentences.append(f"{client}: {found.finding}.")
             if not (found.stable or late or guarded):
                 unsafe.append(found)

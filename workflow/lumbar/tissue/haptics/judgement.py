@@ -15,7 +15,7 @@ from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.haptics.closed_loop import largest_stable_gain
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
-from lumbar.tissue.haptics.rendered_model import RenderedModel, exported_at, rendered, scale_of
+from lumbar.tissue.haptics.rendered_model import RenderedModel, export_at, render_model, scale_of
 from lumbar.tissue.haptics.simulation import LoopRun, difference_equation, encoder_ripple, one_step, simulate
 from lumbar.tissue.models.fitted_model import FittedModel
 
@@ -135,7 +135,7 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
         lowest = lowest_rates(model, settings) if model.discrete else (None, None)
         for rate in sorted({identified, own, max(identified, settings.device.rate_Hz)}):
             try:
-                exported = exported_at(model, settings, rate)
+                exported = export_at(model, settings, rate)
             except NumericalError as error:
                 refused.append(str(error))
             else:
@@ -145,7 +145,7 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
 
 def _judgement(exported: ExportModel, model: FittedModel, settings: RuntimeSettings, lowest) -> Judgement:
     device = settings.device
-    meets = rendered(exported, device)
+    meets = render_model(exported, device)
     guards = exported.guards
     plain = isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact)
     run = run_loop(meets, device) if plain else _run_of_fmu(exported, meets, settings)
@@ -181,7 +181,7 @@ def judge_fmu(path: Path, settings: RuntimeSettings) -> Judgement:
             return Judgement(meets, analyse(meets, settings.device), run_loop(meets, settings.device, step))
 
 
-def mended(judgements: Sequence[Judgement]) -> tuple[Judgement, Judgement] | None:
+def oscillating_and_calm(judgements: Sequence[Judgement]) -> tuple[Judgement, Judgement] | None:
     """A loop that oscillates and one of the same model at another rate that does not; of the model that fits best."""
     pairs = [
         (before, after)

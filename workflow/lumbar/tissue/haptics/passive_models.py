@@ -15,7 +15,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.judgement import Analysis, analyse
 from lumbar.tissue.haptics.passive_fit import Branches, DeviceCondition, fit_passive
-from lumbar.tissue.haptics.rendered_model import exported_at, renderable, rendered, scale_of
+from lumbar.tissue.haptics.rendered_model import export_at, render_model, renderable, scale_of
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.identification.identify_tissue import ports_of, scores_of
 from lumbar.tissue.models.fitted_model import FittedModel
@@ -125,7 +125,7 @@ def fit_passive_models(
 def device_condition(model: FittedModel, settings: RuntimeSettings, rate: float) -> DeviceCondition:
     """What the device of the settings asks of a model's force at a rate in Hz."""
     metre, newton = scale_of(model.name, model.input, model.output)
-    samples = exported_at(model, settings, rate).moving_average
+    samples = export_at(model, settings, rate).moving_average
     average = np.full(samples, newton / metre / samples)
     rendering = SampledModel("", average, np.ones(1), 1.0 / rate).late(1e-3 * settings.device.delay_ms)
     return DeviceCondition(settings.device.damping_N_s_m, rendering)
@@ -169,7 +169,7 @@ def takes_energy(structure: TransferFunction) -> bool:
 
 
 def _on_device(model: FittedModel, settings: RuntimeSettings, rate: float) -> Analysis:
-    return analyse(rendered(exported_at(model, settings, rate), settings.device), settings.device)
+    return analyse(render_model(export_at(model, settings, rate), settings.device), settings.device)
 
 
 _DEFINITIONS = {

@@ -25,7 +25,7 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
-from lumbar.tissue.haptics.rendered_model import exported_at, rendered
+from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from lumbar.tissue.models.fitted_model import FittedModel
 
 _REFINED = 101
@@ -99,7 +99,7 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
     def loop_at(rate: float) -> SampledModel | None:
         """The model at a rate; None where it has no counterpart there."""
         try:
-            return rendered(exported_at(model, settings, rate), replace(device, rate_Hz=rate)).loops[0]
+            return render_model(export_at(model, settings, rate), replace(device, rate_Hz=rate)).loops[0]
         except (InputError, NumericalError):
             return None
 
@@ -157,7 +157,7 @@ def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
     damping = np.geomspace(
         settings.device.damping_N_s_m / 10.0, settings.device.damping_N_s_m * 10.0, _DAMPINGS
     )
-    samples = exported_at(models[0], settings, slowest).moving_average
+    samples = export_at(models[0], settings, slowest).moving_average
     ends = dict.fromkeys([slowest, max(slowest, settings.device.rate_Hz)])
     return ZWidth(
         rates, needed, damping, {rate: _stiffnesses(damping, rate, samples, settings.device) for rate in ends}
@@ -168,7 +168,7 @@ def _needed(model: FittedModel, rate: float, settings: RuntimeSettings) -> float
     device = replace(settings.device, rate_Hz=rate)
     try:
         return required_damping(
-            rendered(exported_at(model, settings, rate), device).loops[0], _POINTS
+            render_model(export_at(model, settings, rate), device).loops[0], _POINTS
         ).damping
     except (InputError, NumericalError):
         return np.nan

@@ -25,7 +25,7 @@ LARGE_STEP_MM, DEPTH_MM = 1.0, 2.0
 """A model with effects is linearised about rest and about this depth, with steps of the encoder and with large ones."""
 
 
-def exported_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> ExportModel:
+def export_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> ExportModel:
     """Return a model as it would be exported at a rate in Hz, its moving average over as many samples at every rate.
 
     Raises
@@ -78,7 +78,7 @@ class RenderedModel:
         return step
 
 
-def rendered(model: ExportModel, device: DeviceSettings, *, late: bool = False) -> RenderedModel:
+def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = False) -> RenderedModel:
     """Return a model in the units of the device, with the hold, the average and the delays that it is rendered with.
 
     Parameters
@@ -120,7 +120,7 @@ def in_units(
     Raises
     ------
     InputError
-        As `rendered`.
+        As `render_model`.
     """
     metre, newton = scale_of(name, input, output)
     signed = direction(found[0]) * newton
@@ -134,7 +134,7 @@ def in_units(
 
 
 def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
-    """One unit of a model's input in m and one of its output in N; errors as of `rendered`."""
+    """One unit of a model's input in m and one of its output in N; errors as of `render_model`."""
     units = work_units(input.unit, output.unit)
     if units is None or units[2] != "N·s/m":
         raise InputError(

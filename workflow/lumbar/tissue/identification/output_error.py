@@ -71,7 +71,7 @@ def fit_output_error(
     def jacobian(coefficients):
         return simulation_sensitivities(structure, coefficients, inputs)[skip:]
 
-    initials = [structure.coefficients(stabilised(start)) for start in starts]
+    initials = [structure.coefficients(stabilise(start)) for start in starts]
     initials.sort(key=lambda coefficients: float(np.sum(residuals(coefficients) ** 2)))
     best = None
     for initial in initials[:_STARTS_FOLLOWED]:
@@ -136,7 +136,7 @@ def _delayed(signal: np.ndarray, samples: int) -> np.ndarray:
     return np.concatenate([np.full(samples, signal[0]), signal[: len(signal) - samples]])
 
 
-def stabilised(model: TransferFunction) -> TransferFunction:
+def stabilise(model: TransferFunction) -> TransferFunction:
     """Reflect poles outside the unit circle into it; for starting values."""
     if model.stable:
         return model

@@ -93,7 +93,7 @@ def modes(counts: np.ndarray) -> str:
     return "/".join(str(point) for point in np.flatnonzero(counts == counts.max()) + 1)
 
 
-def printed(p_value: float) -> str:
+def print_p_value(p_value: float) -> str:
     """Write a p-value as the thesis prints it: ``<0.001``, ``<0.05`` or the value to one decimal.
 
     A value from 0.05 to 0.1 keeps two significant digits, since one decimal would hide on which side it lies.
@@ -122,7 +122,7 @@ def table_3_2(ratings: Ratings, data: str) -> Table:
     for prefix, values in (
         ("p", p_values.tolist()),
         ("p_holm", adjusted.tolist()),
-        ("printed", [printed(value) for value in p_values]),
+        ("printed", [print_p_value(value) for value in p_values]),
     ):
         by_pair = dict(zip(pairs(ratings), values, strict=True))
         for second in ratings.models[1:]:

@@ -67,7 +67,7 @@ class Guarded:
     it can be."""
 
 
-def guarded(model, positions: np.ndarray, limited: np.ndarray, event_mode: bool) -> Guarded:
+def guard_forces(model, positions: np.ndarray, limited: np.ndarray, event_mode: bool) -> Guarded:
     """Return the forces behind rate limit and passivity, each operation as in ``sampled_force.c``.
 
     The energy is observed as B. Hannaford and J.-H. Ryu do (IEEE Trans. Robotics and Automation 18 (2002) 1-10). A force

@@ -10,7 +10,7 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.fmu.build.guards import guarded
+from lumbar.tissue.fmu.build.guards import guard_forces
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np
     if model.guards.contact:
         outputs = np.where(model.resistance * outputs < 0, 0.0, outputs)
     limited = np.clip(outputs, -model.output_limit, model.output_limit)
-    return guarded(model, inputs, limited, event_mode=not late).read if model.guards.active else limited
+    return guard_forces(model, inputs, limited, event_mode=not late).read if model.guards.active else limited
 
 
 def samples_within_range(model: ExportModel, samples: int) -> int:

@@ -15,7 +15,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from lumbar.tissue.fmu.check.instance import Instance, Motion, UnzippedFmu, modes, named
+from lumbar.tissue.fmu.check.instance import Instance, Motion, UnzippedFmu, modes, way_in_words
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, slow_push, told_meaning
 
 SECONDS = 120
@@ -64,7 +64,7 @@ def check_reference(fmu: UnzippedFmu) -> Iterator[str]:
         worst = max(range(len(expected)), key=lambda k: abs(found[k] - expected[k]))
         if not abs(found[worst] - expected[worst]) <= REFERENCE_TOLERANCE * largest:
             yield (
-                f"{fmu.ports[1]}: {named(event_mode)} the library gives {found[worst]!r} at sample {worst} of the "
+                f"{fmu.ports[1]}: {way_in_words(event_mode)} the library gives {found[worst]!r} at sample {worst} of the "
                 f"reference; {path} says {expected[worst]!r}"
             )
 
@@ -155,7 +155,7 @@ def problems_of(fmu: UnzippedFmu) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def compared(shipped: UnzippedFmu, built: UnzippedFmu) -> list[str]:
+def first_difference(shipped: UnzippedFmu, built: UnzippedFmu) -> list[str]:
     """Return the first answer in which a library differs from the one that was built of the FMU's own sources."""
     from fmpy.fmi1 import FMICallException
 
@@ -180,7 +180,7 @@ def answers(fmu: UnzippedFmu) -> Iterator[tuple[str, dict]]:
         forces = Instance(fmu, start=begin, parts=parts).play(motion.random(_SAMPLES, 1))
         yield f"{force} in {parts} steps a sample from {begin:g} s on", _by_sample(forces)
     for event_mode in modes(fmu):
-        how = named(event_mode)
+        how = way_in_words(event_mode)
         for call, answer in _answers_to_values(fmu, event_mode, motion):
             yield f"{call} {how}", answer
         for call, answer in _answers_to_steps(fmu, event_mode, motion):
@@ -269,7 +269,7 @@ def main(arguments: list[str]) -> None:
     for number, folders in jobs.items():
         faulthandler.dump_traceback_later(SECONDS, exit=True)
         fmus = [UnzippedFmu(Path(folder)) for folder in folders]
-        found = problems_of(fmus[0]) if len(fmus) == 1 else compared(*fmus)
+        found = problems_of(fmus[0]) if len(fmus) == 1 else first_difference(*fmus)
         written = work / f"{number}.part"
         written.write_text(json.dumps(found), encoding="utf-8")
         written.replace(result_file(work, number))

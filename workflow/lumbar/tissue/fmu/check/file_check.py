@@ -13,7 +13,7 @@ from pathlib import Path
 from lumbar.base.errors import InputError, Problems
 from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, library_of
 from lumbar.tissue.fmu.check.lint import lint_fmu
-from lumbar.tissue.fmu.check.playing import played
+from lumbar.tissue.fmu.check.playing import play_libraries
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ def check_file(path: Path, cache: Path) -> FileCheck:
     InputError
         The file is not there, or there is no compiler.
     """
-    return checked([path], cache)[0]
+    return check_each([path], cache)[0]
 
 
-def checked(paths: list[Path], cache: Path, built_anew: bool = True) -> list[FileCheck]:
+def check_each(paths: list[Path], cache: Path, built_anew: bool = True) -> list[FileCheck]:
     """Check files as `check_file` does; what is slow to start is started once for all.
 
     Parameters
@@ -73,7 +73,7 @@ def checked(paths: list[Path], cache: Path, built_anew: bool = True) -> list[Fil
                     archive.extractall(work / f"shipped-{number}")
                 libraries[number] = _library(work / f"shipped-{number}")
         playable = [number for number, library in libraries.items() if library is not None]
-        found = played([(work / f"shipped-{number}",) for number in playable], work)
+        found = play_libraries([(work / f"shipped-{number}",) for number in playable], work)
         for number, problems in zip(playable, found, strict=True):
             checks[number] = FileCheck(paths[number], tuple(problems), played=True)
         sound = [number for number in playable if not checks[number].problems]
@@ -91,12 +91,12 @@ def _built_anew(check: FileCheck, work: Path, number: int, library: Path, cache:
         return replace(check, problems=(f"sources: {error}",))
     if built.read_bytes() == library.read_bytes():
         return replace(check, same_bytes=True)
-    return replace(check, problems=tuple(played([(shipped, folder)], work)[0]))
+    return replace(check, problems=tuple(play_libraries([(shipped, folder)], work)[0]))
 
 
 def check_files(paths: Iterable[Path], cache: Path, built_anew: bool = True) -> list[FileCheck]:
-    """Check FMUs and raise one error with all problems of all of them; parameters as of `checked`."""
-    checks = checked(list(paths), cache, built_anew)
+    """Check FMUs and raise one error with all problems of all of them; parameters as of `check_each`."""
+    checks = check_each(list(paths), cache, built_anew)
     wrong = [check for check in checks if check.problems]
     problems = Problems(wrong[0].path.name if len(wrong) == 1 else "FMUs that must not be used")
     for check in wrong:

@@ -261,6 +261,6 @@ def modes(fmu: UnzippedFmu) -> list[bool]:
     return [False, True] if fmu.version == 3 and fmu.description.coSimulation.hasEventMode else [False]
 
 
-def named(event_mode: bool) -> str:
+def way_in_words(event_mode: bool) -> str:
     """Say the way of playing in words."""
     return "with event mode" if event_mode else "without event mode"

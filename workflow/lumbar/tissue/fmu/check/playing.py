@@ -15,7 +15,7 @@ from lumbar.tissue.fmu.check import behaviour
 from lumbar.tissue.fmu.check.behaviour import SECONDS, result_file
 
 
-def played(jobs: Sequence[tuple[Path, ...]], work: Path) -> list[list[str]]:
+def play_libraries(jobs: Sequence[tuple[Path, ...]], work: Path) -> list[list[str]]:
     """Return the problems that the libraries of these FMUs show.
 
     Libraries share a process: starting one costs more than playing a library. A library with which something is wrong ends it,
