@@ -281,10 +281,7 @@ def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: Se
 
     The trunk is that of the segment table; head and limbs have Winter's shares between markers of the joints.
 
-    Parameters
-    ----------
-    recording : MarkerRecording
-        With shoulders, wrists and ankles of both sides; elbows and knees are used where they are there.
+    The recording needs shoulders, wrists and ankles of both sides; elbows and knees are used where they are there.
 
     Raises
     ------

@@ -57,22 +57,13 @@ def filter_without_islands(
 
 
 def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndarray:
-    """Second-order sections of the filter of one pass.
+    """Second-order sections of the filter of one pass, of the given order, shape (n_sections, 6).
 
     The cut-off of each pass is raised so that both together attenuate by 3 dB at `cutoff_Hz`. Winter's
     correction ``(2**(1/passes) - 1)**(1/(2*order))``, 0.802 for a second-order filter, divides the pre-warped
     frequency ``tan(pi*cutoff/rate)``; so the −3 dB point is exact at any frame rate.
 
-    Parameters
-    ----------
-    cutoff_Hz : float
-        −3 dB frequency of both passes together; between 0 and half the rate.
-    order : int
-        Order of each pass.
-
-    Returns
-    -------
-    ndarray, shape (n_sections, 6)
+    `cutoff_Hz` is the −3 dB frequency of both passes together, between 0 and half the rate.
     """
     from scipy.signal import butter
 
@@ -98,12 +89,8 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
     cut-off, or as far as it reaches, which keeps position and velocity there. Within one period of an end
     or of a gap the result leans on this assumption.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n_frames,) or (n_frames, k)
-        NaN where missing, as in the result; a row with a NaN counts as missing altogether.
-    cutoff_Hz, order
-        As of `dual_pass_sections`.
+    `values` have shape (n_frames,) or (n_frames, k), with NaN where missing, as in the result; a row with a NaN counts
+    as missing altogether. `cutoff_Hz` and `order` are as of `dual_pass_sections`.
 
     Raises
     ------

@@ -123,12 +123,8 @@ def file_event(
 ) -> RecordedEvent | None:
     """Return the event of the file that stands for one of a lift; None where there is none.
 
-    Parameters
-    ----------
-    labels : EventLabels
-        Labels in the file that stand for each event.
-    name : str
-        E.g. ``"toe_off"``: of steps the first between `start` and `stop` is meant, in seconds; any other event stands once.
+    `labels` in the file stand for each event. Of steps (`name` ``"toe_off"``) the first between `start` and `stop` is
+    meant, in seconds; any other event stands once.
 
     Raises
     ------

@@ -89,18 +89,8 @@ def analyse_lift(
     What a recording does not hold is left out, with its reason: events in `AnalysedLift.events`, pendulums in
     `AnalysedLift.missing`.
 
-    Parameters
-    ----------
-    recording : MarkerRecording
-        As read.
-    name : str
-        Name of the lift.
-    trial : TrialSettings
-        Of the subject.
-    filled : sequence of Gap
-        What was filled when the recording was read, for the report.
-    findings : sequence of Finding
-        What was left out when the recording was read, for the reasons of what is missing.
+    `recording` is as read. What was filled then (`filled`) goes into the report, what was left out (`findings`) into
+    the reasons of what is missing.
 
     Raises
     ------

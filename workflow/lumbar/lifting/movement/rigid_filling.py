@@ -118,7 +118,7 @@ def fill_rigid(
     body: str,
     longer_than_s: float,
 ) -> tuple[dict[str, np.ndarray], list[Gap]]:
-    """Fill gaps of the markers of a body wherever three others of it are seen.
+    """Fill gaps of the markers of a body wherever three others of it are seen; return all markers and the gaps filled.
 
     Parameters
     ----------
@@ -130,13 +130,6 @@ def fill_rigid(
         Its name, for the report.
     longer_than_s : float
         Gaps up to this length between seen frames are left to splines.
-
-    Returns
-    -------
-    filled : dict of str to ndarray
-        All markers; seen frames are unchanged.
-    gaps : list of Gap
-        Those that were filled, with the method.
     """
     method = f"rigid body: {body}, shape from {shape.source}, {1e3 * shape.residual_m:.1f} mm"
     filled, gaps = dict(points), []

@@ -104,12 +104,8 @@ def extended_basins(
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Compute the extended basins of one lift; of no trajectories the table without rows.
 
-    Returns
-    -------
-    frame : pandas.DataFrame
-        One row per trajectory, loop, method and sign; columns `COLUMNS`.
-    failures : list of Failure
-        Basins that could not be computed: they have no row.
+    The table has one row per trajectory, loop, method and sign, columns `COLUMNS`; basins that could not be computed
+    have no row and are the failures.
     """
     import pandas as pd
 

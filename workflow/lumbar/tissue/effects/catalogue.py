@@ -84,17 +84,8 @@ def without_channels(
 ) -> tuple[dict[str, Effect], list[tuple[Form, tuple[str, ...]]]]:
     """Part of a catalogue that records with these channels allow, and what they do not.
 
-    Parameters
-    ----------
-    available : collection of str
-        Roles of the channels of every record.
-
-    Returns
-    -------
-    dict of str to Effect
-        Effects with the forms that can be tried.
-    list of (Form, tuple of str)
-        Forms that cannot, each with the channels that are missing.
+    `available` are the roles of the channels of every record. Returns effects with the forms that can be tried, and the
+    forms that cannot, each with the channels that are missing.
     """
     usable, left_out = {}, []
     for name, effect in catalogue.items():
@@ -113,11 +104,7 @@ def catalogue_with(
 ) -> dict[str, Effect]:
     """Return the catalogue of a base with the effects of a user's files, which come last.
 
-    Parameters
-    ----------
-    files : collection of path
-    gravity_m_s2 : float, optional
-        That acts on a pendulum, in the effects that move masses; it acts on no tissue. Default that of the files.
+    Gravity acts on a pendulum, in the effects that move masses, and on no tissue; its default is that of the files.
 
     Raises
     ------

@@ -45,15 +45,7 @@ def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndar
 
     The base of Eq. 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums.
 
-    Parameters
-    ----------
-    residual : numpy.ndarray, shape (samples,)
-    carriers : list of two numpy.ndarray, shape (samples,)
-
-    Returns
-    -------
-    list of numpy.ndarray
-        One pair.
+    The list holds this one pair; residual and both carriers have shape (samples,).
     """
     base = np.stack([motion.acceleration, motion.velocity, np.sin(motion.position)])
     carrier = np.stack(carriers)

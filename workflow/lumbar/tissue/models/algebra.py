@@ -122,17 +122,8 @@ def _function_derivative(called: Operation, *inner: Expression) -> Expression:
 def linear_parts(expression: Expression, linear: Collection[str]) -> dict[str, Expression]:
     """Split an expression into what each linear parameter is multiplied by.
 
-    Parameters
-    ----------
-    expression : Expression
-        Without ``sum``: see `expand_sums`.
-    linear : collection of str
-        Symbols of the linear parameters.
-
-    Returns
-    -------
-    dict of str to Expression
-        By symbol; the expression is the sum of symbol times what it is multiplied by.
+    The expression is without ``sum`` (see `expand_sums`); it is the sum of each of the `linear` symbols times what the
+    result gives for it.
 
     Raises
     ------

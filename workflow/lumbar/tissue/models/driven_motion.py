@@ -200,7 +200,7 @@ class ForceDrive:
     def motion(
         self, parameters: Mapping[str, float], start: np.ndarray, guess: np.ndarray | None = None
     ) -> Driven:
-        """Simulate from a start.
+        """Simulate from a start; not finite where no motion was found.
 
         Parameters
         ----------
@@ -210,11 +210,6 @@ class ForceDrive:
             Position, velocity and states at the beginning.
         guess : numpy.ndarray, shape (1 + states, steps, 3), optional
             To begin with.
-
-        Returns
-        -------
-        Driven
-            Not finite where no motion was found.
         """
         steps, states = len(self.force), len(self.balance.states)
         points = np.zeros((1 + states, steps, _STAGES)) if guess is None else guess.copy()
@@ -301,10 +296,7 @@ class ForceDrive:
     def _linearised(self, parameters, begun, points, window, beside: np.ndarray | None = None):
         """Steps linearised: change within a step by 1 and by its beginning's, slope and rest of the recursion.
 
-        Parameters
-        ----------
-        beside : numpy.ndarray, shape (steps, 1 + states, 3, more), optional
-            Right-hand sides in place of what the equations miss.
+        `beside`, shape (steps, 1 + states, 3, more), are right-hand sides in place of what the equations miss.
         """
         known = self._known(parameters, begun, points, window)
         steps, count, rate = points.shape[1], len(points), 1 / self.step
@@ -355,16 +347,8 @@ class ForceDrive:
     ) -> np.ndarray:
         """Derivatives of the position by parameters, and by position, velocity and states at the start.
 
-        Parameters
-        ----------
-        changes : list of (str, float)
-            Symbols, and the steps of central differences of the equations (not of the motion).
-        by_start : bool
-            Whether derivatives by the start follow those by the parameters.
-
-        Returns
-        -------
-        numpy.ndarray, shape (steps + 1, parameters)
+        The result has shape (steps + 1, parameters). `changes` are symbols and the steps of central differences of the
+        equations (not of the motion); with `by_start` the derivatives by the start follow those by the parameters.
         """
         steps, count = len(self.force), len(found.points)
         start = np.concatenate([[found.position[0], found.velocity[0]], found.states[:, 0]])
@@ -392,16 +376,8 @@ class ForceDrive:
 def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
     """Solve yₖ₊₁ = Sₖ yₖ + dₖ for several right-hand sides.
 
-    Parameters
-    ----------
-    slope : numpy.ndarray, shape (steps, size, size)
-    driven : numpy.ndarray, shape (steps, size, columns)
-    first : numpy.ndarray, shape (size, columns), optional
-        y₀; default 0.
-
-    Returns
-    -------
-    numpy.ndarray, shape (steps + 1, size, columns)
+    `slope` has shape (steps, size, size), `driven` (steps, size, columns) and `first`, y₀ and by default 0, (size,
+    columns); the result has shape (steps + 1, size, columns).
     """
     from scipy.linalg.lapack import dtbtrs
 

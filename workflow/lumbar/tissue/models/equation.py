@@ -266,12 +266,8 @@ class Equation:
     ) -> list[np.ndarray]:
         """Forces per linear parameter at size 1, or the transformed force; each of shape (samples,).
 
-        Parameters
-        ----------
-        solution : callable, optional
-            Of the states, in place of the solver's.
-        force : numpy.ndarray, optional
-            What a form that acts on the output transforms.
+        `solution` is that of the states, in place of the solver's; `force` is what a form that acts on the output
+        transforms.
         """
         values: dict = dict(zip(self._nonlinear_symbols, nonlinear, strict=True))
         if self.state is not None and solution is not None:
@@ -316,10 +312,7 @@ class Equation:
     def c_step(self, solution: str = "") -> CStep | None:
         """The same in C; None where it needs a channel that a running loop does not have.
 
-        Parameters
-        ----------
-        solution : str, optional
-            Statements that write the states of the next sample, in place of the solver's.
+        `solution` are statements that write the states of the next sample, in place of the solver's.
         """
         if self.channels:
             return None

@@ -89,12 +89,7 @@ MATH: dict[str, Callable] = {
 class Evaluator:
     """Several expressions as one list of operations; what they have in common is computed once.
 
-    Parameters
-    ----------
-    expressions : sequence of Expression
-        Without ``sum``.
-    functions : mapping of str to callable
-        What computes each operation.
+    Expressions are without ``sum``; `functions` are what computes each operation, by its name.
 
     Examples
     --------

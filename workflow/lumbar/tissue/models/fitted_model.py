@@ -37,17 +37,10 @@ class FittedModel(ModelData):
     """
 
     def simulate(self, record: Record) -> np.ndarray:
-        """Free run from a record's input alone.
+        """Free run from a record's input alone, shape (samples,), in the output's unit.
 
-        Parameters
-        ----------
-        record : Record
-            Channel ``input`` and those that the effects need; a continuous model takes any sampling time.
-
-        Returns
-        -------
-        numpy.ndarray, shape (samples,)
-            In the output's unit.
+        The record has the channel ``input`` and those that the effects need; a continuous model takes any sampling
+        time.
 
         Raises
         ------
@@ -152,10 +145,7 @@ class FittedModel(ModelData):
     def from_json(cls, entry: dict, catalogues: Mapping[str, Mapping[str, Effect]]) -> FittedModel:
         """Return the model of an entry of ``models.json``.
 
-        Parameters
-        ----------
-        catalogues : mapping of str to mapping
-            Effects by name for every system, as `lumbar.tissue.effects.catalogue.CATALOGUES`.
+        Catalogues are effects by name for every system, as `lumbar.tissue.effects.catalogue.CATALOGUES`.
 
         Raises
         ------
@@ -191,14 +181,8 @@ SCHEMA = "lumbar.models/2"
 def models_document(models: Iterable[FittedModel], data: str, noise_floor_rms: float | None = None) -> dict:
     """Return the content of a file of models.
 
-    Parameters
-    ----------
-    models : iterable of FittedModel
-        Of an error ladder: from the base to the last model.
-    data : str
-        Where the data come from.
-    noise_floor_rms : float, optional
-        Of the training record, in the output's unit; None where it is not known.
+    The models are those of an error ladder, from the base to the last; `data` says where the data come from.
+    `noise_floor_rms` is that of the training record, in the output's unit; None where it is not known.
     """
     written = [model.to_json() for model in models]
     return {"schema": SCHEMA, "data": data, "noise_floor_rms": noise_floor_rms, "models": written}
@@ -207,12 +191,8 @@ def models_document(models: Iterable[FittedModel], data: str, noise_floor_rms: f
 def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list[FittedModel]:
     """Return the models of a file.
 
-    Parameters
-    ----------
-    content : object
-        As read from JSON.
-    catalogues : mapping of str to mapping
-        Effects by name for every system, as `lumbar.tissue.effects.catalogue.CATALOGUES`.
+    `content` is as read from JSON; catalogues are effects by name for every system, as
+    `lumbar.tissue.effects.catalogue.CATALOGUES`.
 
     Raises
     ------

@@ -27,15 +27,8 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
     position that is not smooth is taken as linear between samples, or in steps between them (ramp-invariant). A branch as
     fast as two samples would otherwise show the interpolation's error as a force.
 
-    Parameters
-    ----------
-    time_constant : float or complex
-        τ in seconds; complex of one of a conjugate pair of poles at −1/τ.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        In the unit of the position.
+    The result is in the unit of the position, shape (samples,). `time_constant` is τ in seconds; complex of one of a
+    conjugate pair of poles at −1/τ.
     """
     from scipy.signal import lfilter
 
@@ -139,16 +132,7 @@ def bouc_wen_general(motion: Motion, distance: float, unloading_share: float) ->
     benchmark of Noël and Schoukens 2016, n = 1). Unloading relaxes exponentially at w, loading at 1 − w; above w = 1 loading
     gets steeper without a limit.
 
-    Parameters
-    ----------
-    distance : float
-        d, in the unit of the position.
-    unloading_share : float
-        w > 0.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
+    The result has shape (samples,). `distance` is d, in the unit of the position, `unloading_share` is w > 0.
     """
     position = motion.position
     turns = motion.turns
@@ -194,19 +178,9 @@ def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tup
     Force over the sum of both stiffnesses: x − (1 − share) w, with ẇ = (x − w)/τ; in contact x is the tool's
     position (linear between samples), else the force is 0: x = (1 − share) w.
 
-    Parameters
-    ----------
-    share : float
-        Stiffness of the spring over that of spring and branch, 0 to 1.
-    time_constant : float
-        τ of the branch in seconds.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        w in the unit of the position.
-    numpy.ndarray of bool, shape (samples,)
-        Whether the tool touches the tissue.
+    Returned are w in the unit of the position and whether the tool touches the tissue, both of shape (samples,).
+    `share` is the stiffness of the spring over that of spring and branch, 0 to 1; `time_constant` is τ of the branch in
+    seconds.
     """
     rate = motion.sampling_time / time_constant
     decay, recovery = float(np.exp(-rate)), float(np.exp(-share * rate))

@@ -45,10 +45,7 @@ def symbol_latex(symbol: str) -> str:
 def latex(expression: Expression, names: Mapping[str, str]) -> str:
     """LaTeX in the part that matplotlib sets too.
 
-    Parameters
-    ----------
-    names : mapping of str to str
-        LaTeX of the symbols; of others it is derived.
+    `names` holds the LaTeX of symbols; that of others is derived.
 
     Examples
     --------
@@ -261,13 +258,7 @@ _C_RANK = {"+": 1, "-": 1, "*": 2, "/": 2}
 
 
 def c_text(expression: Expression, names: Mapping[str, str]) -> str:
-    """C99 for what `portable` returns.
-
-    Parameters
-    ----------
-    names : mapping of str to str
-        C names of the symbols.
-    """
+    """C99 for what `portable` returns, with the C names of the symbols."""
     return _c_text(expression, names, 0)
 
 

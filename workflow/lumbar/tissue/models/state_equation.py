@@ -161,18 +161,7 @@ class StateEquation:
             )
 
     def trajectory(self, motion: Motion, values: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """States at every sample.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            Parameters and constants by symbol.
-
-        Returns
-        -------
-        dict of str to numpy.ndarray, shape (samples,)
-            By state.
-        """
+        """States at every sample, each of shape (samples,), from parameters and constants by symbol."""
         if len(self.apart) > 1:
             found = {
                 name: path for part in self.apart for name, path in part.trajectory(motion, values).items()
@@ -263,12 +252,8 @@ class StateEquation:
     def in_steps(self, known: Mapping, steps: int, functions: Functions = STEP_FUNCTIONS) -> np.ndarray:
         """The same one step after the other, shape (states, steps + 1), as C takes them.
 
-        Parameters
-        ----------
-        known : mapping of str to float or numpy.ndarray
-            Parameters, and signals at the beginning of every step.
-        functions : mapping of str to callable
-            What computes the operations; other than NumPy's for scalar steps only, in their portable form.
+        `known` are parameters, and signals at the beginning of every step. `functions` compute the operations; other
+        than NumPy's for scalar steps only, in their portable form.
         """
         stepper = self._stepper
         if functions is not STEP_FUNCTIONS:

@@ -180,12 +180,8 @@ class ForwardStructure(Structure):
     ) -> np.ndarray:
         """Free-run simulation of the position without its sensor's zero, shape (samples,).
 
-        Parameters
-        ----------
-        motion : Motion or JoinedMotions
-            The force over time; where it has a channel `MEASURED`, the state at the beginning is estimated from that.
-        zero : float
-            Of the position's sensor, for the channel `MEASURED`.
+        The motion is the force over time; where it has a channel `MEASURED`, the state at the beginning is estimated
+        from that, with `zero` the zero of the position's sensor.
         """
         if isinstance(motion, JoinedMotions):
             return np.concatenate([self.simulate(part, linear, nonlinear, zero) for part in motion.parts])

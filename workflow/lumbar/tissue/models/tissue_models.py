@@ -113,12 +113,7 @@ class TissueModel:
     """Why no parameters are recovered from the transfer function, where they are not."""
 
     def element_values(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Values of the elements.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            The base's parameters by name.
+        """Values of the elements, from the base's parameters by name.
 
         Raises
         ------

@@ -56,13 +56,7 @@ class TransferFunction:
         The system is taken to have been held at ``inputs[0]`` before the record begins, so that a record
         which does not start at zero makes no transient.
 
-        Parameters
-        ----------
-        inputs : numpy.ndarray, shape (samples,)
-
-        Returns
-        -------
-        numpy.ndarray, shape (samples,)
+        Inputs and output have shape (samples,).
 
         Raises
         ------
@@ -82,10 +76,7 @@ class TransferFunction:
     def predict_one_step(self, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
         """One-step-ahead prediction A x of Eq. 3.6: measured past outputs, no free run.
 
-        Returns
-        -------
-        numpy.ndarray, shape (samples − largest lag,)
-            Predictions of ``outputs[largest lag:]``.
+        The predictions are of ``outputs[largest lag:]``, shape (samples − largest lag,).
         """
         lag = self.largest_lag
         count = len(inputs) - lag
@@ -108,15 +99,8 @@ def observer_form(discrete: TransferFunction, sampling_time: float | bool = True
     canonical form, which `control.ss` makes of a transfer function, are inputs filtered by 1/denominator and grow large
     where poles lie close to z = 1.
 
-    Parameters
-    ----------
-    sampling_time : float or bool
-        Seconds; True where it does not matter.
-
-    Returns
-    -------
-    control.StateSpace
-        With ``discrete.largest_lag`` states, trailing zeros left out.
+    It has ``discrete.largest_lag`` states, trailing zeros left out. `sampling_time` is in seconds; True where it does
+    not matter.
     """
     import control
 
@@ -164,15 +148,8 @@ class ArxStructure:
     def combination(self, lag: int) -> np.ndarray:
         """Matrix from free coefficients to those of the full regressor vector.
 
-        Parameters
-        ----------
-        lag : int
-            Largest lag of the full vector (y[k−1] … y[k−lag], u[k] … u[k−lag]).
-
-        Returns
-        -------
-        numpy.ndarray, shape (2·lag + 1, parameter_count)
-            Multiplying the full regressor matrix by it gives the regressor matrix of this structure.
+        The result has shape (2·lag + 1, parameter_count); `lag` is the largest of the full vector (y[k−1] … y[k−lag],
+        u[k] … u[k−lag]). Multiplying the full regressor matrix by it gives the regressor matrix of this structure.
         """
         matrix = np.zeros((2 * lag + 1, self.parameter_count))
         for column in range(self.order):
@@ -218,10 +195,8 @@ class ArxStructure:
 def full_regressors(inputs: np.ndarray, outputs: np.ndarray, lag: int) -> np.ndarray:
     """Regressor matrix of Eq. 3.6 with every lag up to `lag`.
 
-    Returns
-    -------
-    numpy.ndarray, shape (samples − lag, 2·lag + 1)
-        Columns y[k−1] … y[k−lag], u[k] … u[k−lag]; rows k = lag … samples − 1.
+    The result has shape (samples − lag, 2·lag + 1): columns y[k−1] … y[k−lag], u[k] … u[k−lag]; rows k = lag … samples
+    − 1.
     """
     count = len(inputs) - lag
     columns = [outputs[lag - i : lag - i + count] for i in range(1, lag + 1)]
@@ -275,12 +250,7 @@ def undiscretise(discrete: TransferFunction, sampling_time: float) -> FirstOrder
     (triangle or first-order hold; Franklin, Powell and Workman, Digital Control of Dynamic Systems, 3rd ed., section 6.3.3)
     reproduces the continuous force exactly at the samples.
 
-    Parameters
-    ----------
-    discrete : TransferFunction
-        ``(b0 + b1 z⁻¹)/(1 − a z⁻¹)``, or the static gain ``b0``.
-    sampling_time : float
-        Seconds.
+    `discrete` is ``(b0 + b1 z⁻¹)/(1 − a z⁻¹)``, or the static gain ``b0``; `sampling_time` is in seconds.
 
     Raises
     ------

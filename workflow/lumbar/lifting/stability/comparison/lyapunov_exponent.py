@@ -89,10 +89,7 @@ def maximum_exponent(
 def movement_exponent(movements: list[Trajectory]) -> Exponent:
     """Estimate the exponent of repeated movements from their angles and angular velocities.
 
-    Parameters
-    ----------
-    movements : list of Trajectory
-        One COM and plane; each is brought to the sampling of the slowest sampled one, in real time.
+    The movements are of one COM and plane; each is brought to the sampling of the slowest sampled one, in real time.
     """
     if len(movements) < FEWEST_TRIALS:
         return maximum_exponent([np.zeros((0, 2))] * len(movements), 1.0, 1.0)
@@ -110,17 +107,8 @@ def compared_exponents(
 ) -> dict[tuple[str, str], str]:
     """Return what stands beside the basins of one plane: exponents before and after, or that data are insufficient.
 
-    Parameters
-    ----------
-    trajectories : list of Trajectory
-        All of the study.
-    comparisons : iterable of tuple
-        As `percent_differences.comparisons` yields them.
-
-    Returns
-    -------
-    dict of (str, str) to str
-        By comparison and COM.
+    They are given by comparison and COM, from all trajectories of the study; comparisons are as
+    `percent_differences.comparisons` yields them.
     """
     result = {}
     for name, *sides, status in comparisons:

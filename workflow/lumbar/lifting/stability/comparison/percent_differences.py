@@ -75,12 +75,8 @@ class Study:
 def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups: tuple[str, str] = GROUPS):
     """Yield name, (experience, mass) before and after, and whether the study can tell.
 
-    Parameters
-    ----------
-    areas, missing : pandas.DataFrame
-        Columns ``experience`` and ``box_mass_kg``: a lift counts also where all its basins are missing.
-    groups : tuple of str
-        Labels of the people compared, the first with the second.
+    `areas` and `missing` have columns ``experience`` and ``box_mass_kg``: a lift counts also where all its basins are
+    missing. `groups` are the labels of the people compared, the first with the second.
     """
     lifts = {
         (str(name), float(mass))

@@ -76,10 +76,7 @@ def trial_of(
 ) -> Trial:
     """Return the pendulum of one recording: from the mean of some markers towards the mean of others.
 
-    Parameters
-    ----------
-    lifting : LiftingSettings
-        Gaps and filter.
+    `lifting` says how gaps are filled and markers filtered.
 
     Raises
     ------
@@ -198,10 +195,7 @@ def compare_trials(
 ) -> pd.DataFrame:
     """Compare every trial with the funnel of the unperturbed mean, with both signs of gravity.
 
-    Returns
-    -------
-    pandas.DataFrame
-        One row per sign (the study's first) and trial, columns `COLUMNS`.
+    The table has one row per sign (the study's first) and trial, columns `COLUMNS`.
 
     Raises
     ------
@@ -245,10 +239,7 @@ def inside_by_weight(
 ) -> pd.DataFrame:
     """Count the trials that lie inside throughout, by sign and control weight: the regulator is an assumption.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``sign, control_weight, group, inside``; `inside` is NaN where there is no basin.
+    The table has columns ``sign, control_weight, group, inside``; `inside` is NaN where there is no basin.
     """
     import pandas as pd
 

@@ -46,18 +46,8 @@ def tables_4_1(
 ) -> tuple[Table, Table, pd.DataFrame, pd.DataFrame]:
     """Return Table 4.1, the table of its controls, the differences of its grid, and all basins that are missing.
 
-    Parameters
-    ----------
-    failures : pandas.DataFrame, optional
-        Basins of the lifts that could not be computed, columns `failures.COLUMNS`.
-
-    Returns
-    -------
-    table, controls : Table
-    grid : pandas.DataFrame
-        Of `grid_differences`.
-    failures : pandas.DataFrame
-        Those given and those of the controls.
+    `failures` are the basins of the lifts that could not be computed, columns `failures.COLUMNS`; those returned are
+    these and the controls'. The grid's differences are those of `grid_differences`.
     """
     groups = study.settings.compare.groups
     varied, failed = variants(study)

@@ -90,12 +90,8 @@ OTHER_MASSES = {
 def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     """Return average cross-sections under every change that the headline is examined with.
 
-    Returns
-    -------
-    areas : dict of str to pandas.DataFrame
-        By change: ``subject, experience, box_mass_kg, com, plane, mean_area``.
-    failures : list of Failure
-        Areas that could not be computed: they have no row.
+    The areas by change have columns ``subject, experience, box_mass_kg, com, plane, mean_area``. Areas that could not
+    be computed have no row; they are the failures.
     """
     import pandas as pd
 
@@ -128,15 +124,8 @@ def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
 def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
     """Average cross-sections (exact method) under the null control and with Q, R and b changed, all at once.
 
-    Parameters
-    ----------
-    cases : mapping of str to list of Trajectory
-        Trajectories by change: where it is one of `VARIANTS`, under that, and as they are under any other name.
-
-    Returns
-    -------
-    dict of str to numpy.ndarray, shape (trajectories,)
-        By change.
+    The areas are given by change, shape (trajectories,). A key of `cases` that is one of `VARIANTS` gets that change;
+    under any other name the trajectories stay as they are.
 
     Raises
     ------

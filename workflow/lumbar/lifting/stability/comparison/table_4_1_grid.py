@@ -68,17 +68,9 @@ COLUMNS = {
 def grid_differences(grid: pd.DataFrame, groups: tuple[str, str]) -> pd.DataFrame:
     """Compare the areas of all lifts under every convention.
 
-    Parameters
-    ----------
-    grid : pandas.DataFrame
-        ``grid.csv`` of all lifts with a column ``experience``.
-    groups : tuple of str
-        Labels of the people compared, the first with the second.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `COLUMNS`: the comparisons of Table 4.1, then every lift against itself standing still.
+    `grid` is ``grid.csv`` of all lifts with a column ``experience``. The result, columns `COLUMNS`, holds the
+    comparisons of Table 4.1, then every lift against itself standing still. `groups` are the labels of the people
+    compared, the first with the second.
     """
     import pandas as pd
 
@@ -131,15 +123,7 @@ def comparison_cells(grid: pd.DataFrame) -> pd.DataFrame:
 def survivors(grid: pd.DataFrame) -> tuple[list[tuple], list[tuple]]:
     """Return the differences that keep their sign in all cells, and those that also come from the movement in all.
 
-    Parameters
-    ----------
-    grid : pandas.DataFrame
-        Of `grid_differences`.
-
-    Returns
-    -------
-    same_sign, from_movement : list of (str, str, str)
-        Comparison, COM and plane.
+    `grid` is that of `grid_differences`; each difference is named by comparison, COM and plane.
     """
     same_sign, from_movement = [], []
     for name, cells in comparison_cells(grid).groupby(["comparison", "com", "plane"], sort=False):
@@ -218,17 +202,9 @@ AREA_COLUMNS = {
 
 
 def grid_areas(lift: LiftStates, settings: StabilitySettings) -> pd.DataFrame:
-    """Compute the average cross-sections of one lift under every convention.
+    """Compute the average cross-sections of one lift, a row per convention, COM and plane; columns `AREA_COLUMNS`.
 
-    Parameters
-    ----------
-    settings : StabilitySettings
-        With the knots and weights of the section ``grid``.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row per convention, COM and plane; columns `AREA_COLUMNS`.
+    Knots and weights are those of the settings' section ``grid``.
     """
     import pandas as pd
 
@@ -286,10 +262,7 @@ def areas_with_null(
 ) -> np.ndarray:
     """Return average cross-sections of trajectories and of their null controls in rad²/s, shape (trajectories, 2).
 
-    Parameters
-    ----------
-    signs : sequence of {"hanging", "inverted"}
-        One per trajectory.
+    There is one sign per trajectory, ``"hanging"`` or ``"inverted"``.
 
     Raises
     ------

@@ -54,20 +54,10 @@ def _circle(samples: int) -> tuple[np.ndarray, ...]:
 
 
 def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
-    """Return the largest V̇/ρ on the boundary V = ρ in 1/s.
+    """Return the largest V̇/ρ on the boundary V = ρ in 1/s, shape (...).
 
-    Parameters
-    ----------
-    form : NormalForm
-        Entries of shape (...,).
-    level : numpy.ndarray, shape (...)
-        ρ > 0; axes before those of `form` are levels of the same pendulums.
-
-    Returns
-    -------
-    numpy.ndarray, shape (...)
-        The boundary moves inward everywhere if this is negative; {V ≤ ρ(t)} is invariant as long as ρ̇/ρ
-        is not below it.
+    The boundary moves inward everywhere if this is negative; {V ≤ ρ(t)} is invariant as long as ρ̇/ρ is not below it.
+    `level` is ρ > 0, shape (...); its axes before those of `form` are levels of the same pendulums.
     """
     root = np.sqrt(level)
     semi_axis, kappa = form.amplitude * root, form.coupling / root
@@ -181,12 +171,7 @@ class FunnelVariants:
 
 
 def exact_funnels(loops: ClosedLoops, terminal_level: float = 1.0) -> Funnels:
-    """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ `terminal_level`}.
-
-    Parameters
-    ----------
-    terminal_level : float
-        ρ(T).
+    """Compute the largest invariant funnels of V = x̄ᵀSx̄ that end in {V ≤ ρ(T)}, ρ(T) = `terminal_level`.
 
     Raises
     ------
@@ -266,23 +251,14 @@ def _backward(loops: ClosedLoops, terminal_level: float, changes: np.ndarray) ->
 
 
 def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) -> np.ndarray:
-    """Integrate ln ρ backward from its value at T, from knot to knot.
+    """Integrate ln ρ backward from its value at T, from knot to knot; shape (knots, ..., pendulums).
 
     Adams's method of order 4, predicted and corrected with one search of the boundary per knot, started by
     Runge–Kutta steps: the equation for ln ρ is not stiff. The largest of several peaks has a kink where another
     takes over; where predicted and corrected slope differ by more than `KINK`, the trapezoidal rule counts too and
     the largest is taken: it never lies below the mean of a convex slope, so that ρ does not come out too large.
 
-    Parameters
-    ----------
-    goal : numpy.ndarray, shape (..., pendulums)
-        ln ρ(T).
-    slope : callable
-        d ln ρ/dt of (point of the grid, ln ρ).
-
-    Returns
-    -------
-    numpy.ndarray, shape (knots, ..., pendulums)
+    `goal` is ln ρ(T), shape (..., pendulums); `slope` gives d ln ρ/dt of (point of the grid, ln ρ).
     """
     log_level = np.empty((loops.knots, *goal.shape))
     log_level[-1] = goal
@@ -308,15 +284,11 @@ def integrate_backward(loops: ClosedLoops, goal: np.ndarray, slope: Callable) ->
 
 
 def reachable_area(loops: ClosedLoops, terminal_level: float = 1.0) -> np.ndarray:
-    """Return the exact area of all states at t = 0 that reach the goal set, in rad²/s.
+    """Return the exact area of all states at t = 0 that reach the goal set, in rad²/s, shape (pendulums,).
 
     By Liouville's theorem an area in phase space shrinks at the rate (b + K2)/I, whatever the
     nonlinearity: the area is that of the goal set times exp ∫(b + K2)/I dt. No funnel can be larger; how
     much smaller it is says what the choice of V costs.
-
-    Returns
-    -------
-    numpy.ndarray, shape (pendulums,)
     """
     from scipy.integrate import simpson
 

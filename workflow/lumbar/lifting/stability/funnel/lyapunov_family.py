@@ -35,12 +35,7 @@ class BestOfFamily(FunnelVariants):
 def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:
     """Return the same loops with the V of one λ, or each with its own.
 
-    Parameters
-    ----------
-    loops : ClosedLoops
-        With the Riccati solution.
-    share : float or numpy.ndarray, shape (pendulums,)
-        λ.
+    The loops given have the Riccati solution; `share` is λ, a number or of shape (pendulums,).
 
     Raises
     ------

@@ -36,16 +36,10 @@ class MonteCarloCheck:
 def monte_carlo_check(
     loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int], disturbance: Callable | None = None
 ) -> MonteCarloCheck:
-    """Simulate starts of the first cross-section, half of them on its boundary, half inside.
+    """Simulate `starts` of each pendulum's first cross-section, half of them on its boundary, half inside.
 
-    Parameters
-    ----------
-    funnels : Funnels
-        Of the same pendulums; its knots lie evenly among those of `loops`.
-    starts : int
-        Per pendulum.
-    disturbance : callable, optional
-        As for `simulate`.
+    The funnels are of the same pendulums; their knots lie evenly among those of `loops`. `disturbance` is as for
+    `simulate`.
 
     Raises
     ------
@@ -113,10 +107,7 @@ def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
     """Follow states at T backward to t = 0 with the true sine: the edge of a goal set becomes that of all states
     that reach it.
 
-    Parameters
-    ----------
-    edge : numpy.ndarray, shape (2, pendulums, points)
-        Errors x̄ at T.
+    `edge` holds errors x̄ at T, shape (2, pendulums, points).
 
     Raises
     ------

@@ -129,12 +129,7 @@ def saturated_funnels(
 ) -> SaturatedFunnels:
     """Compute the largest invariant funnels of V under limits, with the true sine.
 
-    Parameters
-    ----------
-    terminal_level : float
-        ρ(T).
-    margin, negative_control : float
-        As for `funnel_variants`.
+    `terminal_level` is ρ(T); `margin` and `negative_control` are as for `funnel_variants`.
     """
     reference = reference_of(loops.pendulums, saturation.bias)
     floor = np.log(terminal_level * LEAST_LEVEL)

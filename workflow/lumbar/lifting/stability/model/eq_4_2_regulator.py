@@ -42,9 +42,7 @@ class Weights:
 def check_weights(state, control: float, terminal) -> Weights:
     """Return the weights of the configuration when they are admissible.
 
-    Parameters
-    ----------
-    state, terminal : array_like, shape (2, 2)
+    `state` and `terminal` have shape (2, 2).
 
     Raises
     ------
@@ -95,10 +93,7 @@ def cost_to_go(pendulums: Pendulums, weights: Weights) -> np.ndarray:
 
     Dormand–Prince of order 8, or for small inertias, whose loop is stiff, Radau's implicit method of order 5.
 
-    Returns
-    -------
-    numpy.ndarray, shape (points, pendulums, 3)
-        S on the grid of ``pendulums.angle``.
+    S has shape (points, pendulums, 3), on the grid of ``pendulums.angle``.
 
     Raises
     ------
@@ -147,10 +142,7 @@ def _stiffness(pendulums: Pendulums, weights: Weights) -> float:
 def cost_to_go_euler(pendulums: Pendulums, weights: Weights) -> np.ndarray:
     """Integrate the Riccati equation by Euler's method from knot to knot, as the thesis does.
 
-    Returns
-    -------
-    numpy.ndarray, shape (knots, pendulums, 3)
-        S at the knots (every other point of ``pendulums.angle``).
+    S has shape (knots, pendulums, 3), at the knots (every other point of ``pendulums.angle``).
 
     Raises
     ------

@@ -52,12 +52,7 @@ def attempts(trajectories: list[Trajectory], basin: str, failures: list[Failure]
 
     The integration takes as many steps for one basin as for a hundred.
 
-    Parameters
-    ----------
-    basin : str
-        What is computed, for `Failure.basin`.
-    failures : list of Failure
-        Grows by those that fail by themselves.
+    `basin` says what is computed, for `Failure.basin`; `failures` grows by those that fail by themselves.
 
     Examples
     --------

@@ -69,14 +69,8 @@ class LevelStep:
     def solve(self, case: Case, rate: float, multiplier: np.ndarray) -> float | None:
         """Return ρ/ρ_before, or None where there is no maximum (infeasible or unbounded).
 
-        Parameters
-        ----------
-        case : Case
-            V̇/ρ_before as a polynomial in z, and where it applies.
-        rate : float
-            ρ̇/ρ_before in 1/s.
-        multiplier : numpy.ndarray
-            Coefficients of L.
+        `case` is V̇/ρ_before as a polynomial in z, and where it applies; `rate` is ρ̇/ρ_before in 1/s; `multiplier`
+        holds the coefficients of L.
         """
         growth = case.coefficients
         scale = float(np.abs(growth).max())

@@ -136,16 +136,7 @@ class RateProgramme:
         self._problem = cp.Problem(cp.Minimize(self._rate), constraints)
 
     def solve(self, loops: ClosedLoops, point: int, pendulum: int, level: float) -> float:
-        """Return the smallest ρ̇/ρ in 1/s.
-
-        Parameters
-        ----------
-        point : int
-            Of the grid of `loops`.
-        pendulum : int
-            Which one.
-        level : float
-            ρ.
+        """Return the smallest ρ̇/ρ in 1/s of one pendulum at one point of the grid of `loops`, where ρ is `level`.
 
         Raises
         ------
@@ -178,18 +169,8 @@ def _assign(parameters: Polynomial, values: Polynomial) -> None:
 def rate_differences(loops: ClosedLoops, level: np.ndarray, degree: int, knots: list[int]) -> np.ndarray:
     """Return the largest difference of the rates that `sum_of_squares` and Eq. 4.6 in cvxpy certify, in 1/s.
 
-    Parameters
-    ----------
-    level : numpy.ndarray, shape (knots, pendulums)
-        ρ at the knots of `loops`.
-    degree : int
-        Of the sine's Taylor polynomial.
-    knots : list of int
-        Where to compare.
-
-    Returns
-    -------
-    numpy.ndarray, shape (pendulums,)
+    The result has shape (pendulums,). Rates are compared at `knots`. `level` is ρ at the knots of `loops`, shape
+    (knots, pendulums); `degree` is that of the sine's Taylor polynomial.
     """
     own, written, labels = CircleProgramme(degree), RateProgramme(degree), loops.pendulums.labels
     differences = np.zeros((len(knots), len(labels)))
@@ -214,18 +195,9 @@ def cross_check(
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Fill ``sos_cvxpy_difference`` of the rows with the method sum_of_squares.
 
-    Parameters
-    ----------
-    boa : pandas.DataFrame
-        Summaries of all lifts, columns `lumbar.lifting.stability.basins.COLUMNS`.
-    trajectories : list of Trajectory
-        The sound ones of all lifts.
-
-    Returns
-    -------
-    boa : pandas.DataFrame
-    failures : list of Failure
-        Basins at which the two formulations do not agree, or one of them has no optimum.
+    `boa` holds the summaries of all lifts, columns `lumbar.lifting.stability.basins.COLUMNS`, `trajectories` the sound
+    ones of all lifts. Failures are the basins at which the two formulations do not agree, or one of them has no
+    optimum.
     """
     rows = boa["method"] == "sum_of_squares"
     if "cvxpy" not in settings.checks or not rows.any():

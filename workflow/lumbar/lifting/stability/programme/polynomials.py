@@ -32,20 +32,9 @@ def monomials(degree: int) -> list[tuple[int, int]]:
 
 
 def growth_polynomial(form: NormalForm, level: np.ndarray, degree: int) -> np.ndarray:
-    """Coefficients of V̇/ρ in z with the sine's Taylor polynomial of a degree.
+    """Coefficients of V̇/ρ in z with the Taylor polynomial of sin(θ0 + e) in e, shape (..., monomials of degree + 1).
 
-    Parameters
-    ----------
-    form : NormalForm
-        Entries of shape (...,).
-    level : numpy.ndarray, shape (...)
-        ρ.
-    degree : int
-        Of the Taylor polynomial of sin(θ0 + e) in e.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., monomials of degree + 1)
+    `level` is ρ, of the same shape (...) as the entries of `form`.
     """
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     coefficients = np.zeros((*np.shape(level), len(index)))
@@ -71,12 +60,8 @@ def require_taylor_range(pendulums: Pendulums, cost: np.ndarray, level: np.ndarr
     Its remainder is at most |e|^(d + 1)/(d + 1)!; where that exceeds `TAYLOR_ERROR` on the ellipse, certificates
     of the polynomial say nothing of the pendulum.
 
-    Parameters
-    ----------
-    pendulums : Pendulums
-        Without gravity there is no sine and no limit.
-    cost : numpy.ndarray, shape (knots, pendulums, 3)
-    level : numpy.ndarray, shape (knots, pendulums)
+    `cost` has shape (knots, pendulums, 3), `level` (knots, pendulums). Pendulums without gravity have no sine and no
+    limit.
 
     Raises
     ------
@@ -125,11 +110,7 @@ NEGLIGIBLE = 1e-8
 def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
     """Return the largest value on the unit circle: samples, then Newton's method from the best of each part.
 
-    Parameters
-    ----------
-    coefficients : numpy.ndarray, shape (..., monomials)
-    degree : int
-        Of the polynomial.
+    `coefficients` have shape (..., monomials).
     """
     amplitudes = coefficients @ harmonics_of_monomials(degree).T
     samples, parts = 16 * (degree + 1), 2 * (degree + 1)
@@ -183,12 +164,7 @@ def circle_map(degree: int) -> np.ndarray:
 def side_map(side: np.ndarray, degree: int) -> np.ndarray:
     """Matrix from the scaled upper triangle of H to the coefficients of g·cᵀHc, c of degree (d − 1)/2.
 
-    Parameters
-    ----------
-    side : numpy.ndarray, shape (3,)
-        g over 1, z1, z2.
-    degree : int
-        d.
+    `side` is g over 1, z1, z2; `degree` is d.
     """
     index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
     product = gram_map(degree - 2)
@@ -228,10 +204,7 @@ def saturation_cases(
 ) -> list[list[Case]]:
     """Return the cases of every pendulum at one point of the grid, with the sine's Taylor polynomial of a degree.
 
-    Parameters
-    ----------
-    level : numpy.ndarray, shape (pendulums,)
-        ρ.
+    `level` is ρ, shape (pendulums,).
     """
     form, cost, gains = loops.form(point), loops.cost[point], loops.gains[point]
     nominal = growth_polynomial(form, level, degree)

@@ -94,12 +94,7 @@ def effect_size(truth: Truth, effect: Effect, least_gain: float, diagnose: Diagn
 
     An effect that the records themselves have is taken out of the model first, and put in again in the form that was found.
 
-    Parameters
-    ----------
-    least_gain : float
-        Likelihood-ratio statistic that a search asks for.
-    diagnose : callable
-        Blind diagnosis.
+    `least_gain` is the likelihood-ratio statistic that a search asks for; `diagnose` is the blind diagnosis.
     """
     present = effect.name in truth.verdict.selected
     if present:
@@ -141,14 +136,8 @@ def diagnosis_or_refusal(records: list[Record], most_effects: int, diagnose: Dia
 def judge_effect(found: Verdict | str, effect: str, before: tuple[str, ...], base_before: str) -> Outcome:
     """Say what became of one effect that was put into records beside those that are in them.
 
-    Parameters
-    ----------
-    found : Verdict or str
-        Of the records with it, or the message of their refusal.
-    before : tuple of str
-        Effects that are in the records beside it.
-    base_before : str
-        Name of the base that is in them.
+    `found` is the verdict on the records with it, or the message of their refusal; `before` are the effects that are in
+    the records beside it, `base_before` is the name of the base that is in them.
     """
     if isinstance(found, str):
         return Outcome(Kind.REFUSED, message=found)

@@ -233,10 +233,7 @@ def further_record(
     within the recorded range make all of them clear, one of these is taken. None where no excitation is better than the
     training record.
 
-    Parameters
-    ----------
-    limits : Kinematics, optional
-        Of the machine, in the input's unit: see `excitation_family`.
+    `limits` are the machine's, in the input's unit: see `excitation_family`.
     """
     if not questions:
         return None

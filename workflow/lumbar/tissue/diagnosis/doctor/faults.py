@@ -78,14 +78,8 @@ def fault_outcomes(
 ) -> FaultOutcomes:
     """Put a mistake into the records, from its largest size down to the first that is not told.
 
-    Parameters
-    ----------
-    reference : Verdict
-        Of the records as they are.
-    diagnose : callable
-        Blind diagnosis.
-    seed : int
-        Of what is random in a mistake.
+    `reference` is the verdict on the records as they are, `diagnose` the blind diagnosis; `seed` is that of what is
+    random in a mistake.
     """
     outcomes: dict[float, Outcome] = {}
     for size in fault.sizes:
@@ -100,12 +94,8 @@ def fault_outcomes(
 def judge_fault(found: Verdict | str, fault: Fault, reference: Verdict) -> Outcome:
     """Say what became of a mistake that was put into records.
 
-    Parameters
-    ----------
-    found : Verdict or str
-        Of the records with it, or the message of their refusal.
-    reference : Verdict
-        Of the records without it.
+    `found` is the verdict on the records with it, or the message of their refusal; `reference` that on the records
+    without it.
     """
     if isinstance(found, str):
         return Outcome(Kind.REFUSED, message=found)

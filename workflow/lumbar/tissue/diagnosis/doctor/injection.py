@@ -189,15 +189,10 @@ class Injection:
         return fit_at(self._dose_of(min(rms, largest)))
 
     def predict(self, least: float) -> float | None:
-        """Smallest RMS of the force of which so much is visible, to first order.
+        """Smallest RMS of the force of which the RMS `least` is visible, to first order.
 
         Visible is what the model's own parameters cannot take up, after whitening, as of
         `lumbar.tissue.diagnosis.evidence.ties.detectable_effects`. None where they take up all of it.
-
-        Parameters
-        ----------
-        least : float
-            RMS that must be visible.
         """
         rms = min(least, self.largest)
         for _ in range(_ROUNDS):

@@ -243,10 +243,7 @@ def separating_excitation(diagnosis: Verdict, limits: Kinematics | None = None) 
     Every excitation is judged to first order (the difference beyond the other model's tangent space), the best few with both
     models refitted in turn.
 
-    Parameters
-    ----------
-    limits : Kinematics, optional
-        Of the machine, in the input's unit: see `excitation_family`.
+    `limits` are the machine's, in the input's unit: see `excitation_family`.
     """
     candidates = [diagnosis.model, *diagnosis.tied_with]
     further = any(form.channels for item in candidates for form in item.fit.structure.forms)

@@ -66,16 +66,9 @@ class Evidence:
 def gather_evidence(
     diagnosis: Verdict, settings: DiagnosisSettings, seed: int, machine: MachineSettings | None = None
 ) -> Evidence:
-    """Gather the evidence for a diagnosis.
+    """Gather the evidence for a diagnosis, with the settings that it was made with.
 
-    Parameters
-    ----------
-    settings : DiagnosisSettings
-        Those it was made with.
-    seed : int
-        Of the intervals.
-    machine : MachineSettings, optional
-        Its limits; taken where the input is in mm.
+    `seed` is that of the intervals. The machine's limits are taken where the input is in mm.
     """
     experiment = diagnosis.experiment
     null = null_distribution(diagnosis.base.fit.structure.base.system)
@@ -207,10 +200,7 @@ def write_diagnosis(diagnosis: Verdict, evidence: Evidence, folder: Path, data: 
 
     An excitation that an earlier diagnosis left in the folder is taken away: it does not belong to this one.
 
-    Parameters
-    ----------
-    data : str
-        Where the data come from.
+    `data` says where the data come from.
     """
     write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, data))
     write_text(folder / "ladder.csv", ladder_csv(diagnosis, data))

@@ -103,10 +103,7 @@ def angles_between(signals: np.ndarray) -> np.ndarray:
 def complete_linkage(angles: np.ndarray, largest: float) -> list[list[int]]:
     """Clusters in which no two members are further apart than `largest`, merged from the closest pair on.
 
-    Returns
-    -------
-    list of list of int
-        The cluster of the first item first, the others in the order of their first members.
+    The cluster of the first item comes first, the others in the order of their first members.
     """
     clusters = [[index] for index in range(len(angles))]
     while len(clusters) > 1:

@@ -41,12 +41,7 @@ def limit_samples(records: list[Record], session: bool = False) -> tuple[list[Re
     any more. Every sample that is left is one that was measured, so noise floor and errors mean what they did; only what
     disturbs the force above half the lower rate is seen at another frequency.
 
-    Parameters
-    ----------
-    records : list of Record
-        With a channel ``input``.
-    session : bool
-        Whether the records were cut from one session: then none is cut short.
+    The records have a channel ``input``. None is cut short where they were cut from one `session`.
 
     Raises
     ------

@@ -51,9 +51,7 @@ class Fit(FreeRun):
 
         By central differences; the zeros, where there are any, come last.
 
-        Returns
-        -------
-        numpy.ndarray, shape (samples that count, parameters)
+        The result has shape (samples that count, parameters).
         """
 
         def simulated(linear, logarithms):
@@ -74,18 +72,10 @@ class Fit(FreeRun):
 
 
 def solve_linear(design: np.ndarray, force: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
-    """Least squares with sign constraints.
+    """Least squares with sign constraints, shape (linear parameters,).
 
-    Parameters
-    ----------
-    design : numpy.ndarray, shape (samples, linear parameters)
-    force : numpy.ndarray, shape (samples,)
-    signs : tuple of int
-        1: not negative, -1: not positive, 0: free.
-
-    Returns
-    -------
-    numpy.ndarray, shape (linear parameters,)
+    `design` has shape (samples, linear parameters), `force` (samples,). A sign of 1 means not negative, -1 not
+    positive, 0 free.
     """
     columns = design.T
     # In two parts: for a matrix of few columns times itself BLAS takes several times as long.
@@ -162,17 +152,9 @@ _OFF_BOUND = 1e-3
 
 
 def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
-    """Fit a structure to a record from one start.
+    """Fit a structure to a record from one start of its nonlinear parameters, base first.
 
-    Parameters
-    ----------
-    start : numpy.ndarray
-        Nonlinear parameters to start from, base first.
-
-    Returns
-    -------
-    Fit
-        The same one wherever the same is asked for.
+    The same fit is returned wherever the same is asked for.
     """
     going_on()
     return data.compute_once((structure, start.tobytes()), lambda: _search(structure, data, start))
@@ -228,12 +210,8 @@ def _least_squares(error, jacobian, start, low, high, **tolerances):
     Rotated by the other factor they are as many numbers as there are parameters, and one; cost, gradient and singular values,
     which is all that the search looks at, stay the same.
 
-    Parameters
-    ----------
-    error : callable
-        From parameters to the error, shape (samples,).
-    jacobian : callable
-        From parameters and the error there to its derivatives, shape (samples, parameters).
+    `error` goes from parameters to the error, shape (samples,); `jacobian` from parameters and the error there to its
+    derivatives, shape (samples, parameters).
     """
     from scipy.optimize import least_squares
 
@@ -402,10 +380,7 @@ def add(previous: Fit, form: Form, data: FitData, starts: int = 1) -> Fit:
     an infinite force), beyond its bounds. Its fit may therefore be worse, with the parameter at a bound; where none of its
     parameters is, it has not converged.
 
-    Parameters
-    ----------
-    starts : int
-        How many of the starting values, best first, are refined.
+    The best `starts` of the starting values are refined.
     """
     structure = previous.structure.with_form(form)
     best = min(

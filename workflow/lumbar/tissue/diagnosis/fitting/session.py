@@ -27,10 +27,7 @@ def with_past(records: Sequence[Record]) -> dict[str, tuple[Record, int]]:
     the next record begins, in the pause, or in 0.5 s where it is elsewhere all of a sudden. The force is filled in too, to
     be left out of every error.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        In the order of the session, with the same channels.
+    The records are in the order of the session, with the same channels.
 
     Raises
     ------

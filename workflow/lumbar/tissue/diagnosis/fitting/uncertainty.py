@@ -38,11 +38,8 @@ def scaled_covariance(fit: Fit, data: FitData) -> tuple[np.ndarray, np.ndarray]:
     Gauss–Newton, s²(JᵀJ)⁻¹, where the whitened residual passes for white; else (JᵀJ)⁻¹ Σ (JᵀJ)⁻¹ with the covariance Σ of the
     scores (`score_covariance`).
 
-    Returns
-    -------
-    numpy.ndarray, shape (parameters, parameters)
-    numpy.ndarray, shape (parameters,)
-        Sizes: 2-norms of the sensitivities.
+    The covariance has shape (parameters, parameters); the sizes, 2-norms of the sensitivities, come second, shape
+    (parameters,).
     """
     return data.compute_once(("covariance", fit), lambda: _scaled_covariance(fit, data))
 
@@ -176,9 +173,7 @@ def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
     To first order a refit moves the simulation within the tangent space of the model, the span of its sensitivities; only
     what lies outside tells another model from it (Bates and Watts, Nonlinear Regression Analysis, 1988, chapter 2).
 
-    Returns
-    -------
-    numpy.ndarray, shape (samples, directions)
+    The result has shape (samples, directions).
     """
     columns = np.concatenate([fit.sensitivities(record) for record in records])
     size = np.sqrt(np.sum(columns**2, axis=0))
@@ -213,16 +208,8 @@ def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray
     That is so where a force as large as the whole response would change the model's error by less than the noise: the 95 %
     interval of the effect's size then holds everything.
 
-    Parameters
-    ----------
-    without : Fit
-        The model without the effect.
-    data : FitData
-        Training record.
-    nonlinear : numpy.ndarray
-        Of the form.
-    name : str
-        Name of the model, for the message.
+    `without` is the model without the effect, `data` the training record; `nonlinear` are the form's parameters, `name`
+    is the model's, for the message.
     """
     basis = tangent_basis(without, [data])
     forces = added_forces(without, form, data, nonlinear)
@@ -261,14 +248,8 @@ def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
     the samples, 1.96 + 2.9694 b + 0.416 b² − 0.5324 b³, know how it scatters. The errors of a fit are smaller than those of
     the truth by the degrees of freedom, which are counted in independent samples.
 
-    Parameters
-    ----------
-    scores : sequence of numpy.ndarray, each of shape (samples, parameters)
-        Sensitivities times errors, by record.
-
-    Returns
-    -------
-    numpy.ndarray, shape (parameters, parameters)
+    `scores` are sensitivities times errors by record, each of shape (samples, parameters); the covariance has shape
+    (parameters, parameters).
     """
     size = sum(map(len, scores))
     # At a bound they do not add up to 0; their mean is no scatter.

@@ -53,15 +53,8 @@ _POLISHED = 4
 def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> Verdict:
     """Diagnose what a base model is missing on forward records (force in, motion out).
 
-    Parameters
-    ----------
-    records : list of Record
-        With the force as channel ``input`` and the motion as ``output``.
-
-    Returns
-    -------
-    Verdict
-        In the unit of the motion; its fits simulate from force to motion.
+    The records have the force as channel ``input`` and the motion as ``output``. The verdict is in the unit of the
+    motion; its fits simulate from force to motion.
 
     Raises
     ------
@@ -251,16 +244,8 @@ def refine_forward(
 ) -> tuple[Experiment, list[Candidate]]:
     """Add effects in the order given, each in the form that fits best turned round, all refitted by simulation.
 
-    Parameters
-    ----------
-    records : list of Record
-        With the force as channel ``input`` and the motion as ``output``.
-
-    Returns
-    -------
-    Experiment
-    list of Candidate
-        The path: base, base and first effect, ….
+    The records have the force as channel ``input`` and the motion as ``output``. The candidates are the path: base,
+    base and first effect, ….
 
     Raises
     ------

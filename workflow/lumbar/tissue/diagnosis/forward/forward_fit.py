@@ -52,18 +52,9 @@ def fit_forward(
     zero: float = 0.0,
     evaluations: int = EVALUATIONS,
 ) -> ForwardFit:
-    """Fit a structure to records from one start.
+    """Fit a structure to records from one start of its parameters and of the zero of the motion's sensor.
 
-    Parameters
-    ----------
-    data : FitData
-        Its motion is the force, its force the motion.
-    linear, nonlinear : numpy.ndarray
-        Parameters to start from.
-    zero : float
-        Of the motion's sensor.
-    evaluations : int
-        Of the error, at most.
+    The motion of `data` is the force, its force the motion. The error is evaluated at most `evaluations` times.
     """
     from scipy.optimize import least_squares
 

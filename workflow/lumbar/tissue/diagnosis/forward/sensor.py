@@ -39,17 +39,8 @@ def sensor_candidates(
 ) -> list[tuple[Candidate, Candidate]]:
     """Linear dynamics and the same behind each effect of the sensor, refitted together.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        Forward records: the force as motion, the motion as force.
-    forms : dict of str to tuple of Form
-        Forms by effect.
-
-    Returns
-    -------
-    list of (Candidate, Candidate)
-        Without and with the sensor's effect, the dynamics of the same order, as the likelihood of all records asks.
+    In the experiment the force stands as motion and the motion as force; `forms` are by effect. Pairs are without and
+    with the sensor's effect, the dynamics of the same order, as the likelihood of all records asks.
     """
     found = []
     for name, own in forms.items():

@@ -112,12 +112,7 @@ def dimensions_of(parameters: tuple[Parameter, ...]) -> dict[str, Dimension]:
 
 
 def dimension(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | None:
-    """Dimension of an expression; None of a bare 0, which has any.
-
-    Parameters
-    ----------
-    known : mapping of str to Dimension
-        Of every symbol in it.
+    """Dimension of an expression, by those of every symbol in it; None of a bare 0, which has any.
 
     Raises
     ------
@@ -218,10 +213,7 @@ _STATE_DIMENSIONS = {
 def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
     """Terms with symbols of their own where several use one for different things.
 
-    Parameters
-    ----------
-    shared : bool
-        Let parameters that mean the same, and states that follow the same equation, be one.
+    With `shared`, parameters that mean the same, and states that follow the same equation, may be one.
     """
     used: dict[str, str] = {}
     found = []

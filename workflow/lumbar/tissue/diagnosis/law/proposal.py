@@ -190,6 +190,8 @@ def propose(
 ) -> Proposal:
     """Look for a short formula for what a model is missing.
 
+    The proposal is without a law where nothing is missing, and where no formula passes.
+
     Parameters
     ----------
     base : Candidate
@@ -200,11 +202,6 @@ def propose(
         What the base is a model of.
     terms : sequence of Term, optional
         Default the whole library.
-
-    Returns
-    -------
-    Proposal
-        Without a law where nothing is missing, and where no formula passes.
     """
     before = before or base
     none = Proposal(experiment, base, before, None, [], 0.0, 0.0, None, _range(experiment))
@@ -364,11 +361,8 @@ def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
 def law_beside(verdict: Verdict) -> Proposal | None:
     """Look for a law for what a verdict leaves.
 
-    Returns
-    -------
-    Proposal or None
-        None where nothing is known to be left, where the effects named go on with one more that passes and leaves but noise,
-        and where records are the wrong way round, so that whatever fits them is no force law.
+    None where nothing is known to be left, where the effects named go on with one more that passes and leaves but
+    noise, and where records are the wrong way round, so that whatever fits them is no force law.
     """
     goes_on = verdict.further is not None and is_adequate(verdict.further, verdict.experiment, COMPLETE)
     named_on = verdict.complete is False and not goes_on

@@ -78,14 +78,7 @@ class _Column:
 
 
 class Search:
-    """One search under way.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        Its tests are what choices are made with.
-    library : sequence of Term
-    """
+    """One search under way, in a library of terms; the experiment's tests are what choices are made with."""
 
     def __init__(self, experiment: Experiment, library):
         self.experiment = replace(experiment, training=_shortened(experiment))

@@ -83,13 +83,7 @@ def coordinate_values(motion: Motion | JoinedMotions, branch_time: float) -> dic
 
 
 def surfaces(fit: Fit, experiment: Experiment) -> list[Surface]:
-    """Estimate the missing force over every pair of coordinates, the pair that explains most first.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fitted model that something is missing from.
-    """
+    """Estimate the force missing from a fitted model over every pair of coordinates, most explaining pair first."""
     records = [item.without_whitening() for item in (experiment.training, *experiment.tests)]
     force = np.concatenate([-fit.errors(item) for item in records])
     tangent = np.concatenate([fit.sensitivities(item) for item in records])

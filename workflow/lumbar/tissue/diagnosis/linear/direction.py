@@ -68,15 +68,8 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
 
     For tissues: a pendulum's gravity may have either sign.
 
-    Parameters
-    ----------
-    layout : ColumnLayout, optional
-        How the records were read, for the lines of YAML; default the reference's.
-
-    Returns
-    -------
-    Finding or None
-        Of kind ``direction`` or ``sign``; its sentence ends with the lines to put into the study's YAML.
+    The finding is of kind ``direction`` or ``sign``; its sentence ends with the lines to put into the study's YAML, in
+    the `layout` that the records were read with, by default the reference's.
     """
     pairs = [
         _pair(record.own(record.motion.position), record.own(record.force))

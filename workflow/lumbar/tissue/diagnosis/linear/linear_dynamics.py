@@ -295,11 +295,8 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
     Schoukens, System Identification: A Frequency Domain Approach, 2012, chapters 4 and 7: best linear approximation, local
     polynomial method). A nonlinear force also shifts the linear approximation: its distortion is less than all it does.
 
-    Returns
-    -------
-    float or None
-        From 0 to 1, a lower bound; None where no training record repeats, where it excites too few lines to compare
-        neighbours, or where the model leaves hardly more than noise.
+    The share, from 0 to 1, is a lower bound; None where no training record repeats, where it excites too few lines to
+    compare neighbours, or where the model leaves hardly more than noise.
     """
     floor = experiment.floor
     if floor is None:
@@ -325,17 +322,9 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
 def distortion_power(inputs: np.ndarray, outputs: np.ndarray, excited: np.ndarray) -> np.ndarray:
     """Power at every line of an output's spectrum that the best linear approximation does not explain, noise included.
 
-    Parameters
-    ----------
-    inputs, outputs : numpy.ndarray of complex, shape (lines,)
-        Spectra of a mean period.
-    excited : numpy.ndarray of int
-        Lines of the input, at least `_NEIGHBOURHOOD`.
-
-    Returns
-    -------
-    numpy.ndarray, shape (lines,)
-        Squared magnitude in the unit of the spectrum; at excited lines the estimate from their neighbourhood.
+    The power is a squared magnitude in the unit of the spectrum, shape (lines,); at excited lines the estimate from
+    their neighbourhood. `inputs` and `outputs` are complex spectra of a mean period, shape (lines,); `excited` are the
+    lines of the input, at least `_NEIGHBOURHOOD`.
     """
     power = np.abs(outputs) ** 2
     for index, line in enumerate(excited):

@@ -95,10 +95,7 @@ def pole_forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> lis
 def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarray:
     """Forces one per linear parameter at size 1, all from rest at the first position.
 
-    Returns
-    -------
-    numpy.ndarray, shape (samples, parameters)
-        Of `direct_forces`, then of `pole_forces`.
+    The columns are those of `direct_forces`, then of `pole_forces`; shape (samples, parameters).
     """
     if isinstance(motion, JoinedMotions):
         return np.concatenate([forces(part, poles, held) for part in motion.parts])
@@ -109,9 +106,7 @@ def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarr
 def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarray, held: bool) -> np.ndarray:
     """Derivatives of the force by what `Poles.to_vector` gives, linear parameters kept; by differences.
 
-    Returns
-    -------
-    numpy.ndarray, shape (samples, searched parameters)
+    The result has shape (samples, searched parameters).
     """
     if isinstance(motion, JoinedMotions):
         return np.concatenate([slope_forces(part, poles, linear, held) for part in motion.parts])
@@ -172,19 +167,8 @@ def relocated_poles(data: FitData, order: int, low: float, high: float, held: bo
     sampling (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052-1061; in the time domain Grivet-Talocia, IEEE
     Trans. Circuits Syst. I 50 (2003) 1444-1456). It begins with pairs spread evenly over a band.
 
-    Parameters
-    ----------
-    order : int
-        Number of poles.
-    low, high : float
-        Band of the starting poles in 1/s.
-    held : bool
-        Whether the input is held between jumps.
-
-    Returns
-    -------
-    list of Poles
-        After each iteration, the last one last.
+    Returned are `order` poles after each iteration, the last one last. The starting poles lie between `low` and `high`
+    in 1/s; `held` says whether the input is held between jumps.
     """
     poles, found = _starting_poles(order, low, high), []
     for _ in range(_ITERATIONS):

@@ -126,10 +126,7 @@ class NoiseFloor:
 def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | None:
     """Return the noise floor of a periodic record, or None where its input, or another input beside it, does not repeat.
 
-    Parameters
-    ----------
-    period : float, optional
-        Seconds; by default the record's own, else found by `find_period`.
+    The period, in seconds, is by default the record's own, else found by `find_period`.
 
     Raises
     ------
@@ -286,10 +283,7 @@ def _words(part: Part, mean_period: np.ndarray, unit: str, sampling_time: float)
 def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
     """Yule–Walker: coefficients 1, −a₁, …, −aₙ of the prediction error, and variance over that of the error.
 
-    Parameters
-    ----------
-    covariance : numpy.ndarray, shape (n + 1,)
-        Of a signal, at lags 0 to n samples.
+    `covariance` is that of a signal at lags 0 to n samples, shape (n + 1,).
     """
     order = len(covariance) - 1
     if order < 1 or covariance[0] <= 0:
@@ -320,12 +314,8 @@ def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:
     deviations of two periods are, phase by phase, is then related. Ranks are compared: spikes and heavy tails, which fall
     anywhere, do not matter.
 
-    Parameters
-    ----------
-    noise : numpy.ndarray, shape (periods, samples)
-        Deviations of the periods from their mean.
-    degrees : float
-        Degrees of freedom that are left in them.
+    `noise` holds the deviations of the periods from their mean, shape (periods, samples); `degrees` of freedom are left
+    in them.
     """
     if len(noise) < _FEWEST or not np.any(noise) or relation_of_sizes(noise) <= _CERTAIN:
         return None
@@ -350,10 +340,7 @@ def relation_of_sizes(noise: np.ndarray) -> float:
     Spearman's rank correlation of the sizes of differences between two periods each, over all pairs of such differences.
     Its standard error allows for sizes that resemble their neighbours (M. S. Bartlett, J. R. Stat. Soc. Suppl. 8 (1946) 27-41).
 
-    Parameters
-    ----------
-    noise : numpy.ndarray, shape (periods, samples)
-        Four periods at least.
+    `noise` has shape (periods, samples), four periods at least.
     """
     count, samples = len(noise) // 2, noise.shape[1]
     sizes = np.abs(noise[: 2 * count : 2] - noise[1 : 2 * count : 2])

@@ -301,29 +301,16 @@ def taper(samples: int) -> np.ndarray:
 def line_power(rows: np.ndarray, degrees: float) -> np.ndarray:
     """Mean power of the rows at 0, 1, 2, … cycles per row, as variance per sample.
 
-    Parameters
-    ----------
-    rows : numpy.ndarray, shape (periods, samples)
-    degrees : float
-        Rows' worth of degrees of freedom that are left in them.
+    `rows` have shape (periods, samples); `degrees` are the rows' worth of degrees of freedom that are left in them.
     """
     return np.sum(np.abs(np.fft.rfft(rows, axis=1)) ** 2, axis=0) / (rows.shape[1] * degrees)
 
 
 def smooth_power(power: np.ndarray, degrees: float, bins_per_line: int = 1) -> np.ndarray:
-    """Level of a noise spectrum: medians over bands that widen with frequency, deaf to single lines.
+    """Level of a noise spectrum, positive: medians over bands that widen with frequency, deaf to single lines.
 
-    Parameters
-    ----------
-    power : numpy.ndarray, shape (bins,)
-        Power at 0, 1, 2, … bins, mean of `degrees` rows.
-    bins_per_line : int
-        How much finer than lines the power is given.
-
-    Returns
-    -------
-    numpy.ndarray, shape (bins,)
-        Positive.
+    `power` is that at 0, 1, 2, … bins, mean of `degrees` rows, shape (bins,) as the level; it is given `bins_per_line`
+    times finer than lines.
     """
     fewest, most = FEWEST_LINES * bins_per_line, _MOST_LINES * bins_per_line
     centres, levels, start, last = [], [], 1, len(power) - 1

@@ -38,14 +38,10 @@ class Folding:
 
 
 def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
-    """How far a signal differs from itself shifted by 0, 1, …, `lags` samples.
+    """How far a signal differs from itself shifted by 0, 1, …, `lags` samples, shape (lags + 1,).
 
-    Returns
-    -------
-    numpy.ndarray, shape (lags + 1,)
-        Σ(u[n+l] − u[n])² over the overlap, per sample and relative to twice the variance: 0 where the signal
-        repeats, about 1 where the two are unrelated. For noise of variance σ² on a periodic signal it is
-        σ²/variance at the period.
+    Σ(u[n+l] − u[n])² over the overlap, per sample and relative to twice the variance: 0 where the signal repeats, about
+    1 where the two are unrelated. For noise of variance σ² on a periodic signal it is σ²/variance at the period.
     """
     size = len(values)
     centred = values - values.mean()
@@ -89,12 +85,7 @@ def find_period(record: Record) -> float | None:
 
 
 def fold_periods(record: Record, period: float) -> Folding:
-    """Cut a record into the whole periods after its first one.
-
-    Parameters
-    ----------
-    period : float
-        Seconds.
+    """Cut a record into the whole periods (`period` in seconds) after its first one.
 
     Raises
     ------

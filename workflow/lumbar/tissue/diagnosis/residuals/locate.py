@@ -49,14 +49,8 @@ def locate(
 ) -> Location:
     """See where a free-run simulation fails.
 
-    Parameters
-    ----------
-    simulated : numpy.ndarray, shape (samples,)
-        Free run over the whole record.
-    floor : NoiseFloor, optional
-        Noise of this record, or of another one with the same set-up.
-    floor_from : str
-        Name of the record that `floor` comes from; default this one.
+    `simulated` is a free run over the whole record, shape (samples,). `floor` is the noise of this record, or of
+    another one with the same set-up, named by `floor_from`.
 
     Raises
     ------
@@ -157,15 +151,8 @@ def compare_and_locate(
 ) -> list[ResidualReport]:
     """Simulate a fit on every record, compare it, and see where it fails.
 
-    Parameters
-    ----------
-    records : list of Record
-    floor, floor_from, seed
-        As for `residual_reports`.
-    surface : float
-        Position that the fit counts positions from.
-    session : bool
-        Whether the records were cut from one session, in their order.
+    `floor`, `floor_from` and `seed` are as for `residual_reports`. The fit counts positions from `surface`; `session`
+    says whether the records were cut from one session, in their order.
     """
     seen = [for_base(record, fit.structure.base) for record in records]
     return residual_reports(seen, simulation(seen, fit, surface, session), floor, floor_from, seed)
@@ -191,14 +178,8 @@ def residual_reports(
 ) -> list[ResidualReport]:
     """Simulate any model on every record, compare it, and see where it fails.
 
-    Parameters
-    ----------
-    simulate : callable
-        From a record to the model's free run, shape (samples,).
-    floor : NoiseFloor or None
-        Noise floor of the record named `floor_from`.
-    seed : int
-        Seed of the intervals.
+    `simulate` goes from a record to the model's free run, shape (samples,). `floor` is the noise floor of the record
+    named `floor_from`; `seed` is that of the intervals.
     """
     found = []
     for number, record in enumerate(track(records, "records compared and located")):

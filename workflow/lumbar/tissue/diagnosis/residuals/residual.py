@@ -157,12 +157,8 @@ class Residual:
         the relation explains of the same error shifted in time, round the end, is that chance: (S − S₀)/(1 − S₀), with
         S₀ the mean over shifts, as in Cohen's κ.
 
-        Parameters
-        ----------
-        explained : callable
-            Mean square that the relation explains of a signal of the residual's length.
-        noise : float
-            Mean square that it explains of noise.
+        `explained` gives the mean square that the relation explains of a signal of the residual's length; `noise` is
+        that of noise.
         """
         if self.explainable <= 0:
             return 0.0

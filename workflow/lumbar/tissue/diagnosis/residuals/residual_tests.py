@@ -179,16 +179,8 @@ def cross_correlation(residual: Residual, signal: np.ndarray) -> tuple[np.ndarra
 
     Lags run circularly: under the null hypothesis the wrapped signal is as unrelated as the signal.
 
-    Returns
-    -------
-    lags : numpy.ndarray of int
-        Samples.
-    correlation : numpy.ndarray
-        Coefficients, −1 to 1.
-    limit : float
-        95 % limit of each under noise alone.
-    p_value : float
-        Of all lags together.
+    Returned are lags in samples, coefficients from −1 to 1, the 95 % limit of each under noise alone, and the p-value
+    of all lags together.
     """
     size = len(signal)
     longest = int(min(_LONGEST_LAG / residual.sampling_time, size // 10))

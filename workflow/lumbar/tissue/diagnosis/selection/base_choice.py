@@ -46,16 +46,8 @@ def choose_base(
     By the likelihood of all records and the number of parameters. A base with contact must beat a fastened one with any
     single effect: one that likewise loses the tissue, or one that clips the force.
 
-    Parameters
-    ----------
-    name : str
-        A key of `lumbar.tissue.models.bases.BASES`, or `CHOSEN_BY_DATA`.
-
-    Returns
-    -------
-    Experiment
-        Its positions counted from the tissue's surface where the base is one with contact.
-    Candidate
+    `name` is a key of `lumbar.tissue.models.bases.BASES`, or `CHOSEN_BY_DATA`. The experiment's positions are counted
+    from the tissue's surface where the base is one with contact.
     """
     # Surfaces are positions as recorded, also where a base is chosen again.
     experiment = experiment.with_origin(0.0)

@@ -267,7 +267,7 @@ def by_score(candidates: list[Candidate]) -> list[Candidate]:
 
 
 def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
-    """Say what in a fitted model contradicts the names of its effects.
+    """Say what in a fitted model, base and effects, contradicts the names of its effects, one sentence each.
 
     - No force that an effect adds is surely different from 0 (of several, or of those that its form calls essential, one
       of them or all together).
@@ -275,16 +275,6 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
     - What the form itself refuses (`Form.contradiction`): a limit that the record exceeds, less than two cycles of a
       disturbance or a frequency of the excitation's own grid.
     - Nothing is left of the base.
-
-    Parameters
-    ----------
-    fit : Fit
-        Base and effects.
-
-    Returns
-    -------
-    list of str
-        One sentence each; empty where nothing contradicts.
     """
     structure, training = fit.structure, experiment.training
     count = len(structure.base.linear)

@@ -27,10 +27,7 @@ _ZEROS_HELP = 0.9
 def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -> Verdict:
     """Diagnose what a base model is missing on a set of records.
 
-    Parameters
-    ----------
-    records : list of Record
-        One per excitation, with channels ``input`` and ``output``.
+    There is one record per excitation, with channels ``input`` and ``output``.
 
     Raises
     ------

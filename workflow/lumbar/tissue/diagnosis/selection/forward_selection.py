@@ -61,7 +61,7 @@ def extend(
     most: int | None = None,
     all_forms: bool = True,
 ) -> list[Candidate]:
-    """Add each effect of the catalogue that the model does not have.
+    """Add each effect of the catalogue that the model does not have; every refitted form is returned, best first.
 
     Parameters
     ----------
@@ -70,11 +70,6 @@ def extend(
     all_forms : bool
         Refit all forms of an effect, or only the one with the best screening. With all forms, the general ones of the best
         `LOOK_AHEAD` effects stand in where simpler ones fail: only if they remove `MOST_OF_REST` of what these leave.
-
-    Returns
-    -------
-    list of Candidate
-        Every refitted form, best first.
     """
     every = [
         form for effect in catalogue.values() if effect.name not in model.effects for form in effect.forms

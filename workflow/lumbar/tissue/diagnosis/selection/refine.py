@@ -100,18 +100,8 @@ def refine(
 ) -> tuple[Experiment, list[Candidate]]:
     """Add effects to a base model in the order given, each in the form that fits best.
 
-    Parameters
-    ----------
-    effects : list of str
-        Names in the catalogue.
-    settings : DiagnosisSettings
-        Base, training record and catalogue.
-
-    Returns
-    -------
-    Experiment
-    list of Candidate
-        The path: base, base and first effect, ….
+    Effects are names in the catalogue of the settings, which also give base and training record. The candidates are the
+    path: base, base and first effect, ….
 
     Raises
     ------
@@ -135,15 +125,7 @@ def refine(
 
 
 def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSettings) -> FittedModel:
-    """Refine a base model by these effects and return the last model of the path.
-
-    Parameters
-    ----------
-    effects : list of str
-        Effects to add to the base.
-    settings : DiagnosisSettings
-        ``train`` names the training record.
-    """
+    """Refine a base model by these effects and return the last model of the path."""
     experiment, path = refine(records, effects, settings)
     return fitted_model(path[-1], experiment)
 

@@ -59,16 +59,12 @@ class NullDistribution:
     """Number of candidate forms they are the best of."""
 
     def p_value(self, ratio: float, forms: int | None = None) -> float:
-        """Probability that the best candidate gains as much where nothing is missing.
+        """Probability that the best candidate gains as much (likelihood-ratio statistic) where nothing is missing.
 
         Beyond the table the tail falls as that of chi-square ratios, exp(−ratio/2), from its last tenth.
 
-        Parameters
-        ----------
-        ratio : float
-            Likelihood-ratio statistic.
-        forms : int, optional
-            Number of candidates tried, where it differs from the table's: the probability grows in proportion.
+        `forms` is the number of candidates tried, where it differs from the table's: the probability grows in
+        proportion.
         """
         size = len(self.ratios)
         above = size - int(np.searchsorted(self.ratios, ratio, side="left"))

@@ -146,12 +146,7 @@ def _ranked_json(item: Ranked) -> dict:
 
 
 def distinguishing_digits(values: Sequence[float], fewest: int) -> list[str]:
-    """Return numbers in words with so many digits that neighbours which differ read differently.
-
-    Parameters
-    ----------
-    fewest : int
-        Digits that are given at least.
+    """Return numbers in words with so many digits, `fewest` at least, that neighbours which differ read differently.
 
     Examples
     --------

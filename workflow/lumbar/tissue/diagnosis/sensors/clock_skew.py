@@ -168,12 +168,7 @@ def _rate(values: np.ndarray, sampling_time: float) -> np.ndarray:
 
 
 def shift_times(values: np.ndarray, rate: float) -> np.ndarray:
-    """Values at times n (1 + rate), by a windowed sinc: noise keeps its colour up to nearly half the sampling rate.
-
-    Parameters
-    ----------
-    values : numpy.ndarray, shape (samples,)
-    """
+    """Values at times n (1 + rate), by a windowed sinc: noise keeps its colour up to nearly half the sampling rate."""
     size = len(values)
     taps = np.arange(-_TAPS + 1, _TAPS + 1)
     result = np.empty(size)

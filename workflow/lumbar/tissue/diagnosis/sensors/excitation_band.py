@@ -31,12 +31,7 @@ def edge_above_floor(values: np.ndarray, sampling_time: float) -> float | None:
     Where the spectrum falls to the floor that a sensor adds, not where a share of the power lies (`spectral_edge`): of the
     weakest motion nothing may pass for noise.
 
-    Parameters
-    ----------
-    values : numpy.ndarray, shape (samples,)
-        Position.
-    sampling_time : float
-        Seconds.
+    `values` are positions, shape (samples,), every `sampling_time` seconds.
     """
     if len(values) < _FEWEST_SEGMENTS * _SEGMENT[0]:
         return None
@@ -63,13 +58,7 @@ def within_band(values: np.ndarray, sampling_time: float, edge: float) -> np.nda
     Beyond its ends the signal is carried on by what fits it there and has no other frequencies (Fourier continuation:
     Bruno, Han and Pohlman, J. Comput. Phys. 227 (2007) 1094-1125): a mirror image would bend sharply at the end, and ring.
 
-    Parameters
-    ----------
-    values : numpy.ndarray, shape (samples,)
-    sampling_time : float
-        Seconds.
-    edge : float
-        Hz.
+    `values` have shape (samples,), every `sampling_time` seconds; `edge` is in Hz.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 

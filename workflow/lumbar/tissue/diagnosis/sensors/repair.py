@@ -27,14 +27,7 @@ def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.nd
 
     Roughly: to fill samples in, and to see whether a repair helps.
 
-    Parameters
-    ----------
-    left_out : numpy.ndarray of int, optional
-        Samples that are not fitted to.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
+    The result has shape (samples,); not fitted to the samples `left_out`.
     """
     from scipy.signal import lfilter
 

@@ -29,17 +29,9 @@ _FINDERS = (
 def sensor_faults(record: Record) -> list[Finding]:
     """Return what is wrong with the sensors of a record and with its clock.
 
-    Parameters
-    ----------
-    record : Record
-        With channels ``input`` and ``output``.
-
-    Returns
-    -------
-    list of Finding
-        Of the kinds ``gap``, ``wild_samples``, ``held_samples``, ``dropped_samples``, ``position_noise``, ``quantisation``,
-        ``jitter``, ``rough_acceleration`` and ``clock_skew``; empty where nothing is wrong. A position sensor that lags is
-        not among them: its lag and a tissue's own delay look alike.
+    The record has channels ``input`` and ``output``. Findings are of the kinds ``gap``, ``wild_samples``,
+    ``held_samples``, ``dropped_samples``, ``position_noise``, ``quantisation``, ``jitter``, ``rough_acceleration`` and
+    ``clock_skew``. A position sensor that lags is not among them: its lag and a tissue's own delay look alike.
     """
     return _repair(record)[1]
 
