@@ -47,8 +47,8 @@ test-portable: environment ## tests, results and verdicts under other processors
 
 # Both suites run to their end; the status tells whether an answer is another one than recorded.
 acceptance: environment ## records whose truth is known, public and hard ones: a judgement each, and docs/tissue/acceptance.md: minutes
-	python tests/real_records/run.py --markdown docs/tissue/acceptance.md; real=$$?; \
-	python tests/hard_effects/run.py --markdown docs/tissue/acceptance.md && exit $$real
+	python tests/real_records/ask_records.py --markdown docs/tissue/acceptance.md; real=$$?; \
+	python tests/hard_effects/ask_cases.py --markdown docs/tissue/acceptance.md && exit $$real
 
 report: results ## results/<study>/report.html: every table and figure beside the thesis's, one page, works offline
 	snakemake --cores 1 $(CONFIGFILE) report

@@ -77,8 +77,7 @@ def _read(folder: Path):
     settings = lumbar.load_settings(*([config] if config.exists() else []))
     layout, rate = record_layout(settings, settings.improvement.base)
     records = lumbar.read(folder / "records", layout=layout, rate=rate)
-    machine = settings.signals.machine
-    return records, {"settings": settings.improvement, "machine": machine, "seed": settings.seed}
+    return records, {"settings": settings}
 
 
 def judge(label: Label, answer: Answer) -> tuple[str, str]:

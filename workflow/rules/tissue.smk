@@ -59,6 +59,7 @@ rule identify_tissue:
             "tissue",
             *(f"improvement.{key}" for key in ("base", "effects", "effect_files", "most_effects")),
             *(f"improvement.{key}" for key in ("forward", "session")),
+            "stability.pendulum.gravity_m_s2",
             "seed",
         ),
         data=DATA,

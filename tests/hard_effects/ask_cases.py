@@ -1,6 +1,6 @@
 """Diagnose the labelled hard cases and judge every answer: a line per case, totals per family, a page for the documentation.
 
-    python tests/hard_effects/run.py [--only f,g,a00] [--markdown docs/tissue/acceptance.md] [--json FILE]
+    python tests/hard_effects/ask_cases.py [--only f,g,a00] [--markdown docs/tissue/acceptance.md] [--json FILE]
 
 Ends with status 1 where an answer is not what ``not_yet.toml`` says that it is today, for better or worse.
 """

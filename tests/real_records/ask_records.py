@@ -1,6 +1,6 @@
 """Diagnose the public data sets and compare with what is known: a table, and a page for the documentation.
 
-    python tests/real_records/run.py [--only friction_damper,…] [--markdown docs/tissue/acceptance.md] [--json FILE]
+    python tests/real_records/ask_records.py [--only friction_damper,…] [--markdown docs/tissue/acceptance.md] [--json FILE]
 
 Ends with status 1 where an answer is not what ``expectations.toml`` says that it is today, for better or worse.
 """
