@@ -356,7 +356,7 @@ def played_here(monkeypatch):
         fmus = [[UnzippedFmu(folder) for folder in folders] for folders in jobs]
         return [problems_of(*fmu) if len(fmu) == 1 else first_difference(*fmu) for fmu in fmus]
 
-    monkeypatch.setattr(file_check, "played", played)
+    monkeypatch.setattr(file_check, "play_libraries", played)
 
 
 def problems(files: dict[str, bytes], version: int, folder: Path, cache: Path) -> tuple[str, ...]:
