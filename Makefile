@@ -90,10 +90,10 @@ format: environment ## put the sources into the house's format
 	ruff format .
 	snakefmt Snakefile workflow/rules
 
-docs: environment ## renew the references of configuration keys, effects, equations and figures
+docs: environment ## renew the references of configuration keys, effects, the thesis's items and figures
 	python docs/generate/configuration_reference.py
 	python docs/generate/effects_reference.py
-	python docs/generate/equation_index.py
+	PYTHONPATH=docs python -m generate.thesis_items
 	python docs/generate/gallery.py
 	python docs/generate/house.py
 

@@ -1,4 +1,4 @@
-"""Which function computes which equation of the thesis, from docstrings, renewed by ``make docs``.
+"""Which object of the library computes which equation of the thesis, from docstrings.
 
 An object belongs to an equation when the first paragraph of its docstring names it, in the one spelling ``Eq. 4.7`` or
 ``Eqs 4.5–4.7``.
@@ -12,19 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from lumbar.base.files import write_text
-
 DOCS = Path(__file__).resolve().parents[1]
 LIBRARY = DOCS.parent / "workflow" / "lumbar"
-PAGE = "equations.md"
-NOT_COMPUTED = {
-    ("2.1", "2.5"): "Fourier series, as background: spectra are estimated by Welch's method",
-    ("2.6", "2.6"): "discrete Fourier transform: `scipy.fft`",
-    ("2.7", "2.9"): "least squares without ridge: α = 0 of Eqs 3.7 and 3.8",
-    ("2.10", "2.12"): "definitions of stability",
-    ("2.16", "2.16"): "search for a polynomial V: V is given by Eq. 4.7",
-}
-"""Equations, first and last, that no function computes, and why."""
 _MENTION = re.compile(r"Eqs?\.? (\d\.\d+)((?:(?:–|, | and )\d\.\d+)*)")
 
 
@@ -36,8 +25,6 @@ class Entry(NamedTuple):
     module: str
     name: str
     """`module`, `name`: where the object is, and its name there (``Class.method``)."""
-    sentence: str
-    """First sentence of its docstring."""
 
 
 def entries() -> list[Entry]:
@@ -49,10 +36,7 @@ def entries() -> list[Entry]:
             continue  # they name equations, and compute none
         for name, docstring in _docstrings(ast.parse(path.read_text(encoding="utf-8"))):
             paragraph = " ".join(docstring.split("\n\n")[0].split())
-            sentence = re.split(
-                r"(?<=[.:])\s+(?=[A-Z])", re.sub(r"\bEqs?\. ", "Eq.\N{NO-BREAK SPACE}", paragraph)
-            )[0]
-            found += [Entry(number, module, name, sentence) for number in equations(paragraph)]
+            found += [Entry(number, module, name) for number in equations(paragraph)]
     return sorted(found, key=lambda item: (_order(item.equation), item.module, item.name))
 
 
@@ -97,28 +81,3 @@ def _docstrings(tree: ast.Module) -> Iterator[tuple[str, str]]:
             target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
             if isinstance(target, ast.Name) and isinstance(after.value, ast.Constant):
                 yield target.id, str(after.value.value)
-
-
-def page() -> str:
-    """Return the index as Markdown."""
-    lines = [
-        "# The thesis's equations",
-        "",
-        "Which object of the library computes which equation, made from the docstrings by `make docs`. "
-        "`lumbar.a.b` is the file `workflow/lumbar/a/b.py`.",
-        "",
-        "| equation | module | object | what it says |",
-        "|---|---|---|---|",
-    ]
-    rows = [(item.equation, f"`{item.module}`", f"`{item.name}`", item.sentence) for item in entries()]
-    rows += [
-        (first if first == last else f"{first}–{last}", "", "", why)
-        for (first, last), why in NOT_COMPUTED.items()
-    ]
-    for number, *cells in sorted(rows, key=lambda row: _order(row[0].split("–")[0])):
-        lines.append(f"| {number} | " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
-if __name__ == "__main__":
-    write_text(DOCS / PAGE, page())

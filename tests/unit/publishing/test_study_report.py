@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from generate.equation_index import equations
+from generate.thesis_items import read_items
 from lumbar.lifting.stability.comparison.percent_differences import comparison_names
 from lumbar.publishing.reproduction import basin_claims as basins
 from lumbar.publishing.reproduction import identification_claims as identification
@@ -146,11 +147,7 @@ def test_pictures_lose_digits_nobody_sees_and_nothing_else():
 
 
 def test_every_artefact_of_the_sheet_says_where_it_comes_from(project):
-    known = set(
-        re.findall(
-            r"^\| (\d\.\d+)", (project / "docs" / "equations.md").read_text(encoding="utf-8"), flags=re.M
-        )
-    )
+    known = {number for item in read_items() for number in item.equations}
     shown = [row for row in read_artefacts(project / "config" / "artefacts.tsv") if row.label]
     for row in shown:
         assert callable(pkgutil.resolve_name(row.function)), row.id

@@ -1,0 +1,175 @@
+"""The thesis item by item, as printed and as here, from ``resources/thesis/items.yaml``, renewed by ``make docs``.
+
+What names can say comes from where it stands: the objects of an equation from docstrings, the value of a key from the settings,
+the files of an artefact from the sheet.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from generate import equation_index
+from generate.configuration_reference import STUDY_PAGE, defaults_of, keys
+from lumbar.base.files import write_text
+from lumbar.settings.study_settings import StudySettings
+from lumbar.study.artefacts import read_artefacts
+
+DOCS = Path(__file__).resolve().parents[1]
+SOURCE = DOCS.parent / "resources" / "thesis" / "items.yaml"
+PAGE = "thesis.md"
+CHAPTERS = {
+    "1": "Introduction",
+    "2": "Literature review",
+    "3": "Tissue: identification and simulation",
+    "4": "Lifting: basins of attraction",
+    "5": "Discussion and conclusion",
+    "6": "Discussion and conclusion",
+}
+_HEAD = """\
+# The thesis, item by item
+
+<!-- Made by "make docs" from resources/thesis/items.yaml; change that. -->
+
+Every numbered equation, table and figure, every stated parameter and every claim of method: as the thesis prints it, how it
+is here, and what is otherwise and why. An empty last column: as printed. Modules are those below `lumbar`
+(`tissue.signals.multisine` is the file `workflow/lumbar/tissue/signals/multisine.py`); keys stand with their defaults; files lie
+below `results/<study>/`; *claims* are rows of `claims.csv`, which says of each whether it holds on a study's data, does not, was
+built into them, or cannot be tested on them.
+"""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One item; what its fields mean stands at the head of the file."""
+
+    item: str
+    section: str
+    printed: str
+    here: str = ""
+    objects: list[str] = field(default_factory=list)
+    keys: list[str] = field(default_factory=list)
+    thesis: dict[str, Any] = field(default_factory=dict)
+    artefacts: list[str] = field(default_factory=list)
+    claims: list[str] = field(default_factory=list)
+    pages: list[str] = field(default_factory=list)
+    differs: str = ""
+
+    @property
+    def equations(self) -> list[str]:
+        """Numbers of the equations it is about."""
+        return equation_index.equations(self.item)
+
+    @property
+    def all_objects(self) -> list[str]:
+        """Objects that compute its equations, by their docstrings, and those that it names."""
+        found = [
+            f"{entry.module.removeprefix('lumbar.')}:{entry.name}"
+            for number in self.equations
+            for entry in computing().get(number, ())
+        ]
+        return list(dict.fromkeys([*found, *self.objects]))
+
+
+def read_items() -> list[Item]:
+    """Items in the thesis's order."""
+    return [Item(**entry) for entry in yaml.safe_load(SOURCE.read_text(encoding="utf-8"))]
+
+
+@cache
+def computing() -> dict[str, list[equation_index.Entry]]:
+    """Objects by the equation that they compute."""
+    return {
+        number: list(rows) for number, rows in groupby(equation_index.entries(), lambda row: row.equation)
+    }
+
+
+@cache
+def default_values() -> dict[str, Any]:
+    """Default of every configuration key."""
+    return {way: value for way, _, value in keys(StudySettings, defaults_of(StudySettings))}
+
+
+@cache
+def files() -> dict[str, Any]:
+    """Artefacts of the sheet by their ids."""
+    return {row.id: row for row in read_artefacts(DOCS.parent / "config" / "artefacts.tsv")}
+
+
+def anchor(heading: str) -> str:
+    """Name by which a heading of a page is linked to."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
+
+
+def _key(way: str) -> str:
+    section, _, rest = way.partition(".")
+    page = section if rest and (DOCS / "config" / f"{section}.md").is_file() else STUDY_PAGE
+    return f"[`{way}`](config/{page}.md): {_value(default_values()[way])}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return (
+            ", ".join(map(_value, value))
+            if not any(map(_nested, value))
+            else f"({'; '.join(map(_value, value))})"
+        )
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _nested(value: Any) -> bool:
+    return isinstance(value, list | tuple)
+
+
+def _artefact(name: str) -> str:
+    return f"`{files()[name].path}`"
+
+
+def _page(way: str) -> str:
+    name = way.partition("#")[0]
+    title = (DOCS / name).read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")
+    return f"[{title}]({way})"
+
+
+def _here(item: Item) -> str:
+    parts = [item.here] if item.here else []
+    parts += [f"`{name}`" for name in item.all_objects]
+    parts += [_key(way) for way in [*item.thesis, *item.keys]]
+    parts += [_artefact(name) for name in item.artefacts]
+    if item.claims:
+        parts.append("*claims* " + ", ".join(f"`{name}`" for name in item.claims))
+    return "<br>".join(parts)
+
+
+def _differs(item: Item) -> str:
+    more = f"More: {', '.join(map(_page, item.pages))}" if item.pages else ""
+    return ". ".join(filter(None, [item.differs, more]))
+
+
+def _row(item: Item) -> str:
+    cells = (f"**{item.item}**<br>{item.section}", item.printed, _here(item), _differs(item))
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def page() -> str:
+    """Text of the page."""
+    parts = [_HEAD]
+    for title, rows in groupby(read_items(), key=lambda item: CHAPTERS[item.section[0]]):
+        parts += [
+            f"## {title}",
+            "",
+            "| item, section | as printed | here | otherwise, and why |",
+            "|---|---|---|---|",
+        ]
+        parts += [*map(_row, rows), ""]
+    return "\n".join(parts)
+
+
+if __name__ == "__main__":
+    write_text(DOCS / PAGE, page())

@@ -1,0 +1,105 @@
+"""The thesis item by item: nothing of the thesis is left out, and what each item names is real."""
+
+from __future__ import annotations
+
+import pkgutil
+import re
+from fnmatch import fnmatch
+
+import pandas as pd
+import pytest
+
+from generate.equation_index import between
+from generate.thesis_items import DOCS, anchor, default_values, files, read_items
+from lumbar.publishing.reproduction.register import all_claims
+
+ITEMS = read_items()
+NUMBERED = re.compile(r"\b(Figures?|Tables?) (\d\.\d)(?:–(\d\.\d)| and (\d\.\d))?")
+
+
+def numbered(text: str) -> set[str]:
+    """Figures and tables that a text names, as ``Figure 2.1``; a dash stands for all between two."""
+    found = set()
+    for kind, first, last, other in NUMBERED.findall(text):
+        numbers = between(first, last) if last else [first, *filter(None, [other])]
+        found |= {f"{kind.removesuffix('s')} {number}" for number in numbers}
+    return found
+
+
+@pytest.fixture(scope="module")
+def thesis(shared):
+    """The thesis's text."""
+    return next((shared / "thesis").glob("*.txt")).read_text(encoding="utf-8")
+
+
+def test_every_equation_of_the_thesis_is_an_item_once(thesis):
+    there = [number for item in ITEMS for number in item.equations]
+    assert sorted(there) == sorted(set(re.findall(r"\(([1-5]\.\d{1,2})\)", thesis)))
+
+
+def test_every_figure_and_table_of_the_thesis_is_an_item(thesis):
+    printed = {" ".join(pair) for pair in re.findall(r"(Figure|Table) (\d\.\d)", thesis)}
+    assert set().union(*(numbered(item.item) for item in ITEMS)) == printed
+
+
+def test_every_section_of_the_thesis_has_an_item(thesis):
+    headed = set(re.findall(r"^ ?([1-5](?:\.\d)+) [A-Z]", thesis, flags=re.M))
+    chapters = set(re.findall(r"^ ?Chapter (\d)$", thesis, flags=re.M))
+    assert headed | chapters <= {name for item in ITEMS for name in sections(item.section)}
+
+
+def sections(named: str) -> list[str]:
+    """Sections of an item, each with its chapter."""
+    return [way for name in named.split(", ") for way in (name, name[0])]
+
+
+def test_items_stand_in_the_order_of_their_sections():
+    first = [tuple(map(int, sections(item.section)[0].split("."))) for item in ITEMS]
+    assert [section[0] for section in first] == sorted(section[0] for section in first)
+
+
+@pytest.mark.parametrize("item", ITEMS, ids=lambda item: item.item)
+def test_what_an_item_names_is_real(item):
+    for name in item.all_objects:
+        assert pkgutil.resolve_name(f"lumbar.{name}") is not None
+    assert set(item.keys) <= set(default_values())
+    assert {way: default_values()[way] for way in item.thesis} == item.thesis, "no longer the thesis's number"
+    assert set(item.artefacts) <= set(files())
+    for way in item.pages:
+        name, _, part = way.partition("#")
+        headings = re.findall(r"^#+ (.*)", (DOCS / name).read_text(encoding="utf-8"), flags=re.M)
+        assert not part or part in map(anchor, headings), f"{name} has no {part}"
+
+
+@pytest.mark.parametrize("item", ITEMS, ids=lambda item: item.item)
+def test_an_item_says_how_it_is_here_and_why_where_it_is_nothing(item):
+    assert item.printed
+    assert (
+        item.here
+        or item.all_objects
+        or item.artefacts
+        or item.claims
+        or item.keys
+        or item.thesis
+        or item.pages
+    )
+    if item.here.startswith("not "):
+        assert item.differs
+
+
+def test_every_claim_is_named_by_an_item_and_every_claim_named_exists(project):
+    folder = project / "resources" / "thesis"
+    published = {
+        name: pd.read_csv(folder / f"{name}.csv") for name in ("table_3_1", "table_3_2", "table_4_1")
+    }
+    claims = {claim.id for claim in all_claims(published, synthetic=True)}
+    patterns = {pattern for item in ITEMS for pattern in item.claims}
+    assert all(any(fnmatch(claim, pattern) for claim in claims) for pattern in patterns)
+    assert not [claim for claim in claims if not any(fnmatch(claim, pattern) for pattern in patterns)]
+
+
+def test_what_is_published_of_a_figure_or_table_stands_with_its_item():
+    for name, row in files().items():
+        for place in numbered(f"{row.label} {row.source}"):
+            of_it = [item for item in ITEMS if place in numbered(item.item)]
+            assert any(name in item.artefacts for item in of_it), f"{name}: {place}"
