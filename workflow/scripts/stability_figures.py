@@ -23,13 +23,13 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     chosen = shown_lift(facts, labels, settings.compare.groups[0])
     funnels = pd.read_csv(input.funnels[chosen])
     person, pendulum = person_and_box(facts[chosen]), settings.pendulum
-    who = f"{person}, {pendulum.sign}, {pendulum.time} time"
-    save(figure_4_3(funnels, settings.goal_level, who), stem(output.figure_4_3), data, who=person)
-    save(figure_4_4(funnels, who), stem(output.figure_4_4), data, who=person)
+    save(figure_4_3(funnels, settings), stem(output.figure_4_3), data, who=person)
+    save(figure_4_4(funnels, settings), stem(output.figure_4_4), data, who=person)
     states = pd.read_csv(input.states[chosen])
     trajectories, _ = trajectories_of_lift(
         states, facts[chosen], settings.pendulum.mass, settings.pendulum.time
     )
+    who = f"{person}, {pendulum.sign}, {pendulum.time} time"
     comparison = comparison_figure(trajectories, settings, who)
     save(comparison, stem(output.basin_comparison), data, who=person)
 

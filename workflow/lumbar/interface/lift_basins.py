@@ -143,7 +143,7 @@ class Basins(Result):
 
     @property
     def funnels(self) -> pd.DataFrame:
-        """The exact funnels, knot by knot."""
+        """Every funnel, knot by knot: of the headline's pendulums (``wording`` study) and of the thesis's, by method."""
         return self._basins.funnels
 
     @cached_property

@@ -23,7 +23,7 @@ from lumbar.lifting.stability.model.trajectories import (
     in_unit_time,
     trajectories_of_lift,
 )
-from lumbar.publishing.figures.stability_figures import ellipses, shown_lift
+from lumbar.publishing.figures.stability_figures import ellipses, figure_4_3, shown_lift
 from lumbar.settings.plain import from_plain
 from lumbar.settings.stability import StabilitySettings
 from study_settings import changed
@@ -156,13 +156,39 @@ def test_summary_holds_every_engine_and_convention(basins):
     assert summary["sos_margin_difference"].dropna().max() < 1e-5
 
 
-def test_funnel_file_gives_the_areas(basins):
-    one = basins.funnels[(basins.funnels["com"] == "pelvis") & (basins.funnels["plane"] == "lateral_bending")]
+@pytest.mark.parametrize(
+    ("wording", "method", "time", "digits"),
+    [
+        ("study", "exact", "real", 1e-4),
+        ("thesis", "exact", "unit", 1e-4),
+        ("thesis", "thesis", "unit", 1e-2),  # printed with the digits that it has
+    ],
+)
+def test_funnel_file_gives_the_areas(basins, wording, method, time, digits):
+    one = basins.funnels.query(
+        "wording == @wording and method == @method and com == 'pelvis' and plane == 'lateral_bending'"
+    )
     area = np.pi * one["rho"] / np.sqrt(one["s11"] * one["s22"] - one["s12"] ** 2)
     assert area.to_numpy() == pytest.approx(one["area_rad2_s"].to_numpy())
-    row = basins.summary.query("com == 'pelvis' and plane == 'lateral_bending' and method == 'exact'").iloc[0]
+    row = basins.summary.query(
+        "com == 'pelvis' and plane == 'lateral_bending' and method == @method and time == @time"
+    ).iloc[0]
     mean = np.trapezoid(area, one["time_s"]) / one["time_s"].iloc[-1]
-    assert mean == pytest.approx(row["mean_area"], rel=1e-4)
+    assert mean == pytest.approx(row["mean_area"], rel=digits)
+
+
+def test_figure_4_3_draws_the_thesiss_funnel_beside_the_exact_ones(basins):
+    axes = np.reshape(figure_4_3(basins.funnels, SETTINGS).axes[:9], (3, 3))
+    columns = [("thesis", "thesis"), ("thesis", "exact"), ("study", "exact")]
+    rows = basins.funnels.query("com == 'abdomen' and plane == 'flexion_extension'")
+    for names, panel, curve in zip(columns, axes[0], axes[2], strict=True):
+        funnel = rows.set_index(["wording", "method"]).loc[[names]]
+        assert ("no certificate" in panel.get_title()) == (names[1] == "thesis")
+        assert curve.lines[0].get_ydata() == pytest.approx(funnel["rho"].to_numpy())
+        dashed = next(line for line in panel.lines if line.get_label() == "basin at t = 0").get_xydata()
+        x, y = dashed.T
+        enclosed = 0.5 * abs(np.dot(x[:-1], y[1:]) - np.dot(x[1:], y[:-1]))
+        assert enclosed == pytest.approx(funnel["area_rad2_s"].iloc[0], rel=2e-3)  # a polygon of 80 corners
 
 
 def test_same_seed_same_rows_and_checks_may_be_left_out(basins):

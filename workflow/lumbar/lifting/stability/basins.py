@@ -85,6 +85,8 @@ CHECK_COLUMNS = {
 """Columns that each of ``stability.checks`` fills."""
 
 FUNNEL_COLUMNS = (
+    "wording",
+    "method",
     "com",
     "plane",
     "time_s",
@@ -97,7 +99,7 @@ FUNNEL_COLUMNS = (
     "u0_N_m",
     "area_rad2_s",
 )
-"""Columns of ``funnel.csv``."""
+"""Columns of ``funnel.csv``; ``wording`` is ``study`` for the headline's pendulums, ``thesis`` for those of `THESIS`."""
 
 DTYPES = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
 """Types that pandas cannot tell from a ``boa.csv``: counts with empty cells."""
@@ -110,7 +112,7 @@ class LiftBasins:
     summary: pd.DataFrame
     """One row per COM, plane, method and convention; columns `COLUMNS`."""
     funnels: pd.DataFrame
-    """The exact funnels of the headline, knot by knot; columns `FUNNEL_COLUMNS`."""
+    """Every funnel, knot by knot; columns `FUNNEL_COLUMNS`."""
     failures: list[Failure]
     """Basins that could not be computed: they have no row."""
 
@@ -144,20 +146,20 @@ def basins_of_lift(
     frames: list[pd.DataFrame] = []
     failures: list[Failure] = []
     sign = settings.pendulum.sign
-    plans = [(trajectories, method, sign) for method in headline_methods(settings)]
+    plans = [("study", trajectories, method, sign) for method in headline_methods(settings)]
     methods = thesis_methods(settings)
     same = sign == THESIS.sign and [_identity(item) for item in trajectories] == [
         _identity(item) for item in as_in_thesis
     ]
-    plans += [(list(as_in_thesis), method, THESIS.sign) for method in (methods[1:] if same else methods)]
-    for number, (items, method, gravity) in enumerate(plans):
+    further = methods[1:] if same else methods
+    plans += [("thesis", list(as_in_thesis), method, THESIS.sign) for method in further]
+    for wording, items, method, gravity in plans:
         for attempt in attempts(items, f"{method}, {gravity}", failures):
             with attempt as some:
                 loops = close_loops(some, gravity, settings)
                 result = METHODS[method](loops, settings)
                 rows += basin_rows(some, loops, result, settings, seed, gravity)
-                if number == 0:
-                    frames.append(_funnel_frame(some, loops, result.funnels, settings))
+                frames.append(_funnel_frame(wording, some, gravity, result.funnels, settings.pendulum))
     summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
     empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
     return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
@@ -227,37 +229,25 @@ def _torque(item: Trajectory, sign: str, pendulum: PendulumSettings) -> np.ndarr
 
 
 def _funnel_frame(
-    trajectories: list[Trajectory], loops: ClosedLoops, funnels: Funnels, settings: StabilitySettings
+    wording: str, trajectories: list[Trajectory], sign: str, funnels: Funnels, pendulum: PendulumSettings
 ) -> pd.DataFrame:
     import pandas as pd
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, 1.0, len(funnels.level))
-    sign, area = settings.pendulum.sign, funnels.area
     frames = []
     for index, item in enumerate(trajectories):
-        at_knots = CubicSpline(
-            (item.time - item.time[0]) / item.duration,
-            np.stack([item.angular_velocity, _torque(item, sign, settings.pendulum)], axis=1),
-        )(phase)
-        frames.append(
-            pd.DataFrame(
-                {
-                    "com": item.com,
-                    "plane": item.plane,
-                    "time_s": phase * item.duration,
-                    "rho": funnels.level[:, index],
-                    "s11": funnels.cost[:, index, 0],
-                    "s12": funnels.cost[:, index, 1],
-                    "s22": funnels.cost[:, index, 2],
-                    "theta0_rad": loops.pendulums.angle[::2, index],
-                    "thetadot0_rad_s": at_knots[:, 0],
-                    "u0_N_m": at_knots[:, 1],
-                    "area_rad2_s": area[:, index],
-                },
-                columns=list(FUNNEL_COLUMNS),
-            )
-        )
+        states = [item.angle, item.angular_velocity, _torque(item, sign, pendulum)]
+        spline = CubicSpline((item.time - item.time[0]) / item.duration, np.stack(states, axis=1))
+        columns = {
+            "time_s": phase * item.duration,
+            "rho": funnels.level[:, index],
+            **dict(zip(("s11", "s12", "s22"), funnels.cost[:, index].T, strict=True)),
+            **dict(zip(("theta0_rad", "thetadot0_rad_s", "u0_N_m"), spline(phase).T, strict=True)),
+            "area_rad2_s": funnels.area[:, index],
+        }
+        names = {"wording": wording, "method": funnels.method, "com": item.com, "plane": item.plane}
+        frames.append(pd.DataFrame({**names, **columns}, columns=list(FUNNEL_COLUMNS)))
     return pd.concat(frames, ignore_index=True)
 
 

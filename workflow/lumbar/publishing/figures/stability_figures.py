@@ -1,8 +1,8 @@
-"""Figures 4.3 and 4.4: basins of attraction over angle, angular velocity and time; one section by every method."""
+"""Figures 4.3 and 4.4: basins on the plane of the states, by the thesis's method and exactly; one section by every method."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ from lumbar.lifting.stability.funnel.monte_carlo_check import preimage
 from lumbar.lifting.stability.methods import METHODS, chosen_methods
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, normal_axes
 from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import Trajectory
+from lumbar.lifting.stability.model.trajectories import THESIS, Convention, Trajectory
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
     MEASURED,
@@ -27,7 +27,7 @@ from lumbar.publishing.figures.style import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.stability import StabilitySettings
+    from lumbar.settings.stability import PendulumSettings, StabilitySettings
 
 PLANE_TITLES = {"flexion_extension": "Flexion/extension", "lateral_bending": "Lateral bending"}
 NO_BASIN = "no basin: see tables/missing_basins"
@@ -66,92 +66,122 @@ def ellipses(rows: pd.DataFrame, level: np.ndarray) -> tuple[np.ndarray, np.ndar
     return angle + error, speed + velocity
 
 
+@dataclass(frozen=True)
+class Variant:
+    """A column of Figures 4.3 and 4.4: what was computed of which pendulums."""
+
+    wording: str
+    """``thesis`` or ``study``: whose pendulums."""
+    method: str
+    """``thesis`` or ``exact``."""
+    title: str
+    level: float
+    """V of the regulator's ellipses from which the method starts."""
+
+    def of(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Rows of a table of funnels."""
+        return table[(table["wording"] == self.wording) & (table["method"] == self.method)]
+
+
+def variants(funnels: pd.DataFrame, settings: StabilitySettings) -> list[Variant]:
+    """Return what is drawn, from the thesis's way to the sound one: method first, then the pendulum, changes."""
+    pendulum, goal = settings.pendulum, settings.goal_level
+    alternated = f"Eqs 4.5–4.7, no certificate\n{_words(THESIS)}"
+    every = (
+        Variant("thesis", "thesis", alternated, settings.thesis_method.initial_level),
+        Variant("thesis", "exact", f"exact\n{_words(THESIS)}", goal),
+        Variant("study", "exact", f"exact\n{_words(pendulum)}", goal),
+    )
+    return [item for item in every if item is every[-1] or len(item.of(funnels))]
+
+
+def _words(choice: Convention | PendulumSettings) -> str:
+    return f"{choice.sign}, {choice.time} time, {choice.mass.replace('_', ' ')}"
+
+
+def _pendulum(rows: pd.DataFrame, com: str, plane: str) -> pd.DataFrame:
+    return rows[(rows["com"] == com) & (rows["plane"] == plane)]
+
+
 @house_style
-def figure_4_3(funnels: pd.DataFrame, terminal_level: float, who: str = "") -> Figure:
-    """Draw the abdomen's funnel over time: the regulator's ellipses and the basin computed from them.
+def figure_4_3(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
+    """Draw the abdomen's basins on the θ-θ̇ plane, on the ellipses of the regulator from which they are expanded, and ρ(t).
 
     Parameters
     ----------
     funnels : pandas.DataFrame
-        Columns ``com, plane, time_s, rho, s11, s12, s22, theta0_rad, thetadot0_rad_s``.
-    terminal_level : float
-        ρ(T).
-    who : str
-        Person, box and convention, shown above.
+        ``funnel.csv`` of one lift.
     """
-    figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, subplot_kw={"projection": "3d"})
-    for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
-        rows = funnels[(funnels["com"] == "abdomen") & (funnels["plane"] == plane)]
-        axis.set_title(f"{title}, abdomen" + (f"\n{who}" if who else ""))
-        if len(rows):
-            _draw_funnel(axis, rows, terminal_level)
-        else:
-            axis.text2D(0.5, 0.5, NO_BASIN, transform=axis.transAxes, ha="center")
-    shared_legend(figure, axes, ncols=4)
+    shown = variants(funnels, settings)
+    figure, axes = new_figure(DOUBLE_COLUMN, 6.2, nrows=3, ncols=len(shown), squeeze=False)
+    for axis in axes[2, 1:]:
+        axis.sharey(axes[2, 0])
+    for column, variant in zip(axes.T, shown, strict=True):
+        for axis, plane in zip(column, PLANE_TITLES, strict=False):
+            rows = _pendulum(variant.of(funnels), "abdomen", plane)
+            if not len(rows):
+                say_instead(axis, NO_BASIN)
+                continue
+            _draw_basin(axis, rows, SEGMENTS["abdomen"], variant.level)
+            phase = rows["time_s"] / rows["time_s"].iloc[-1]
+            column[2].plot(phase, rows["rho"], label=PLANE_TITLES[plane], **_PLANE_LOOKS[plane])
+        column[0].set_title(variant.title)
+        column[1].set_xlabel("θ (rad)")
+        column[2].set(xlabel="t/T", xlim=(0, 1))
+    _share_frames(axes[:2], [item.wording for item in shown])
+    for axis, plane in zip(axes[:, 0], PLANE_TITLES.values(), strict=False):
+        axis.set_ylabel(f"{plane}\n" + r"$\dot\theta$ (rad/s)")
+    axes[2, 0].set_ylabel("ρ, basin V ≤ ρ(t)")
+    if axes[2, -1].lines:
+        axes[2, -1].legend(loc="upper right")
+    shared_legend(figure, [*axes[0], *_insets(axes[0])], ncols=3)
     return figure
 
 
-def _draw_funnel(axis, rows: pd.DataFrame, terminal_level: float) -> None:
-    from matplotlib.ticker import MaxNLocator
-
-    every = rows.iloc[np.linspace(0, len(rows) - 1, 40).round().astype(int)]
-    time = np.broadcast_to(every["time_s"].to_numpy()[:, None], (len(every), len(_CIRCLE)))
-    angle, velocity = ellipses(every, every["rho"].to_numpy())
-    axis.plot_surface(
-        time, angle, velocity, color=SEGMENTS["abdomen"], alpha=0.3, linewidth=0, rstride=1, cstride=4
-    )
-    few = rows.iloc[np.linspace(0, len(rows) - 1, 9).round().astype(int)]
-    regulator = ellipses(few, np.full(len(few), terminal_level))
-    basin = ellipses(few, few["rho"].to_numpy())
-    for index, moment in enumerate(few["time_s"]):
-        at = np.full(len(_CIRCLE), moment)
-        last = index == len(few) - 1
-        named = index == 0
-        label = "regulator, V = ρ(T)" if named else None
-        look = {"color": "#555555", "linewidth": 0.7, "linestyle": (0, (2, 1))}
-        axis.plot(at, regulator[0][index], regulator[1][index], label=label, **look)
-        label = "basin, V = ρ(t)" if named else "goal set" if last else None
-        look = {"color": "#8a5a00", "linewidth": 0.9, "linestyle": "-"}
-        if last:
-            look = {"color": GOAL, "linewidth": 1.8, "linestyle": (0, (4, 1))}
-        axis.plot(at, basin[0][index], basin[1][index], label=label, **look)
-    trajectory = (rows[name] for name in ("time_s", "theta0_rad", "thetadot0_rad_s"))
-    axis.plot(*trajectory, color=MEASURED, linewidth=1.4, label="trajectory")
-    axis.set_xlabel("Time (s)", labelpad=-2)
-    axis.set_ylabel("θ (rad)", labelpad=-3)
-    axis.set_zlabel(r"$\dot\theta$ (rad/s)", labelpad=-3)
-    axis.tick_params(pad=-2)
-    axis.tick_params(axis="z", pad=1)
-    axis.view_init(elev=22, azim=-60)
-    for direction in (axis.xaxis, axis.yaxis, axis.zaxis):
-        direction.set_major_locator(MaxNLocator(4))
-    axis.set_box_aspect((1.5, 1.1, 1), zoom=0.98)
-
-
 @house_style
-def figure_4_4(funnels: pd.DataFrame, who: str = "") -> Figure:
-    """Draw the basins of every COM and plane about their trajectories, in error coordinates; the trajectory in an inset.
+def figure_4_4(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
+    """Draw the basins of every COM and plane about their trajectories: the thesis's method and pendulums beside the sound.
 
     Parameters are those of `figure_4_3`.
     """
-    figure, axes = new_figure(DOUBLE_COLUMN, 6.6, nrows=len(SEGMENTS), ncols=2, sharex=True, sharey=True)
+    every = variants(funnels, settings)
+    shown = [(item, plane) for item in dict.fromkeys((every[0], every[-1])) for plane in PLANE_TITLES]
+    figure, axes = new_figure(DOUBLE_COLUMN, 5.4, nrows=len(SEGMENTS), ncols=len(shown))
     for row, (com, colour) in zip(axes, SEGMENTS.items(), strict=True):
-        for axis, (plane, title) in zip(row, PLANE_TITLES.items(), strict=True):
-            rows = funnels[(funnels["com"] == com) & (funnels["plane"] == plane)]
+        for axis, (variant, plane) in zip(row, shown, strict=True):
+            rows = _pendulum(variant.of(funnels), com, plane)
             if len(rows):
                 _draw_basin(axis, rows, colour)
             else:
                 say_instead(axis, NO_BASIN)
             if com == "thorax":
-                axis.set_title(title + (f"\n{who}" if who else ""))
-        row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta - \dot\theta_0$ (rad/s)")
+                axis.set_title(f"{variant.title}\n{PLANE_TITLES[plane]}", fontsize=7)
+        row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta$ (rad/s)")
     for axis in axes[-1]:
-        axis.set_xlabel("θ − θ0 (rad)")
-    drawn = [axis for axis in axes.ravel() if axis.collections]
-    for axis in drawn:
-        axis.autoscale_view()
-    shared_legend(figure, [*drawn[:1], *(child for axis in drawn[:1] for child in axis.child_axes)], ncols=5)
+        axis.set_xlabel("θ (rad)")
+    _share_frames(axes, [variant.wording for variant, _ in shown])
+    shared_legend(figure, [*axes[0], *_insets(axes[0])], ncols=3)
     return figure
+
+
+_PLANE_LOOKS: dict[str, dict] = {
+    "flexion_extension": {"color": MEASURED, "linewidth": 1.4},
+    "lateral_bending": {"color": SEGMENTS["abdomen"], "linewidth": 1.1, "linestyle": (0, (3, 1.5))},
+}
+
+
+def _insets(axes) -> list:
+    return [inset for axis in axes for inset in axis.child_axes]
+
+
+def _share_frames(axes, wordings: list[str]) -> None:
+    """Give the panels of the same pendulums the same limits about 0, with room for the insets."""
+    for wording in dict.fromkeys(wordings):
+        alike = axes[:, [item == wording for item in wordings]].ravel()
+        edges = [axis.collections[0].get_datalim(axis.transData) for axis in alike if axis.collections]
+        reach = np.max([np.abs([box.min, box.max]).max(axis=0) for box in edges], axis=0) if edges else (1, 1)
+        for axis in alike:
+            axis.set(xlim=(-1.5 * reach[0], 1.5 * reach[0]), ylim=(-1.5 * reach[1], 1.5 * reach[1]))
 
 
 def shared_legend(figure, axes, ncols: int) -> None:
@@ -164,37 +194,38 @@ def shared_legend(figure, axes, ncols: int) -> None:
         figure.legend(labelled.values(), labelled.keys(), loc="outside upper center", ncols=ncols)
 
 
-def _draw_basin(axis, rows: pd.DataFrame, colour: str) -> None:
+def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None = None) -> None:
+    """Draw the sections of one basin, the goal set, the trajectory and, where its level is given, the regulator's ellipses."""
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba
 
-    still = rows.assign(theta0_rad=0.0, thetadot0_rad_s=0.0)
-    every = still.iloc[np.linspace(0, len(still) - 1, SECTIONS).round().astype(int)]
-    angle, velocity = ellipses(every, every["rho"].to_numpy())
-    later = np.linspace(0.25, 1.0, SECTIONS)
-    edges = np.stack([angle, velocity], axis=-1)
+    every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
+    edges = np.stack(ellipses(every, every["rho"].to_numpy()), axis=-1)
+    later = np.linspace(0.3, 1.0, SECTIONS)
     look = {"edgecolors": [to_rgba(colour, alpha) for alpha in later], "linewidths": 0.8}
     label = f"{SECTIONS} sections, darker later"
     axis.add_collection(PolyCollection(edges, facecolors=to_rgba(colour, 0.05), label=label, **look))
     axis.set_axisbelow(True)
-    dashed = {"linewidth": 1.4, "linestyle": (0, (4, 1.5))}
-    axis.plot(angle[0], velocity[0], color=colour, label="basin at t = 0", **dashed)
-    axis.plot(angle[-1], velocity[-1], color=GOAL, linewidth=1.4, label="goal set")
-    _inset(axis, rows)
+    axis.plot(*edges[0].T, color=colour, label="basin at t = 0", linewidth=1.4, linestyle=(0, (4, 1.5)))
+    if regulator is not None:
+        angle, velocity = ellipses(rows.iloc[:1], np.array([regulator]))
+        dotted = {"color": "#555555", "linewidth": 0.9, "linestyle": (0, (1, 1.2))}
+        axis.plot(angle[0], velocity[0], label=f"regulator, V ≤ {regulator:g}, t = 0", **dotted)
+    axis.plot(*edges[-1].T, color=GOAL, linewidth=1.4, label="section at T")
+    path, ink = (rows["theta0_rad"], rows["thetadot0_rad_s"]), {"color": MEASURED, "linewidth": 0.8}
+    axis.plot(*path, label="trajectory, enlarged in the corner", **ink)
+    _inset(axis, *path)
 
 
-def _inset(axis, rows: pd.DataFrame) -> None:
-    """Draw the trajectory itself at its own scale, in the corner that basins leave empty."""
-    inset = axis.inset_axes([0.66, 0.62, 0.33, 0.36])
-    inset.plot(
-        rows["theta0_rad"], rows["thetadot0_rad_s"], color=MEASURED, linewidth=1.0, label="trajectory (inset)"
-    )
-    first = rows[["theta0_rad", "thetadot0_rad_s"]].iloc[0]
-    inset.plot(*first, color=MEASURED, marker="o", markersize=3, linestyle="", label="start")
-    inset.tick_params(labelsize=5, length=2, pad=1)
-    inset.set_xlabel("θ0 (rad)", fontsize=5.5, labelpad=0)
-    inset.set_ylabel(r"$\dot\theta_0$ (rad/s)", fontsize=5.5, labelpad=0)
-    inset.locator_params(nbins=3)
+def _inset(axis, angle: pd.Series, velocity: pd.Series) -> None:
+    """Draw the trajectory enlarged in the corner that basins leave empty; below, how far it reaches."""
+    inset = axis.inset_axes([0.76, 0.79, 0.23, 0.2])
+    inset.plot(angle, velocity, color=MEASURED, linewidth=0.8)
+    start = {"marker": "o", "markersize": 3, "linestyle": "", "label": "its start"}
+    inset.plot(angle.iloc[:1], velocity.iloc[:1], color=MEASURED, **start)
+    inset.set(xticks=[], yticks=[])
+    words = f"{np.ptp(angle):.2g} rad\n{np.ptp(velocity):.2g} rad/s"
+    inset.set_xlabel(words, fontsize=6, labelpad=1, linespacing=0.95)
 
 
 STYLES = {
