@@ -60,10 +60,14 @@ def page(project: Path) -> str:
     return "\n".join(parts)
 
 
+def title(figure: Artefact) -> str:
+    """Heading under which the page shows a figure."""
+    return figure.label.replace(" {lift}", "").replace(" the records {record_set}", " records")
+
+
 def _entry(figure: Artefact, project: Path) -> str:
     caption = (project / "workflow" / "report" / f"{figure.id}.rst").read_text(encoding="utf-8").strip()
-    title = figure.label.replace(" {lift}", "").replace(" the records {record_set}", " records")
-    lines = [f"### {title}\n", caption + "\n", f"- Name: `{figure.id}`, by the rule `{figure.rule}`"]
+    lines = [f"### {title(figure)}\n", caption + "\n", f"- Name: `{figure.id}`, by the rule `{figure.rule}`"]
     lines += [f"- Files: `{figure.path}`"]
     lines += [f"- In Python: `{IN_PYTHON[figure.id]}`"] if figure.id in IN_PYTHON else []
     svg = next(path for path in figure.paths(["{lift}"]) if path.endswith(".svg"))

@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from generate import equation_index
+from generate import equation_index, gallery
 from generate.configuration_reference import STUDY_PAGE, defaults_of, keys
 from lumbar.base.files import write_text
 from lumbar.settings.study_settings import StudySettings
@@ -38,7 +38,7 @@ _HEAD = """\
 <!-- Made by "make docs" from resources/thesis/items.yaml; change that. -->
 
 Every numbered equation, table and figure, every stated parameter and every claim of method: as the thesis prints it, how it
-is here, and what is otherwise and why. An empty last column: as printed. Modules are those below `lumbar`
+is here, and what is otherwise and why. An empty last column: done as printed. Modules are those below `lumbar`
 (`tissue.signals.multisine` is the file `workflow/lumbar/tissue/signals/multisine.py`); keys stand with their defaults; files lie
 below `results/<study>/`; *claims* are rows of `claims.csv`, which says of each whether it holds on a study's data, does not, was
 built into them, or cannot be tested on them.
@@ -128,13 +128,13 @@ def _nested(value: Any) -> bool:
 
 
 def _artefact(name: str) -> str:
-    return f"`{files()[name].path}`"
+    row = files()[name]
+    path = f"`{re.sub(r'{[^}]*,[^}]*}$', '*', row.path)}`"
+    return f"[{path}]({gallery.PAGE}#{anchor(gallery.title(row))})" if "svg" in row.path else path
 
 
 def _page(way: str) -> str:
-    name = way.partition("#")[0]
-    title = (DOCS / name).read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")
-    return f"[{title}]({way})"
+    return f"[{Path(way.partition('#')[0]).name}]({way})"
 
 
 def _here(item: Item) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from generate.equation_index import between
-from generate.thesis_items import DOCS, anchor, default_values, files, read_items
+from generate.thesis_items import DOCS, anchor, default_values, files, page, read_items
 from lumbar.publishing.reproduction.register import all_claims
 
 ITEMS = read_items()
@@ -67,8 +67,19 @@ def test_what_an_item_names_is_real(item):
     assert set(item.artefacts) <= set(files())
     for way in item.pages:
         name, _, part = way.partition("#")
-        headings = re.findall(r"^#+ (.*)", (DOCS / name).read_text(encoding="utf-8"), flags=re.M)
-        assert not part or part in map(anchor, headings), f"{name} has no {part}"
+        assert not part or part in anchors(name), f"{name} has no {part}"
+
+
+def anchors(name: str) -> set[str]:
+    """What a page of the docs can be linked to by."""
+    headings = re.findall(r"^#+ (.*)", (DOCS / name).read_text(encoding="utf-8"), flags=re.M)
+    return set(map(anchor, headings))
+
+
+def test_figures_are_linked_to_their_place_in_the_gallery():
+    linked = re.findall(r"\]\(gallery\.md#([^)]+)\)", page())
+    assert len(linked) > 15
+    assert set(linked) <= anchors("gallery.md")
 
 
 @pytest.mark.parametrize("item", ITEMS, ids=lambda item: item.item)
