@@ -189,7 +189,7 @@ def test_no_arrow_runs_behind_a_box():
 @pytest.fixture
 def bandwidths():
     entry = {
-        "power_share": {"value_Hz": 2.5, "low_Hz": 2.2, "high_Hz": 2.8},
+        "power_share": {"value_Hz": 2.5, "low_Hz": 2.2, "high_Hz": 2.8, "without_limit_Hz": 4.5},
         "level": {"value_Hz": None, "low_Hz": None, "high_Hz": None},
     }
     return {
@@ -219,13 +219,14 @@ def test_spectra_show_each_bandwidth_with_its_interval(bandwidths, low, high, sh
         "Position PSD (mm²/Hz)",
         "Velocity PSD ((mm/s)²/Hz)",
     ]
-    assert texts(figure.axes[1]) == [f"2.50 Hz {shown}".strip()]
+    assert texts(figure.axes[1]) == [f"2.50 Hz {shown}".strip(), "4.50 Hz"]
 
 
 def test_signals_show_the_share_of_the_power_in_the_band():
     time = np.arange(1000) / 100
     sine = Signal("chirp", np.sin(2 * np.pi * 2 * time) + np.sin(2 * np.pi * 8 * time), 100.0, (0.0, 10.0))
-    figure = excitation_figure([sine], 5.0)
+    figure = excitation_figure([sine], 5.0, "assumed: 2 mm")
+    assert figure.get_supxlabel() == "assumed: 2 mm"
     figure.canvas.draw()
     left, right = figure.axes
     assert (left.get_ylabel(), left.get_xlabel()) == ("Position (mm)", "Time (s)")

@@ -207,6 +207,39 @@ def test_the_thesis_bears_out_its_own_sentences(published, thesis_as_results):
         assert lifters.at[name, "verdict"] == HOLDS, name
 
 
+def bandwidths_of(limited, unlimited, level):
+    rules = {
+        "power_share": {"value_Hz": limited, "without_limit_Hz": unlimited},
+        "level": {"value_Hz": level},
+    }
+    return {
+        "rules": {"power_share": 0.95, "level_dB": -20},
+        "analysis_band_Hz": [0.1, 6.0],
+        "position": {"power_share": {"value_Hz": 0.53, "without_limit_Hz": 0.53}, "level": {"value_Hz": 0.7}},
+        "velocity": rules,
+    }
+
+
+@pytest.mark.parametrize(
+    ("readings", "verdict", "remark"),
+    [
+        ((2.47, 4.5, 5.19), BUILT_IN, "only by: 95 % of the power below 6 Hz"),
+        ((2.4, 2.5, 2.6), BUILT_IN, ""),
+        ((3.5, 4.5, None), DOES_NOT_HOLD, ""),
+    ],
+)
+def test_the_bandwidth_is_said_by_every_rule_of_position_and_velocity(readings, verdict, remark):
+    frame = judged(identification.sentences(), {"bandwidth": bandwidths_of(*readings)}, synthetic=True)
+    assert frame.at["bandwidth", "verdict"] == DOES_NOT_HOLD
+    assert frame.at["bandwidth", "this_run"].count("Hz") == 4
+    assert (frame.at["bandwidth_velocity", "verdict"], frame.at["bandwidth_velocity", "remark"]) == (
+        verdict,
+        remark,
+    )
+    for value in readings:
+        assert ("none" if value is None else f"{value:.2f} Hz") in frame.at["bandwidth_velocity", "this_run"]
+
+
 def test_other_groups_take_the_place_of_expert_and_novice(published, thesis_as_results):
     groups = ("trained", "untrained")
     table = thesis_as_results["table_4_1"]

@@ -161,15 +161,16 @@ def design_signals(
     from lumbar.base.files import read_json
     from lumbar.tissue.signals.excitation import design_excitation, excited_band
 
-    settings = settings or SignalsSettings()
+    settings, values = settings or SignalsSettings(), {}
     if isinstance(band, Bandwidth):
-        data, band = data or band.data, excited_band(band.values, settings)
+        values = {**band.values, "data": band.data}
     elif isinstance(band, str | os.PathLike):
         values = read_json(Path(band))
-        data, band = data or values.get("data", ""), excited_band(values, settings)
     elif not 0 < band < settings.rate_Hz / 2:
         raise InputError(f"the band is {band:g} Hz; allowed: above 0 and below {settings.rate_Hz / 2:g} Hz")
-    return Signals(design_excitation(band, settings, seed), band, settings, data or "band given by hand")
+    data = data or values.get("data", "" if values else "band given by hand")
+    highest = band if isinstance(band, int | float) else excited_band(values, settings)
+    return Signals(design_excitation(highest, settings, seed), highest, settings, data, values or None)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,19 +182,22 @@ class Signals(Result):
     """Upper end of what is excited."""
     settings: SignalsSettings
     data: str
+    bandwidths: dict | None = None
+    """The surgeons', from which the band follows."""
 
     @property
     def properties(self) -> Table:
         """What the signals are and ask of the machine."""
         from lumbar.tissue.signals.excitation import signal_properties
 
-        return signal_properties(self.excitation, self.data)
+        return signal_properties(self.excitation, self.settings, self.data, self.bandwidths)
 
     def figure(self) -> Figure:
         """Return the signals in time and in frequency."""
         from lumbar.publishing.figures.signal_figures import excitation_figure
+        from lumbar.tissue.signals.excitation import assumptions
 
-        return excitation_figure(self.excitation.signals, self.band_Hz)
+        return excitation_figure(self.excitation.signals, self.band_Hz, assumptions(self.settings))
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """Every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""

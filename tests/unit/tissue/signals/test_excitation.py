@@ -173,7 +173,9 @@ def test_description_rebuilds_the_multisine(settings):
 
 
 def test_properties_of_the_default_signals(settings):
-    frame = signal_properties(design_excitation(5.0, settings, 1), "measured").frame.set_index("signal")
+    table = signal_properties(design_excitation(5.0, settings, 1), settings, "measured")
+    frame = table.frame.set_index("signal")
+    assert any("2 mm root mean square" in note and "order 8" in note for note in table.notes)
     assert frame.loc["multisine", "crest_factor"] == pytest.approx(1.72, abs=0.005)
     assert frame.loc["chirp", "peak_velocity_mm_s"] == pytest.approx(
         frame.loc["chirp", "peak_displacement_mm"] * 2 * np.pi * 5, rel=0.02

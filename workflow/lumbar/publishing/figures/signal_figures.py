@@ -68,17 +68,17 @@ def psd_figure(
         # Head-room above the spectra keeps the intervals clear of them.
         top = max(psd[quantity][:, 1:].max(), pooled[quantity].max())
         bottom = max(pooled[quantity][1:].min() / 5, top * 10.0**-_DECADES_SHOWN)
-        axis.set(ylim=(bottom, top * 30), xlim=(frequency[1], frequency[-1]))
+        axis.set(ylim=(bottom, top * 60), xlim=(frequency[1], frequency[-1]))
         limit = bandwidths["analysis_band_Hz"][1]
         axis.axvspan(limit, frequency[-1], color="#eeeeee", zorder=0, label="outside the analysis band")
         if reference is not None:
             look = {"color": "#D55E00", "linestyle": (0, (4, 2)), "label": f"thesis: {reference:g} Hz"}
-            axis.axvline(reference, ymax=0.8, **look)
+            axis.axvline(reference, ymax=0.72, **look)
         _draw_bandwidths(axis, bandwidths[quantity], bandwidths["rules"])
         axis.set(xlabel="Frequency (Hz)", ylabel=_LABELS[quantity])
         axis.xaxis.set_major_formatter("{x:g}")
         axis.yaxis.set_minor_locator(NullLocator())
-    close = {"ncols": 5, "columnspacing": 1.2, "handlelength": 1.6}
+    close = {"ncols": 3, "columnspacing": 1.2, "handlelength": 1.6}
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", **close)
     return figure
 
@@ -87,11 +87,14 @@ def _draw_bandwidths(axis, by_rule: dict, rules: dict) -> None:
     """Draw a marker with its interval for each rule, in the head-room of the axes."""
     named = {
         "power_share": (f"{100 * rules['power_share']:g} % of the power", "o", "#0072B2", 0.95),
-        "level": (f"{-rules['level_dB']:g} dB under the peak", "s", "#009E73", 0.87),
+        "unlimited": ("the same without the band's limit", "D", "#56B4E9", 0.87),
+        "level": (f"{-rules['level_dB']:g} dB under the peak", "s", "#009E73", 0.79),
     }
+    unlimited = {"value_Hz": by_rule["power_share"]["without_limit_Hz"]}
     transform = axis.get_xaxis_transform()
     for rule, (text, marker, colour, height) in named.items():
-        value, low, high = (by_rule[rule][key] for key in ("value_Hz", "low_Hz", "high_Hz"))
+        found = {**by_rule, "unlimited": unlimited}[rule]
+        value, low, high = (found.get(key) for key in ("value_Hz", "low_Hz", "high_Hz"))
         style = {"color": colour, "transform": transform, "zorder": 4}
         # Drawn empty where the rule has no answer, so that the legend still names it.
         shown = [] if value is None else [value]
@@ -114,13 +117,13 @@ _SHOWN_TO = 2.0
 
 
 @house_style
-def excitation_figure(signals: Sequence[Signal], band: float) -> Figure:
+def excitation_figure(signals: Sequence[Signal], band: float, note: str) -> Figure:
     """Draw position against time (left) and line amplitudes against frequency (right), one row per signal.
 
-    `band` is the upper end of the excited band, Hz.
+    `band` is the upper end of the excited band, Hz; `note` stands below.
     """
     figure, axes = new_figure(
-        DOUBLE_COLUMN, 1.5 * len(signals) + 0.3, nrows=len(signals), ncols=2, squeeze=False, sharey="col"
+        DOUBLE_COLUMN, 1.5 * len(signals) + 0.5, nrows=len(signals), ncols=2, squeeze=False, sharey="col"
     )
     label_panels(axes.ravel())
     for index, (signal, (left, right)) in enumerate(zip(signals, axes, strict=True)):
@@ -145,4 +148,5 @@ def excitation_figure(signals: Sequence[Signal], band: float) -> Figure:
     axes[-1, 1].set_xlabel("Frequency (Hz)")
     limit = 1.08 * max(np.abs(signal.steady).max() for signal in signals)
     axes[0, 0].set_ylim(-limit, limit)
+    figure.supxlabel(note, fontsize=6.5)
     return figure

@@ -10,6 +10,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.tissue.signals.motion_range import Kinematics, check_machine_limits, peak_kinematics
 from lumbar.tissue.signals.multisine import Multisine, design_multisine
+from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -278,8 +279,10 @@ def multisine_description(excitation: Excitation, settings: SignalsSettings) -> 
     }
 
 
-def signal_properties(excitation: Excitation, data: str) -> Table:
-    """Table of what each signal is and what it asks of the machine."""
+def signal_properties(
+    excitation: Excitation, settings: SignalsSettings, data: str, bandwidths: dict | None = None
+) -> Table:
+    """Table of what each signal is and what it asks of the machine; `bandwidths` are the surgeons', where it follows them."""
     import pandas as pd
 
     from lumbar.tables.table import Table
@@ -315,8 +318,36 @@ def signal_properties(excitation: Excitation, data: str) -> Table:
             "too; all lie within the testing machine's limits of the study (signals.machine).",
             "The machine is brought to the first position before the signal is played; signals.ramp_s > 0 "
             "raises every signal from zero instead.",
+            assumptions(settings),
+            *(_band_in_words(excitation.band, bandwidths, settings) if bandwidths else ()),
         ),
         decimals={"duration_s": 0, "rate_Hz": 0, "band_Hz": 2, "crest_factor": 2, "band_power_percent": 2},
+    )
+
+
+def assumptions(settings: SignalsSettings) -> str:
+    """Return in words what the signals rest on and the thesis does not state."""
+    amplitude, period, noise = settings.amplitude, settings.multisine.period_s, settings.noise.filter_order
+    measure = {"rms": "root mean square", "peak": "peak"}[amplitude.measure]
+    return (
+        f"Assumed (the thesis does not say): {amplitude.value_mm:g} mm {measure}; multisine of {period:g} s period; noise "
+        f"by a Butterworth filter of order {noise}."
+    )
+
+
+def _band_in_words(band: float, bandwidths: dict, settings: SignalsSettings) -> tuple[str, ...]:
+    chosen = settings.bandwidth
+    read = {
+        quantity: readings_in_words(values) for quantity, values in bandwidth_readings(bandwidths).items()
+    }
+    rule = {"power_share": "share of the power in the analysis band", "level": "level under the peak"}[
+        chosen.rule
+    ]
+    return (
+        f"{band:g} Hz is {settings.band_factor:g} times the surgeons' bandwidth in {chosen.quantity} by the {rule}, rounded "
+        f"to {settings.round_Hz:g} Hz. The thesis assesses the spectrum of the position. All readings: "
+        + "; ".join(f"{quantity} {words}" for quantity, words in read.items())
+        + ".",
     )
 
 

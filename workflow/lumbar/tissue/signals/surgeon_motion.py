@@ -173,6 +173,37 @@ def motion_bandwidths(spectra: MotionSpectra, settings: BandwidthSettings, seed:
     return result
 
 
+def bandwidth_readings(bandwidths: dict) -> dict[str, dict[str, float | None]]:
+    """Return every reading of a bandwidth in hertz, by quantity and by its rule in words; None where a rule has none.
+
+    The share of the power counts twice, below the upper end of the analysis band and of the whole spectrum: how far the
+    readings lie apart is what a single bandwidth does not tell.
+
+    Parameters
+    ----------
+    bandwidths : dict
+        As `motion_bandwidths` returns it.
+    """
+    share = f"{100 * bandwidths['rules']['power_share']:g} % of the power"
+    limit = f"below {bandwidths['analysis_band_Hz'][1]:g} Hz"
+    level = f"{-bandwidths['rules']['level_dB']:g} dB under the peak"
+    return {
+        quantity: {
+            f"{share} {limit}": bandwidths[quantity]["power_share"]["value_Hz"],
+            f"{share} without that limit": bandwidths[quantity]["power_share"]["without_limit_Hz"],
+            level: bandwidths[quantity]["level"]["value_Hz"],
+        }
+        for quantity in QUANTITIES
+    }
+
+
+def readings_in_words(readings: dict[str, float | None]) -> str:
+    """Return the readings of one quantity as words."""
+    return ", ".join(
+        f"{'none' if value is None else f'{value:.2f} Hz'} ({rule})" for rule, value in readings.items()
+    )
+
+
 def _by_rule(frequency: np.ndarray, psd: np.ndarray, settings: BandwidthSettings) -> dict[str, float | None]:
     return {
         "power_share": power_share_frequency(frequency, psd, settings.power_share, settings.maximum_Hz),
