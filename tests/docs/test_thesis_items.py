@@ -9,9 +9,11 @@ from fnmatch import fnmatch
 import pandas as pd
 import pytest
 
+from generate.configuration_reference import defaults_of, keys
 from generate.equation_index import between
 from generate.thesis_items import DOCS, anchor, default_values, files, page, read_items
 from lumbar.publishing.reproduction.register import all_claims
+from lumbar.settings.study_settings import StudySettings
 
 ITEMS = read_items()
 NUMBERED = re.compile(r"\b(Figures?|Tables?) (\d\.\d)(?:–(\d\.\d)| and (\d\.\d))?")
@@ -97,6 +99,15 @@ def test_what_an_item_names_is_real(item):
     for way in item.pages:
         name, _, part = way.partition("#")
         assert not part or part in anchors(name), f"{name} has no {part}"
+
+
+def test_keys_that_speak_of_the_thesis_are_named():
+    """``the thesis's order`` and ``the thesis's units`` are no number of it."""
+    named = {way for item in ITEMS for way in [*item.keys, *item.thesis]}
+    said = keys(StudySettings, defaults_of(StudySettings))
+    speaking = {way for way, key, _ in said if re.search("thesis(?!'s (order|units))", key.meaning)}
+    assert speaking
+    assert speaking <= named
 
 
 def anchors(name: str) -> set[str]:
