@@ -65,6 +65,7 @@ check-results: environment ## regenerate the default study and compare it with t
 
 update-reference: results ## take the default study's numbers as the new reference
 	python tests/reference/check_results.py --update
+	PYTHONPATH=docs python -m generate.thesis_items
 
 benchmark: environment ## accuracy of the diagnosis over hundreds of experiments; timings and memory, printed
 	snakemake --cores $(CORES) lifting tissue

@@ -6,8 +6,11 @@ the files of an artefact from the sheet.
 
 from __future__ import annotations
 
+import csv
 import re
+from collections import Counter
 from dataclasses import dataclass, field
+from fnmatch import fnmatch
 from functools import cache
 from itertools import groupby
 from pathlib import Path
@@ -40,8 +43,8 @@ _HEAD = """\
 Every numbered equation, table and figure, every stated parameter and every claim of method: as the thesis prints it, how it
 is here, and what is otherwise and why. An empty last column: done as printed. Modules are those below `lumbar`
 (`tissue.signals.multisine` is the file `workflow/lumbar/tissue/signals/multisine.py`); keys stand with their defaults; files lie
-below `results/<study>/`; *claims* are rows of `claims.csv`, which says of each whether it holds on a study's data, does not, was
-built into them, or cannot be tested on them.
+below `results/<study>/`. A *claim* is a row of `claims.csv` and `tables/claims`, which hold its criterion and what a study shows;
+here stands the verdict of the default study, whose data are the synthetic twin.
 """
 
 
@@ -133,6 +136,22 @@ def _artefact(name: str) -> str:
     return f"[{path}]({gallery.PAGE}#{anchor(gallery.title(row))})" if "svg" in row.path else path
 
 
+@cache
+def verdicts() -> dict[str, str]:
+    """Verdict of the default study on every claim."""
+    with (DOCS.parent / "tests" / "reference" / "claims.csv").open(encoding="utf-8", newline="") as file:
+        return {row["claim"]: row["verdict"] for row in csv.DictReader(file)}
+
+
+def _claim(pattern: str) -> str:
+    """A claim with its verdict; of several how many have each. One that is newer than the reference has none yet."""
+    counts = Counter(verdict for name, verdict in verdicts().items() if fnmatch(name, pattern))
+    said = [
+        verdict if len(counts) == count == 1 else f"{count} × {verdict}" for verdict, count in counts.items()
+    ]
+    return f"*claim* `{pattern}`: {', '.join(said)}" if said else f"*claim* `{pattern}`"
+
+
 def _page(way: str) -> str:
     return f"[{Path(way.partition('#')[0]).name}]({way})"
 
@@ -142,8 +161,7 @@ def _here(item: Item) -> str:
     parts += [f"`{name}`" for name in item.all_objects]
     parts += [_key(way) for way in [*item.thesis, *item.keys]]
     parts += [_artefact(name) for name in item.artefacts]
-    if item.claims:
-        parts.append("*claims* " + ", ".join(f"`{name}`" for name in item.claims))
+    parts += map(_claim, item.claims)
     return "<br>".join(parts)
 
 
