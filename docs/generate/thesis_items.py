@@ -40,11 +40,11 @@ _HEAD = """\
 
 <!-- Made by "make docs" from resources/thesis/items.yaml; change that. -->
 
-Every numbered equation, table and figure, every stated parameter and every claim of method: as the thesis prints it, how it
-is here, and what is otherwise and why. An empty last column: done as printed. Modules are those below `lumbar`
-(`tissue.signals.multisine` is the file `workflow/lumbar/tissue/signals/multisine.py`); keys stand with their defaults; files lie
-below `results/<study>/`. A *claim* is a row of `claims.csv` and `tables/claims`, which hold its criterion and what a study shows;
-here stands the verdict of the default study, whose data are the synthetic twin.
+Every numbered equation, table and figure, every stated parameter and every claim of method, with its section: as the thesis
+prints it, how it is *here*, and what is *otherwise*, and why; without that line it is done as printed. Modules are those below
+`lumbar` (`tissue.signals.multisine` is the file `workflow/lumbar/tissue/signals/multisine.py`); keys stand with their defaults;
+files lie below `results/<study>/`. A *claim* is a row of `claims.csv` and `tables/claims`, which hold its criterion and what a
+study shows; here stands the verdict of the default study, whose data are the synthetic twin.
 """
 
 
@@ -117,17 +117,7 @@ def _key(way: str) -> str:
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return (
-            ", ".join(map(_value, value))
-            if not any(map(_nested, value))
-            else f"({'; '.join(map(_value, value))})"
-        )
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _nested(value: Any) -> bool:
-    return isinstance(value, list | tuple)
+    return f"{value:g}" if isinstance(value, float) else str(value).replace("'", "")
 
 
 def _artefact(name: str) -> str:
@@ -162,30 +152,22 @@ def _here(item: Item) -> str:
     parts += [_key(way) for way in [*item.thesis, *item.keys]]
     parts += [_artefact(name) for name in item.artefacts]
     parts += map(_claim, item.claims)
-    return "<br>".join(parts)
+    return "; ".join(parts)
 
 
-def _differs(item: Item) -> str:
-    more = f"More: {', '.join(map(_page, item.pages))}" if item.pages else ""
-    return ". ".join(filter(None, [item.differs, more]))
-
-
-def _row(item: Item) -> str:
-    cells = (f"**{item.item}**<br>{item.section}", item.printed, _here(item), _differs(item))
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+def _entry(item: Item) -> str:
+    """The item as printed, here, and otherwise; what is done as printed has no third line."""
+    otherwise = f"otherwise: {item.differs}" if item.differs else ""
+    more = f"more: {', '.join(map(_page, item.pages))}" if item.pages else ""
+    lines = [f"here: {_here(item)}", *filter(None, [otherwise, more])]
+    return "\n    - ".join([f"- **{item.item}** ({item.section}): {item.printed}", *lines])
 
 
 def page() -> str:
     """Text of the page."""
     parts = [_HEAD]
     for title, rows in groupby(read_items(), key=lambda item: CHAPTERS[item.section[0]]):
-        parts += [
-            f"## {title}",
-            "",
-            "| item, section | as printed | here | otherwise, and why |",
-            "|---|---|---|---|",
-        ]
-        parts += [*map(_row, rows), ""]
+        parts += [f"## {title}", "", *map(_entry, rows), ""]
     return "\n".join(parts)
 
 
