@@ -154,3 +154,8 @@ def test_what_is_published_of_a_figure_or_table_stands_with_its_item():
         for place in numbered(f"{row.label} {row.source}"):
             of_it = [item for item in ITEMS if place in numbered(item.item)]
             assert any(name in item.artefacts for item in of_it), f"{name}: {place}"
+
+
+def test_everything_published_is_named_by_an_item():
+    named = {name for item in ITEMS for name in item.artefacts}
+    assert set(files()) == named, "name it under artefacts: of its item in resources/thesis/items.yaml"
