@@ -14,7 +14,7 @@ Instant = Annotated[float, Each(ge=0)]
 class SearchSettings:
     """Search for the higher-order model."""
 
-    order_max: int = key("Highest order (poles) that is searched.", default=5, within="[2, 12]")
+    order_max: int = key("Highest order (poles) that is searched.", default=8, within="[2, 12]")
     condition_max: float = key(
         "Largest condition number of the standardised regressors that is taken for reasonable.",
         default=5000.0,

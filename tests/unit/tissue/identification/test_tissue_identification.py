@@ -16,7 +16,7 @@ from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record
 from lumbar.settings.plain import from_plain
 from lumbar.settings.tissue import TissueSettings
-from lumbar.tissue.identification.arx_search import IdentificationData, search, select
+from lumbar.tissue.identification.arx_search import NEGLIGIBLE_POINTS, IdentificationData, search, select
 from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
 from lumbar.tissue.identification.model_tables import (
     physical_parameters_table,
@@ -28,7 +28,7 @@ from lumbar.tissue.identification.ridge import ReducedRegression
 from lumbar.tissue.models.fitted_model import models_document, read_models
 from lumbar.tissue.models.model_data import Port
 from lumbar.tissue.models.tissue_models import HO, KB
-from lumbar.tissue.models.transfer_function import ArxStructure
+from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
 from study_settings import changed, study_settings
 
 SETTINGS = from_plain(
@@ -177,6 +177,52 @@ def test_selection_on_test_records_picks_the_best_on_them(records):
     (chosen,) = [row for row in higher if row["selected"]]
     allowed = [row for row in higher if row["condition_number"] <= settings.search.condition_max]
     assert chosen["test_vaf_percent"] == max(row["test_vaf_percent"] for row in allowed)
+
+
+def higher_order_record(noise, samples=3000):
+    """A biproper system of second order: its present input acts at once."""
+    rng = np.random.default_rng(3)
+    inputs = rng.standard_normal(samples)
+    force = TransferFunction((2.0, -1.0, 0.5), (1.0, -1.2, 0.5)).simulate(inputs)
+    force = force + noise * force.std() * rng.standard_normal(samples)
+    channels = {"input": Channel(inputs, "position", "mm"), "output": Channel(force, "force", "N")}
+    return Record("biproper", 0.01 * np.arange(samples), channels)
+
+
+def test_a_biproper_system_is_found_so_and_its_feed_through_is_that_of_the_system():
+    models, _ = identify(higher_order_record(0.001), [], SETTINGS, 1)
+    fit = fit_of(models, "HO", "arx")
+    assert fit.structure.biproper
+    assert fit.structure.numerator[0] == pytest.approx(2.0, rel=0.01)
+    frame = table_3_1(models, SETTINGS, "x").frame
+    assert frame[frame.model == "HO"].biproper.all()
+    assert not frame[frame.model == "MW"].biproper.any()
+
+
+def test_an_order_at_the_edge_is_remarked_with_the_lower_one_that_would_do():
+    record = higher_order_record(0.4)
+    models, grid = identify(record, [], SETTINGS, 1)
+    fit = fit_of(models, "HO", "arx")
+    best = {}
+    for row in (row for row in grid if row["model"] == "HO" and row["vaf_percent"] is not None):
+        best[row["order"]] = max(best.get(row["order"], -np.inf), row["vaf_percent"])
+    assert ("highest order of the grid" in fit.remark) == (fit.order == max(best))
+    enough = min(order for order, vaf in best.items() if vaf >= max(best.values()) - NEGLIGIBLE_POINTS)
+    assert (f"order {enough} comes within" in fit.remark) == (enough < fit.order)
+    at_the_edge = identify(record, [], changed(SETTINGS, search={"order_max": 2}), 1)[0]
+    assert "highest order" not in fit_of(at_the_edge, "HO", "arx").remark  # a grid of one order has no edge
+
+
+def test_what_exceeds_the_cap_is_in_the_grid_without_a_free_run(records):
+    _, grid = identify(records[1], records[2:], changed(SETTINGS, search={"condition_max": 100.0}), 1)
+    higher = [row for row in grid if row["model"] == "HO"]
+    beyond = [row for row in higher if row["condition_number"] > 100]
+    within = [row for row in higher if row["condition_number"] <= 100 and row["stable"]]
+    assert beyond and {row["vaf_percent"] for row in beyond} == {None}
+    assert within and all(row["vaf_percent"] is not None for row in within)
+    tested = [row for row in within if row["test_vaf_percent"] is not None]
+    structure = ("order", "input_lag_first", "input_lag_last")
+    assert len(tested) == len({tuple(row[key] for key in structure) for row in within})
 
 
 def test_conditioning_cap_holds_and_a_cap_that_nothing_meets_is_said(records):

@@ -79,6 +79,16 @@ def _slightly_better(results: Results) -> Finding:
     return Finding(text, bool(((gain > 0) & (gain <= 5)).all()))
 
 
+def _fourth_order(results: Results) -> Finding:
+    arx = _arx(results)
+    found = arx[(arx.model == "HO") & (arx.trained_on == "multisine")]
+    if found.empty or "biproper" not in found:
+        return Finding(None, None, "no stable HO model trained on a multisine")
+    row = found.iloc[0]
+    text = f"order {row.order:.0f}, {'biproper' if row.biproper else 'strictly proper'}"
+    return Finding(text, text == "order 4, biproper", "" if pd.isna(row.remark) else row.remark)
+
+
 def _multisine_best(results: Results) -> Finding:
     wide = _wide(results, "vaf_percent")
     if wide is None or "multisine" not in wide.index or len(wide) < 2:
@@ -168,6 +178,8 @@ def sentences() -> list[Claim]:
         Claim("ho_slightly_better", "3.2.5", "The HO model is only slightly more accurate than the KB model",
               "1.48 points of %VAF on the multisine", "gain of 0 to 5 points for every training record", table,
               _slightly_better, True),
+        Claim("ho_structure", "5", "The HO model is a biproper transfer function of fourth order", "order 4, biproper",
+              "order and properness of the model trained on the multisine", table, _fourth_order),
         Claim("multisine_best", "3.2.5", "The multisine gives the best error metrics", "multisine",
               "highest %VAF of each model", table, _multisine_best),
         Claim("vaf_sorts_all", "3.2.3.1", "Sorting by %VAF gives the best results of the other metrics as well",

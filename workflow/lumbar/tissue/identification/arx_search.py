@@ -99,6 +99,10 @@ def one_step_nmse(model: TransferFunction, data: IdentificationData) -> float:
     return normalized_mean_squared_error(data.outputs[model.largest_lag :], predicted)
 
 
+NEGLIGIBLE_POINTS = 0.1
+"""Points of %VAF within which a lower order is as good: no hand and no second record tells them apart."""
+
+
 @dataclass(frozen=True)
 class ArxCandidate:
     """One point of the grid: a structure with one ridge coefficient."""
@@ -108,20 +112,32 @@ class ArxCandidate:
     alpha: float
     path: RidgePath
     transfer_function: TransferFunction
-    training: FreeRun | None
+    data: IdentificationData
+    """What it is fitted to."""
     tests: Sequence[IdentificationData]
+
+    @cached_property
+    def training(self) -> FreeRun | None:
+        """Errors on what it is fitted to; None for an unstable model."""
+        return free_run(self.transfer_function, self.data)
 
     @cached_property
     def test_vaf_percent(self) -> float | None:
         """Mean %VAF of the free runs on the other records; None where there are none."""
-        if self.training is None or not self.tests:
+        if not self.stable or not self.tests:
             return None
         return float(np.mean([free_run(self.transfer_function, test).vaf_percent for test in self.tests]))
 
     @property
     def stable(self) -> bool:
         """Whether its free run exists."""
-        return self.training is not None
+        return self.transfer_function.stable
+
+    @property
+    def condition(self) -> float:
+        """Condition number of its regressors; ∞ where they are rank deficient."""
+        value = self.path.condition_number
+        return np.inf if value is None else value
 
     def score(self, selection: str) -> float:
         """Return the %VAF by which it is picked; −∞ where there is none."""
@@ -140,15 +156,25 @@ def search(
     training: IdentificationData,
     tests: list[IdentificationData],
 ) -> list[ArxCandidate]:
-    """Every structure with every α, fitted by ridge ARX and simulated on the training record."""
+    """Every structure with every α, fitted by ridge ARX; each is simulated when its free run is asked for."""
     candidates = []
     for structure in structures:
         path = regression.path(structure)
         for alpha in alphas:
             fitted = structure.transfer_function(path.solution(alpha))
-            trained = free_run(fitted, training)
-            candidates.append(ArxCandidate(model, structure, float(alpha), path, fitted, trained, tests))
+            candidates.append(ArxCandidate(model, structure, float(alpha), path, fitted, training, tests))
     return candidates
+
+
+def eligible(candidates: list[ArxCandidate], condition_max: float | None) -> list[ArxCandidate]:
+    """Stable candidates with reasonable conditioning; of the best conditioned structure alone where none has it."""
+    within = [item for item in candidates if condition_max is None or item.condition <= condition_max]
+    found = [item for item in within if item.stable]
+    if found:
+        return found
+    stable = [item for item in candidates if item.stable]
+    best = min((item.condition for item in stable), default=None)
+    return [item for item in stable if item.condition == best]
 
 
 def select(
@@ -179,28 +205,62 @@ def select(
     """
     if not candidates:
         raise NumericalError("nothing to select from")
-    stable = [candidate for candidate in candidates if candidate.stable]
-    if not stable:
+    choice = eligible(candidates, condition_max)
+    if not choice:
         return candidates[0], "unstable for every alpha"
-    within = [item for item in stable if condition_max is None or _condition(item) <= condition_max]
-    if within:
-        chosen = max(within, key=lambda candidate: candidate.score(selection))
-        largest = max(candidate.alpha for candidate in candidates)
-        return chosen, "largest alpha of the grid" if chosen.alpha == largest else ""
-    best_conditioned = min(_condition(candidate) for candidate in stable)
-    least = [candidate for candidate in stable if _condition(candidate) == best_conditioned]
-    remark = f"every structure exceeds condition_max {condition_max:g}: the best conditioned one is shown"
-    return max(least, key=lambda candidate: candidate.score(selection)), remark
+    chosen = max(choice, key=lambda candidate: candidate.score(selection))
+    if condition_max is not None and chosen.condition > condition_max:
+        return (
+            chosen,
+            f"every structure exceeds condition_max {condition_max:g}: the best conditioned one is shown",
+        )
+    remarks = []
+    if chosen.alpha == max(candidate.alpha for candidate in candidates):
+        remarks.append("largest alpha of the grid")
+    return chosen, "; ".join([*remarks, *_order_remarks(chosen, choice, selection)])
 
 
-def _condition(candidate: ArxCandidate) -> float:
-    value = candidate.path.condition_number
-    return np.inf if value is None else value
+def _order_remarks(chosen: ArxCandidate, choice: list[ArxCandidate], selection: str) -> list[str]:
+    """Say where a searched order lies at the edge of its grid, and which lower one would do."""
+    orders = {candidate.structure.order for candidate in choice}
+    least = chosen.score(selection) - NEGLIGIBLE_POINTS
+    near = min(item.structure.order for item in choice if item.score(selection) >= least)
+    remarks = []
+    if chosen.structure.order == max(orders) > min(orders):
+        remarks.append("highest order of the grid")
+    if near < chosen.structure.order:
+        remarks.append(f"order {near} comes within {NEGLIGIBLE_POINTS:g} points of %VAF")
+    return remarks
 
 
-def grid_row(candidate: ArxCandidate, trained_on: str, selected: bool) -> dict:
-    """One row of ``tissue/search.csv``; None where a number does not exist."""
-    run = candidate.training
+def grid_rows(
+    candidates: list[ArxCandidate],
+    chosen: ArxCandidate,
+    trained_on: str,
+    selection: str,
+    condition_max: float | None,
+) -> list[dict]:
+    """Rows of ``tissue/search.csv`` of one model; None where a number does not exist.
+
+    Free runs are those of the `eligible` candidates; on the other records, unless chosen by them, those of the best α of
+    each structure.
+    """
+    choice = eligible(candidates, condition_max)
+    best: dict[ArxStructure, ArxCandidate] = {}
+    for item in sorted(choice, key=lambda candidate: candidate.score(selection)):
+        best[item.structure] = item
+    simulated = set(map(id, choice))
+    tested = simulated if selection == "test" else set(map(id, best.values()))
+    return [
+        _grid_row(item, trained_on, item is chosen, id(item) in simulated, id(item) in tested)
+        for item in candidates
+    ]
+
+
+def _grid_row(
+    candidate: ArxCandidate, trained_on: str, selected: bool, simulated: bool, tested: bool
+) -> dict:
+    run = candidate.training if simulated else None
     return {
         "trained_on": trained_on,
         "model": candidate.model,
@@ -215,7 +275,7 @@ def grid_row(candidate: ArxCandidate, trained_on: str, selected: bool) -> dict:
         "vaf_percent": run and run.vaf_percent,
         "fit_percent": run and run.fit_percent,
         "mean_residual": run and run.mean_residual,
-        "test_vaf_percent": candidate.test_vaf_percent,
+        "test_vaf_percent": candidate.test_vaf_percent if tested else None,
         "nmse_train": candidate.path.residual_sum_of_squares(candidate.alpha) / candidate.path.rows,
         "selected": selected,
     }

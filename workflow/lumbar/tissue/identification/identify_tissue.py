@@ -16,7 +16,7 @@ from lumbar.tissue.identification.arx_search import (
     ArxCandidate,
     IdentificationData,
     free_run,
-    grid_row,
+    grid_rows,
     one_step_nmse,
     search,
     select,
@@ -65,8 +65,12 @@ def identify(
     InputError
         If records differ in units or sampling time, or the training record is too short.
     """
+    search_settings = settings.search
     fits, searched = _identification(training, tests, settings, seed).run()
-    grid = [grid_row(item, training.name, item is chosen) for every, chosen in searched for item in every]
+    grid = []
+    for candidates, chosen in searched:
+        cap = search_settings.condition_max if chosen.model == HO.name else None
+        grid += grid_rows(candidates, chosen, training.name, search_settings.selection, cap)
     return fits, grid
 
 

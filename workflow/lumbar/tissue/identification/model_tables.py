@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from lumbar.tables.table import Table
+from lumbar.tissue.identification.arx_search import NEGLIGIBLE_POINTS
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR
@@ -169,6 +170,7 @@ def _row(model: FittedModel, unit: str) -> dict:
         "alpha": model.alpha,
         "estimator": model.estimator,
         "stable": model.stable,
+        "biproper": model.structure.biproper if model.discrete else None,
         "parameters": scores.free_parameters,
         "rank": scores.rank,
         "mru_bootstrap_percent": scores.mru_bootstrap_percent,
@@ -210,6 +212,7 @@ def _definitions(unit: str, tests: int, settings: TissueSettings) -> dict[str, s
             "given: prescribed, not fitted"
         ),
         "stable": "whether all poles lie inside the unit circle; an unstable model has no free run",
+        "biproper": "whether the present position acts at once, b of z⁰ in H(z) is not 0; else strictly proper",
         "parameters": "free coefficients",
         "rank": (
             "numerical rank of the (arx) regressors or (output_error) sensitivities; below parameters: "
@@ -235,8 +238,9 @@ def _notes(settings: TissueSettings) -> tuple[str, ...]:
         f"Every model and α is picked by the %VAF of the free run on {picked}; α is 0 or one of "
         f"{ridge.alpha_points} values from {ridge.alpha_min:g} to {ridge.alpha_max:g} in geometric "
         "progression.",
-        f"HO: orders 2 to {search.order_max}, proper and biproper, condition number up to "
-        f"{search.condition_max:g}; its output-error fit has the structure that arx picked.",
+        f"HO: orders 2 to {search.order_max}, strictly proper and biproper, condition number up to "
+        f"{search.condition_max:g}; its output-error fit has the structure that arx picked. A remark names an optimum at the "
+        f"edge of the grid, and a lower order within {NEGLIGIBLE_POINTS:g} points of its %VAF.",
         "Free runs start from rest at the first position. NMSE and %VAF are not comparable: one step ahead "
         "against a free run.",
     )

@@ -13,6 +13,7 @@ with these columns (norm √N).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -89,12 +90,12 @@ class RidgePath:
             float(standardised_target @ standardised_target),
         )
 
-    @property
+    @cached_property
     def rank(self) -> int:
         """Numerical rank of A."""
         return numerical_rank(self.singular_values, self.rows)
 
-    @property
+    @cached_property
     def condition_number(self) -> float | None:
         """cond(A) of Eq. 3.14 with standardised columns; None where A is rank deficient."""
         return condition_number(self.singular_values, self.rows)

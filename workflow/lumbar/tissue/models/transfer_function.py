@@ -42,6 +42,11 @@ class TransferFunction:
         return bool((np.abs(self.poles) < 1.0).all())
 
     @property
+    def biproper(self) -> bool:
+        """Whether the present input acts at once, as direct feed-through; if not, it is strictly proper."""
+        return self.numerator[0] != 0
+
+    @property
     def static_gain(self) -> float:
         """Output per unit of an input that is held forever, H(1)."""
         return sum(self.numerator) / sum(self.denominator)
