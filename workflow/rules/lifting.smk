@@ -97,6 +97,7 @@ if study.has("lifting"):
             events=[f"<results>/lifting/{lift}/events.json" for lift in study.lifts],
             motion=[f"<results>/lifting/{lift}/motion.csv" for lift in study.lifts],
             landmarks=[f"<results>/lifting/{lift}/landmarks.csv" for lift in study.lifts],
+            body=[f"<results>/lifting/{lift}/body.csv" for lift in study.lifts],
             spread=[f"<results>/lifting/{lift}/spread.csv" for lift in study.lifts],
             quality=[f"<results>/lifting/{lift}/quality.json" for lift in study.lifts],
         output:
@@ -113,6 +114,7 @@ if study.has("lifting"):
             **job_size(peak_mb=140 + 0.2 * len(study.lifts), seconds=4 + len(study.lifts)),
         params:
             code=library_code("lifting_figures.py"),
+            pendulum=plain(settings.stability.pendulum),
             data=DATA,
         message:
             "Quality of the recordings, Figures 4.1 and 4.2, events and centres of mass of every lift"

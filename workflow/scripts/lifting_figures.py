@@ -2,8 +2,10 @@
 
 from job import run, stem
 
+from lumbar.settings.stability import PendulumSettings
 
-def main(input, output, data: str):
+
+def main(input, output, pendulum: PendulumSettings, data: str):
     """Tabulate and draw from the files of the lifts."""
     import pandas as pd
 
@@ -36,9 +38,10 @@ def main(input, output, data: str):
     ]
     for lift, svg in zip(lifts, output.lifting_events[::2], strict=True):
         save(events_figure(lift), stem([svg]), data, who=person_and_box(lift["summary"]))
-    shown = next((lift for lift in lifts if len(lift["states"])), lifts[0])
+    number = next((place for place, lift in enumerate(lifts) if len(lift["states"])), 0)
+    shown = lifts[number] | {"body": pd.read_csv(input.body[number])}
     who = person_and_box(shown["summary"])
-    save(pendulum_figure(shown), stem(output.figure_4_1), data, who=who)
+    save(pendulum_figure(shown, pendulum), stem(output.figure_4_1), data, who=who)
     save(segments_figure(shown), stem(output.figure_4_2), data, who=who)
     spreads = [pd.read_csv(path) for path in input.spread]
     spread_table(spreads, [lift["summary"] for lift in lifts], data).write(stem(output.centre_of_mass_checks))

@@ -29,6 +29,7 @@ from lumbar.publishing.figures.style import MODELS, house_style, new_figure, sav
 from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 from lumbar.publishing.figures.workflow_figure import box, depths, draw_workflow, routes
 from lumbar.records.markers import read_markers
+from lumbar.settings.stability import PendulumSettings
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.residuals.compare import compare_record
 from lumbar.tissue.diagnosis.residuals.locate import locate
@@ -296,6 +297,7 @@ def drawn(project, tmp_path_factory):
         "centres": lift_tables.centres_frame(lift),
         "states": lift_tables.states_frame(lift.states),
         "landmarks": lift_tables.landmarks_frame(lift),
+        "body": lift_tables.body_frame(lift)[0],
         "events": {name: event.as_dict() for name, event in lift.events.items()},
         "summary": lift_tables.summary(lift, subject, trial, settings),
     }
@@ -330,30 +332,53 @@ def test_missing_feet_and_events_set_by_hand_are_said(drawn):
     assert len(vertical_lines(figure.axes[0])) == 4
 
 
-def test_figure_4_1_draws_the_pendulums_from_pivot_to_centre(drawn):
-    figure = pendulum_figure(drawn)
-    at_release = drawn["landmarks"].query("event == 'release'").set_index("point")
-    pivot = at_release.loc["PIVOT", ["y_m", "z_m"]].to_numpy(float)
-    for com in ("thorax", "abdomen", "pelvis"):
-        centre = at_release.loc[f"COM_{com}", ["y_m", "z_m"]].to_numpy(float)
-        rods = [line.get_xydata() for line in figure.axes[0].lines if len(line.get_xdata()) == 2]
-        assert any(np.allclose(rod, [pivot, centre]) for rod in rods)
-        # Angle and length of the rod as drawn are those of the table's last row.
-        last = drawn["states"].query("com == @com and plane == 'flexion_extension'").iloc[-1]
-        rod = centre - pivot
-        assert np.arctan2(rod[0], rod[1]) == pytest.approx(last["angle_rad"], abs=5e-3)
-        assert np.hypot(*rod) == pytest.approx(last["length_m"], abs=5e-3)
+def test_figure_4_1_draws_the_pendulum_of_the_total_body(drawn):
+    pendulum = PendulumSettings(damping_N_m_s=0.0)
+    angles, torques, person = pendulum_figure(drawn, pendulum).axes
+    facts, centres = drawn["summary"], drawn["centres"].query("com == 'pelvis' and phase == 'deposit'")
+    body = drawn["body"].query("phase == 'deposit'")
+    relative = np.stack(
+        [body[f"WHOLE_BODY_{axis}_m"].to_numpy() - centres[f"pivot_{axis}_m"].to_numpy() for axis in "yz"], 1
+    )
+    rod = next(line.get_xydata() for line in person.lines if line.get_linewidth() == 2.0)
+    length = np.hypot(*relative.T).mean()
+    assert np.hypot(*(rod[1] - rod[0])) == pytest.approx(length, abs=2e-3)
+    total = angles.lines[0].get_ydata()
+    assert total[-1] == pytest.approx(np.arctan2(*relative[-1]), abs=2e-3)
+    assert np.arctan2(*(rod[1] - rod[0])) == pytest.approx(total[-1])
+    words = " ".join(text.get_text() for text in person.texts)
+    assert all(word in words for word in (f"m = {facts['body_mass_kg']:g} kg", "ℓ = ", "u_0", "θ"))
+    # The two signs of gravity differ by 2·m·g·ℓ·sin θ.
+    inverted, hanging = (line.get_ydata() for line in torques.lines)
+    weight = facts["body_mass_kg"] * pendulum.gravity_m_s2 * np.hypot(*(rod[1] - rod[0]))
+    assert hanging - inverted == pytest.approx(2 * weight * np.sin(total))
+    states = drawn["states"].set_index(["com", "plane"])["angle_rad"]
+    for line, com in zip(angles.lines[1:], ("thorax", "abdomen", "pelvis"), strict=True):
+        assert line.get_ydata() == pytest.approx(states[com, "flexion_extension"].to_numpy())
 
 
-def test_figure_4_2_draws_the_segments_between_their_landmarks(drawn):
-    figure = segments_figure(drawn)
+def test_figure_4_1_says_why_there_is_no_total_body(drawn):
+    body = drawn["body"].drop(columns=[f"WHOLE_BODY_{axis}_m" for axis in "xyz"])
+    axes = pendulum_figure({**drawn, "body": body}, PendulumSettings()).axes
+    assert "no centre of mass of the total body" in " ".join(texts(axes[1])).replace("\n", " ")
+
+
+def test_figure_4_2_draws_the_segments_between_the_markers_and_the_ends_in_use(drawn):
+    front, back, side = segments_figure(drawn).axes
     at_start = drawn["landmarks"].query("event == 'deposit_start'").set_index("point")
-    for axis, horizontal in zip(figure.axes, ("x_m", "y_m"), strict=True):
-        bands = [line.get_xydata() for line in axis.lines if line.get_linewidth() == 7]
-        ends = [("C7T1", "T12L1"), ("T12L1", "L4L5"), ("L4L5", "MID_HIP")]
-        for band, pair in zip(bands, ends, strict=True):
-            assert np.allclose(band, at_start.loc[list(pair), [horizontal, "z_m"]].to_numpy(float))
-    assert figure.axes[0].xaxis_inverted()
+    places = at_start[["x_m", "z_m"]]
+    for axis in (front, back):
+        pieces = [patch.get_xy() for patch in axis.patches]
+        for piece, (upper, lower) in zip(pieces, pairwise(["C7", "T12", "L5"]), strict=False):
+            for marker in (upper, lower):
+                assert np.isclose(piece, places.loc[marker].to_numpy(float)).all(axis=1).any()
+        for marker in ("L_HIP", "R_HIP"):
+            assert np.isclose(pieces[2], places.loc[marker].to_numpy(float)).all(axis=1).any()
+    assert "manubrium" in texts(front) and "manubrium" not in texts(back) and "sacrum" in texts(back)
+    assert front.xaxis_inverted() and not back.xaxis_inverted()
+    bands = [line.get_xydata() for line in side.lines if line.get_linewidth() == 7]
+    for band, pair in zip(bands, [("C7T1", "T12L1"), ("T12L1", "L4L5"), ("L4L5", "MID_HIP")], strict=True):
+        assert np.allclose(band, at_start.loc[list(pair), ["y_m", "z_m"]].to_numpy(float))
 
 
 def test_one_marked_wrist_is_called_by_its_side(drawn):

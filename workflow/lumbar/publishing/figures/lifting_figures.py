@@ -3,8 +3,17 @@
 
 from __future__ import annotations
 
+from textwrap import fill
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
+from lumbar.base.errors import LumbarError
+from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
+from lumbar.lifting.stability.model.total_body import total_body_pendulum
+from lumbar.lifting.stability.model.trajectories import Trajectory
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
     MEASURED,
@@ -16,6 +25,9 @@ from lumbar.publishing.figures.style import (
     person_and_box,
     say_instead,
 )
+
+if TYPE_CHECKING:
+    from lumbar.settings.stability import PendulumSettings
 
 EVENT_LABELS = {
     "lift_off": "lift-off",
@@ -29,13 +41,19 @@ _BODY = (
     *(("L_HEEL", "L_TOE"), ("R_HEEL", "R_TOE"), ("L_ANKLE", "L_HEEL"), ("R_ANKLE", "R_HEEL")),
 )
 """Lines of the stick figure; limbs without a marker at knee or elbow are straight."""
-_TORSO = (
-    *("C7", "T12", "L5", "MANUBRIUM", "XIPHOID", "SACRUM", "L_SHOULDER", "R_SHOULDER", "L_HIP", "R_HIP"),
-)
-_OUTLINE = (
-    *(("L_SHOULDER", "R_SHOULDER"), ("L_HIP", "R_HIP"), ("L_SHOULDER", "L_HIP"), ("R_SHOULDER", "R_HIP")),
-    *(("C7", "MANUBRIUM"), ("MANUBRIUM", "XIPHOID"), ("L5", "SACRUM")),
-)
+_FRONT = ("L_SHOULDER", "R_SHOULDER", "MANUBRIUM", "XIPHOID", "L_HIP", "R_HIP")
+_BACK = ("L_SHOULDER", "R_SHOULDER", "C7", "T12", "L5", "SACRUM", "L_HIP", "R_HIP")
+"""Markers of the torso that are seen from either side."""
+_BESIDE = {"SHOULDER": "above", "HIP": "below", "C7": "over", "T12": "over", "L5": "over"}
+"""Where names of markers stand from the front and the back; others to the right."""
+_PLACES = {
+    "left": ((-5, 0), "right", "center"),
+    "right": ((5, 0), "left", "center"),
+    "over": ((4, 1), "left", "bottom"),
+    "above": ((0, 4), "center", "bottom"),
+    "below": ((0, -4), "center", "top"),
+}
+_WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8}
 _MARKS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}
 _DASHED, _DOTTED = (0, (4, 1.5)), (0, (1, 1))
 _LINES = {"thorax": "-", "abdomen": _DASHED, "pelvis": _DOTTED}
@@ -132,7 +150,6 @@ def _stick_figure(axis, points: dict, horizontal: int, color: str, width: float)
 
 def _box(axis, points: dict, horizontal: int, color: str) -> None:
     """Outline of the box: the hull of its markers as seen in this view."""
-    import numpy as np
     from matplotlib.patches import Polygon
     from scipy.spatial import ConvexHull
 
@@ -146,54 +163,88 @@ def _box(axis, points: dict, horizontal: int, color: str) -> None:
 
 
 @house_style
-def pendulum_figure(lift: dict) -> Figure:
-    """Figure 4.1: the inverted pendulums in flexion/extension, drawn on the person at the release.
+def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
+    """Figure 4.1: the inverted pendulum of the total body's centre of mass in flexion/extension, with ℓ, m and u0.
+
+    Beside it the angles of the total body and of the trunk's segments, and u0(t) by Eq. 4.1 with either sign of gravity.
 
     Parameters
     ----------
     lift : dict
-        ``landmarks`` (points at every event), ``centres``, ``states`` (data frames) and ``summary``.
+        ``landmarks`` (points at every event), ``body``, ``centres``, ``states`` (data frames) and ``summary``.
+    pendulum : PendulumSettings
+        Damping and gravity.
     """
-    summary, states = lift["summary"], lift["states"]
-    if states.empty:
+    if lift["states"].empty:
         return _without_deposit(lift)
-    figure, axes = new_figure(DOUBLE_COLUMN, 4.0, ncols=2)
-    before, after = _points(lift, "deposit_start"), _points(lift, "release")
-    for points, color, width in ((before, "#c4c4c4", 1.2), (after, "#444444", 1.8)):
-        _box(axes[0], points, 1, color)
-        _stick_figure(axes[0], points, 1, color, width)
-    pivot = after["PIVOT"]
-    deposit = lift["centres"][lift["centres"]["phase"] == "deposit"]
+    figure, axes = new_figure(DOUBLE_COLUMN, 4.4, ncols=2, nrows=2, sharex="col", width_ratios=(1, 1.15))
+    person = axes[0, 0].get_gridspec()[:, 0]
+    for axis in axes[:, 0]:
+        axis.remove()
+    person, angles, torques = figure.add_subplot(person), *axes[:, 1]
+    _two_postures(person, lift)
+    try:
+        total = total_body_pendulum(lift["body"], lift["centres"], lift["summary"])
+    except LumbarError as error:
+        say_instead(torques, fill(str(error), 50), fontsize=7)
+    else:
+        _draw_pendulum(person, lift, total)
+        angles.plot(total.time, total.angle, color=MEASURED, linewidth=1.8, label=total.com)
+        for sign, line in (("inverted", "-"), ("hanging", _DASHED)):
+            torque = feedforward_torque(total, sign, pendulum.damping_N_m_s, pendulum.gravity_m_s2)
+            gravity = {"inverted": "−", "hanging": "+"}[sign]
+            label = f"{gravity}mgℓ sin θ: {sign}{', as printed' if sign == 'hanging' else ''}"
+            torques.plot(total.time, torque, color=MEASURED, linestyle=line, label=label)
+        torques.legend()
     for com, color in SEGMENTS.items():
-        if f"COM_{com}" not in after:
-            continue
-        path = deposit[deposit["com"] == com]
-        axes[0].plot(path["y_m"], path["z_m"], color=color, linewidth=1.0)
-        point = after[f"COM_{com}"]
-        rod = [pivot[1], point[1]], [pivot[2], point[2]]
-        axes[0].plot(*rod, color=color, linestyle=_LINES[com], linewidth=1.0)
-        axes[0].plot(*point[1:], marker=_MARKS[com], color=color, markersize=6, linestyle="", label=com)
-        planar = states[(states["com"] == com) & (states["plane"] == "flexion_extension")]
-        axes[1].plot(planar["time_s"], planar["angle_rad"], color=color, linestyle=_LINES[com], label=com)
-    axes[0].plot(pivot[1], pivot[2], marker="P", color=MEASURED, markersize=7, linestyle="")
-    note(axes[0], f"pivot ({summary['pivot'].replace('_', '-')})", pivot[1:], (7, 4))
-    top = max(after[f"COM_{com}"][2] for com in SEGMENTS if f"COM_{com}" in after)
-    axes[0].plot([pivot[1]] * 2, [pivot[2], top + 0.1], color=MEASURED, linewidth=0.6, linestyle=(0, (1, 3)))
-    note(axes[0], "θ = 0", (pivot[1], top + 0.1), (-2, 2), ha="right")
-    axes[0].set_aspect("equal", adjustable="datalim")
-    axes[0].set(xlabel="y, forward (m)", ylabel="z, up (m)")
-    axes[1].set(xlabel="Time (s)", ylabel="Angle θ in flexion/extension (rad)")
-    axes[1].legend(title="centre of mass")
-    label_panels(axes)
-    axes[0].set_title("deposit: start (light), release (dark)", loc="right")
-    axes[1].set_title(_lift_name(lift), loc="right")
+        planar = lift["states"].query("com == @com and plane == 'flexion_extension'")
+        angles.plot(planar["time_s"], planar["angle_rad"], color=color, linestyle=_LINES[com], label=com)
+    angles.set_ylabel("Angle θ (rad)")
+    angles.legend()
+    torques.set(xlabel="Time (s)", ylabel="Torque u0 of the total body (N·m)")
+    label_panels((person, angles, torques))
     return figure
+
+
+def _two_postures(axis, lift: dict) -> None:
+    """Draw the person at the start (light) and the end (dark) of the deposit, from the right."""
+    for event, color, width in (("deposit_start", "#c4c4c4", 1.2), ("release", "#777777", 1.8)):
+        points = _points(lift, event)
+        _box(axis, points, 1, color)
+        _stick_figure(axis, points, 1, color, width)
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.set(xlabel="y, forward (m)", ylabel="z, up (m)")
+    axis.set_title("start (light), release (dark)", loc="right")
+
+
+def _draw_pendulum(axis, lift: dict, total: Trajectory) -> None:
+    """Draw the pendulum of the total body at the release: rod ℓ, mass m, angle θ from straight up, weight and torque u0."""
+    pivot = np.array(_points(lift, "release")["PIVOT"][1:])
+    angle, length = total.angle[-1], total.length_m
+    along = np.array([np.sin(angle), np.cos(angle)])
+    bob, beyond = pivot + length * along, pivot + 1.6 * length * along
+    ink = {"color": MEASURED, "linestyle": ""}
+    axis.plot(*zip(pivot, bob, strict=True), color=MEASURED, linewidth=2.0)
+    axis.plot(*bob, marker="o", markersize=9, **ink)
+    axis.plot(*pivot, marker="P", markersize=7, **ink)
+    for start, stop in ((pivot, pivot + np.array([0, 1.6 * length])), (bob, beyond)):
+        axis.plot(*zip(start, stop, strict=True), color=MEASURED, linewidth=0.7, linestyle=_DOTTED)
+    note(axis, "θ", beyond, (0, 3), ha="right")
+    note(axis, f"m = {total.mass_kg:g} kg", bob, (8, 0), va="center", bbox=_WHITE)
+    note(axis, f"ℓ = {length:.2f} m", (pivot + bob) / 2, (6, 0), va="center")
+    note(axis, f"pivot ({total.pivot.replace('_', '-')})", pivot, (36, -9))
+    arrow = {"arrowstyle": "-|>", "color": "#D55E00", "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
+    below, aside, above = np.array([[0, -0.3 * length], [0.14, 0], [0, 0.02]])
+    axis.annotate("", bob + below, bob, arrowprops=arrow)
+    note(axis, "mg", bob + below, (4, 0), color="#D55E00")
+    around = arrow | {"connectionstyle": "arc3,rad=-0.5"}
+    axis.annotate("", pivot + above + aside, pivot + above - aside, arrowprops=around)
+    note(axis, r"$u_0$", pivot + above + aside, (4, 2), color="#D55E00")
 
 
 @house_style
 def segments_figure(lift: dict) -> Figure:
-    """Figure 4.2: torso markers, the three trunk segments and their centres of mass, from the front and the
-    side.
+    """Figure 4.2: the torso's markers and the segments between them from the front and the back; the study's ends at the side.
 
     Parameters
     ----------
@@ -203,57 +254,75 @@ def segments_figure(lift: dict) -> Figure:
     if lift["states"].empty:
         return _without_deposit(lift)
     points = _points(lift, "deposit_start")
-    ends = lift["summary"]["segments"]["ends"]
-    shown = [points[name] for name in _TORSO if name in points]
-    # Room for the names beside the outermost markers; equal scales in both views.
-    limits = [(min(column) - 0.16, max(column) + 0.16) for column in list(zip(*shown, strict=True))[:2]]
-    figure, axes = new_figure(
-        DOUBLE_COLUMN, 4.4, ncols=2, sharey=True, width_ratios=[high - low for low, high in limits]
-    )
-    for axis, horizontal, name in ((axes[0], 0, "x, lateral (m)"), (axes[1], 1, "y, forward (m)")):
-        for segment, color in SEGMENTS.items():
-            if f"COM_{segment}" not in points:
-                continue
-            band = zip(*((points[end][horizontal], points[end][2]) for end in ends[segment]), strict=True)
-            axis.plot(*band, color=color, linewidth=7, alpha=0.3, solid_capstyle="butt")
-            centre = points[f"COM_{segment}"]
-            label = f"{segment}: {_end_name(ends[segment][0])} to {_end_name(ends[segment][1])}"
-            axis.plot(
-                *(centre[horizontal], centre[2]),
-                marker=_MARKS[segment],
-                color=color,
-                markersize=8,
-                linestyle="",
-                label=label,
-            )
-        for start, stop in _OUTLINE:
-            if start in points and stop in points:
-                ends_seen = [(points[name][horizontal], points[name][2]) for name in (start, stop)]
-                axis.plot(*zip(*ends_seen, strict=True), color="#bbbbbb", linewidth=0.8, zorder=0)
-        for marker in _TORSO:
-            if marker in points:
-                _torso_marker(axis, marker, points[marker], horizontal)
-        axis.set_xlim(*limits[horizontal])
-        axis.set(aspect="equal", xlabel=name)
-    axes[0].invert_xaxis()
+    shown = np.array([points[name] for name in (*_FRONT, *_BACK) if name in points])
+    # Room for the names beside the outermost markers; equal scales in all views.
+    (left, back, low), (right, front, high) = shown.min(axis=0), shown.max(axis=0)
+    x, y = (left - 0.08, right + 0.08), (back - 0.16, front + 0.2)
+    wide = [np.ptp(x), np.ptp(x), np.ptp(y)]
+    figure, axes = new_figure(DOUBLE_COLUMN, 3.7, ncols=3, sharey=True, width_ratios=wide)
+    for axis, limits, markers in zip(axes[:2], (x[::-1], x), (_FRONT, _BACK), strict=True):
+        _segments_between_markers(axis, points)
+        for marker in filter(points.get, markers):
+            _marker(axis, marker, points[marker], 0, _BESIDE.get(marker.rpartition("_")[2], "right"))
+        axis.set(xlim=limits, xlabel="x, lateral (m)")
+    _segments_in_use(axes[2], points, lift["summary"]["segments"]["ends"])
+    for marker in filter(points.get, dict.fromkeys((*_FRONT, *_BACK))):
+        if not marker.startswith("L_"):
+            _marker(axes[2], marker, points[marker], 1, "right" if marker in _FRONT[2:] else "left")
+    axes[2].set(xlim=y, xlabel="y, forward (m)", ylim=(low - 0.06, high + 0.05))
     axes[0].set_ylabel("z, up (m)")
     label_panels(axes)
-    axes[0].set_title("front", loc="right")
-    axes[1].set_title("side", loc="right")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, title="centres of mass"
-    )
+    for axis, view in zip(axes, ("front", "back", "side: ends in use"), strict=True):
+        axis.set_title(view, loc="right")
+        axis.set_aspect("equal")
+    handles = axes[2].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper center", ncols=3, title="centres of mass, side")
     return figure
+
+
+def _segments_between_markers(axis, points: dict) -> None:
+    """Fill the torso between shoulders and hips, divided at the height of the markers T12 and L5."""
+    needed = ("L_SHOULDER", "R_SHOULDER", "L_HIP", "R_HIP", "C7", "T12", "L5")
+    lacking = [name for name in needed if name not in points]
+    if lacking:
+        say_instead(axis, fill(f"no marker {', '.join(lacking)}", 20), fontsize=7)
+        return
+    left, right, low_left, low_right, top, *between = (np.array(points[name])[[0, 2]] for name in needed)
+
+    def across(middle: np.ndarray) -> list[np.ndarray]:
+        """Where the height of a marker cuts the torso's sides, the marker between."""
+        shares = [
+            (middle[1] - up[1]) / (down[1] - up[1]) for up, down in ((left, low_left), (right, low_right))
+        ]
+        return [left + shares[0] * (low_left - left), middle, right + shares[1] * (low_right - right)]
+
+    borders = [[left, top, right], *map(across, between), [low_left, (low_left + low_right) / 2, low_right]]
+    for (segment, color), upper, lower in zip(SEGMENTS.items(), borders, borders[1:], strict=False):
+        corners = np.array([*upper, *lower[::-1]])
+        look = {"facecolor": to_rgba(color, 0.35), "edgecolor": color}
+        axis.fill(*corners.T, linewidth=1.0, **look)
+        place = (0.75 * upper[0] + 0.25 * upper[2] + 0.75 * lower[0] + 0.25 * lower[2]) / 2
+        axis.text(*place, segment, ha="center", va="center", fontsize=7, bbox=_WHITE)
+
+
+def _segments_in_use(axis, points: dict, ends: dict) -> None:
+    """Draw the line between the ends of every segment that the study takes, and the centre of mass on it."""
+    for segment, color in SEGMENTS.items():
+        if f"COM_{segment}" not in points:
+            continue
+        band = zip(*(points[end][1:] for end in ends[segment]), strict=True)
+        axis.plot(*band, color=color, linewidth=7, alpha=0.3, solid_capstyle="butt")
+        label = f"{segment}: {_end_name(ends[segment][0])} to {_end_name(ends[segment][1])}"
+        look = {"marker": _MARKS[segment], "color": color, "markersize": 8, "linestyle": ""}
+        axis.plot(*points[f"COM_{segment}"][1:], label=label, **look)
 
 
 @house_style
 def _without_deposit(lift: dict) -> Figure:
     """A figure that says why there is nothing to draw."""
-    import textwrap
-
     figure, axes = new_figure(DOUBLE_COLUMN, 2.0)
     said = "\n".join(dict.fromkeys(lift["summary"]["missing"].values()))
-    lines = [part for line in said.splitlines() for part in textwrap.wrap(line, 110)]
+    lines = [part for line in said.splitlines() for part in fill(line, 110).splitlines()]
     axes.set_axis_off()
     axes.text(0, 1, "\n".join([f"{_lift_name(lift)}: no pendulum", *lines]), va="top", fontsize=7)
     return figure
@@ -264,16 +333,10 @@ def _end_name(end: str) -> str:
     return named.get(end, "xiphoid's level")
 
 
-def _torso_marker(axis, marker: str, point, horizontal: int) -> None:
-    """Draw a marker with its name beside the trunk; in the side view the far one of a pair has no name."""
+def _marker(axis, marker: str, point, horizontal: int, beside: str) -> None:
+    """Draw a marker with its name to the left, to the right, above or below."""
     axis.plot(point[horizontal], point[2], marker="o", color=MEASURED, markersize=3, linestyle="")
-    if horizontal == 1 and marker.startswith("L_"):
-        return
-    if horizontal == 0:
-        # The axis is inverted: the person's right is on the viewer's left.
-        left = marker.startswith("R_") or marker in ("MANUBRIUM", "XIPHOID")
-    else:
-        left = marker in ("C7", "T12", "L5", "SACRUM")
-    name = marker if len(marker) <= 3 else marker.lower().replace("l_", "left ").replace("r_", "right ")
-    look = {"ha": "right" if left else "left", "va": "center", "fontsize": 6.5}
-    note(axis, name, (point[horizontal], point[2]), (-5 if left else 5, 0), **look)
+    side, _, part = marker.rpartition("_")
+    name = f"{part if len(part) <= 3 and not side else part.lower()}{f' ({side})' if side else ''}"
+    offset, across, up = _PLACES[beside]
+    note(axis, name, (point[horizontal], point[2]), offset, ha=across, va=up, fontsize=6.5)
