@@ -39,7 +39,7 @@ def page(new_page, page_file):
 def trajectories(saved_lift):
     lift = lift_page(saved_lift[0]).lift
     states = LiftStates(lift.states, lift.facts)
-    return states.trajectories(headline(SETTINGS, lift.facts["pivot"]))[0]
+    return states.trajectories(headline(SETTINGS, lift.facts))[0]
 
 
 def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch):

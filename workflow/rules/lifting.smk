@@ -21,7 +21,7 @@ rule lift:
         body="<results>/lifting/{lift}/body.csv",
         states="<results>/lifting/{lift}/pendulum.csv",
         summary="<results>/lifting/{lift}/pendulum.json",
-        other_states="<results>/lifting/{lift}/other_pivots.csv",
+        other_states="<results>/lifting/{lift}/other_pendulums.csv",
         events="<results>/lifting/{lift}/events.json",
         gaps="<results>/lifting/{lift}/gaps.csv",
         spread="<results>/lifting/{lift}/spread.csv",

@@ -10,7 +10,7 @@ rule basins_of_lift:
     input:
         states="<results>/lifting/{lift}/pendulum.csv",
         facts="<results>/lifting/{lift}/pendulum.json",
-        others="<results>/lifting/{lift}/other_pivots.csv",
+        others="<results>/lifting/{lift}/other_pendulums.csv",
     output:
         boa="<results>/stability/{lift}/boa.csv",
         funnel="<results>/stability/{lift}/funnel.csv",

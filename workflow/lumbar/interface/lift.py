@@ -163,20 +163,20 @@ class Lift(Result):
         """What the pendulums are made of: masses, lengths, pivots, rules, assumptions; and what measures need beside."""
         return {
             **lift_tables.summary(self.analysed, self.subject, self.trial, self.settings),
-            "other_pivots": {name: about.facts for name, about in self._other_pivots.items()},
+            "other_pendulums": [other.facts for other in self._other_pendulums],
             "height_m": self.subject.height_m,
             "no_deposit": lifting.no_deposit(self.analysed.events),
             "missing_points": self._body[1],
         }
 
     @cached_property
-    def _other_pivots(self) -> dict[str, lifting.OtherPivot]:
-        return lifting.other_pivots(self.analysed, self.settings)
+    def _other_pendulums(self) -> list[lifting.OtherPendulums]:
+        return lifting.other_pendulums(self.analysed, self.subject, self.trial, self.settings)
 
     @cached_property
     def other_states(self) -> pd.DataFrame:
-        """Pendulum states about the pivots that conclusions are compared about, beside the study's own."""
-        return lift_tables.other_states_frame(self._other_pivots)
+        """Pendulum states by other choices of pivot, segment ends and start of the deposit, the thesis's among them."""
+        return lift_tables.other_states_frame(self._other_pendulums)
 
     @cached_property
     def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
@@ -242,11 +242,11 @@ class Lift(Result):
         return comparison(self.analysed.recording, self.analysed.events, self.settings.events.labels)
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``pendulum``, ``other_pivots``, ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
+        """``pendulum``, ``other_pendulums``, ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
         label = {"data": self.data}
         tables = {
             "pendulum": self.states,
-            "other_pivots": self.other_states,
+            "other_pendulums": self.other_states,
             "com": lift_tables.centres_frame(self.analysed),
             "body": self.body,
             "spread": self.spread,

@@ -77,12 +77,12 @@ def basins(
 
 
 def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
-    """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pivots.csv`` where it is there."""
+    """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pendulums.csv`` where it is there."""
     from lumbar.base.files import read_json
     from lumbar.lifting.stability.model.trajectories import LiftStates
 
     facts = facts or read_json(path.with_suffix(".json"))
-    others = path.with_name("other_pivots.csv")
+    others = path.with_name("other_pendulums.csv")
     return LiftStates(_read_table(path), facts, _read_table(others) if others.is_file() else None)
 
 
@@ -108,7 +108,7 @@ class Basins(Result):
     def _found(self) -> tuple[list[Trajectory], list[Failure]]:
         from lumbar.lifting.stability.model.trajectories import headline
 
-        return self.states.trajectories(headline(self.settings, self.states.facts["pivot"]))
+        return self.states.trajectories(headline(self.settings, self.states.facts))
 
     @property
     def trajectories(self) -> list[Trajectory]:

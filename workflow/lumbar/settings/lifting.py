@@ -119,6 +119,12 @@ class EventLabels:
 class EventSettings:
     """How the events of a lift are found."""
 
+    deposit_start: Literal["descent", "wrist_minimum"] = key(
+        "Start of the deposit: descent, the last instant before the box goes down for good, or wrist_minimum, the last "
+        "local minimum of the wrists' speed before that, as in the thesis. Table 4.1 shows the thesis's wording with its own "
+        "start whatever stands here.",
+        default="descent",
+    )
     taken_from: Literal["detection", "file"] = key(
         "detection: by the rules below; file: those that somebody marked in the recording's own file, each that it has. The "
         "difference is told either way.",
@@ -181,8 +187,7 @@ class EventSettings:
         within="(0, 2]",
     )
     prominence_m_s: float = key(
-        "How far a local minimum of the wrists' speed, the thesis's start of the deposit, must lie below its "
-        "surroundings.",
+        "How far a local minimum of the wrists' speed (deposit_start) must lie below its surroundings.",
         default=0.05,
         unit="m/s",
         within="[0, 2]",
@@ -241,7 +246,8 @@ class LiftingSettings:
     )
     segment_ends: Literal["inner", "skin"] = key(
         "Ends of the trunk's segments: inner (joint centres, estimated from the markers; where markers for that lack, "
-        "the skin's, and the result says so) or skin (the markers C7, T12, L5 and the trochanters, as in the thesis).",
+        "the skin's, and the result says so) or skin (the markers C7, T12, L5 and the trochanters, as in the thesis). Table 4.1 "
+        "shows the thesis's wording with its own ends whatever stands here.",
         default="inner",
     )
     hip_centres: Literal["harrington", "hara", "reed"] = key(

@@ -11,7 +11,7 @@ from lumbar.base.errors import InputError
 from lumbar.lifting.movement.carried_object import box_centre
 from lumbar.lifting.movement.cleaning import filter_markers
 from lumbar.lifting.movement.event_detection import _lift_off, find_events
-from lumbar.lifting.movement.events import comparison, phases
+from lumbar.lifting.movement.events import comparison, phases, started_by
 from lumbar.lifting.movement.gaps import fill_gaps
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, read_markers
@@ -274,6 +274,21 @@ def test_hands_that_go_to_the_floor_start_at_the_end_of_a_long_hold(settings, sh
     assert deposit.time_s == pytest.approx(18.55, abs=0.2)
     assert deposit.latest_s < 19.0
     assert deposit.thesis_s < 18.0
+
+
+def test_the_thesis_starts_the_deposit_with_the_slowest_wrists(settings):
+    """The box stands still for 0.05 s at 3.9 s of its way and at 5 s; both rules stand beside either start."""
+    by_descent = find_events(scene(pause=True), settings)["deposit_start"]
+    event = find_events(scene(pause=True), replace(settings, deposit_start="wrist_minimum"))["deposit_start"]
+    assert event.time_s == event.thesis_s == by_descent.thesis_s
+    assert event.descent_s == by_descent.descent_s == by_descent.time_s
+    assert "minimum of the wrists' speed before the box begins to go down" in event.how
+    by_hand = find_events(scene(pause=True), settings, DeclaredEvents(deposit_start_s=4.8))["deposit_start"]
+    assert (by_hand.time_s, by_hand.descent_s) == (4.8, by_descent.time_s)
+    assert started_by(by_hand, "wrist_minimum").time_s == event.time_s
+    deep = replace(settings, deposit_start="wrist_minimum", prominence_m_s=2.0)
+    none = find_events(scene(pause=True), deep)["deposit_start"]
+    assert none.time_s is None and "no minimum 2 m/s deep" in none.how
 
 
 def test_a_box_that_slides_first_is_lifted_when_it_rises(settings):

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from lumbar.base.errors import InputError, NumericalError
+from lumbar.interface.lift import lift
 from lumbar.lifting.movement.joint_centres import trunk_points
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.movement.lift_tables import states_frame, summary
+from lumbar.lifting.movement.pendulum_choice import THESIS_CHOICE, PendulumChoice
 from lumbar.lifting.movement.pendulum_states import heading, pendulum_states, pivot_trajectory, turn
+from lumbar.lifting.stability.model.trajectories import own_choice
 from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.twin.examples import example_lift
 from study_settings import changed, study_settings, subject_settings
 
 TIME = np.arange(0, 4, 0.01)
@@ -219,3 +227,27 @@ def test_the_contract_of_the_states_table(study, recording):
     ]
     assert frame.groupby(["com", "plane"]).size().to_list() == [1000] * 6
     assert not frame.isna().any().any()
+
+
+def test_other_choices_make_the_pendulums_of_a_study_that_makes_them(tmp_path):
+    """Each of the five has the states and lengths of a lift whose settings are these, analysed by itself."""
+    person = example_lift(tmp_path / "lift.c3d")
+
+    def analysed(choice=None):
+        own = LiftingSettings()
+        if choice is not None:
+            events = replace(own.events, deposit_start=choice.deposit_start)
+            own = replace(own, pivot=choice.pivot, segment_ends=choice.segment_ends, events=events)
+        return lift(tmp_path / "lift.c3d", person, box_mass_kg=15, settings=own)
+
+    own = analysed()
+    others, facts = own.other_states, own.facts["other_pendulums"]
+    assert len(facts) == 5 and vars(THESIS_CHOICE) in [own_choice(item) for item in facts]
+    for item in facts:
+        choice = PendulumChoice(**own_choice(item))
+        alone = analysed(choice)
+        rows = others[(others[list(vars(choice))] == list(vars(choice).values())).all(axis=1)]
+        columns = list(others.columns[3:])
+        pd.testing.assert_frame_equal(rows[columns].reset_index(drop=True), alone.states[columns])
+        assert item["length_m"] == alone.facts["length_m"] and item["missing"] == alone.facts["missing"] == {}
+        assert own_choice(alone.facts) == vars(choice)

@@ -80,6 +80,8 @@ def states_and_facts(items):
         "experience": "expert",
         "box_mass_kg": 23,
         "pivot": "mid_ankle",
+        "segment_ends": "inner",
+        "deposit_start": "descent",
         "mass_kg": {com: {"with_box": 40.0, "without_box": 17.0} for com in COMS},
         "length_m": {com: dict.fromkeys(PLANES, 1.1) for com in COMS},
         "box": {"share": "by_mass"},

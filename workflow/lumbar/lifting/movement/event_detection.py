@@ -2,8 +2,8 @@
 
 The box is lifted when it rises for good: before, it may slide on its support. The lift ends with the first toe-off. The
 deposit starts at the last instant before the box goes down for good. The thesis (section 4.2.3.1) takes a minimum of the
-wrists' speed; while a box is swung over a shelf that is found on the way up, so its time stands beside the other. Where
-there are no markers on the box, the hands stand for it. An event that a recording does not hold is a result, with its reason.
+wrists' speed, which can be asked for; while a box is swung over a shelf that is found on the way up. Where there are no
+markers on the box, the hands stand for it. An event that a recording does not hold is a result, with its reason.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def find_events(
         found = search.event(name)
         if name in given:
             how = f"set in the subject's file ({declared.reason or 'no reason given'}); {_detection_says(found)}"
-            found = Event(given[name], DECLARED, how, found.time_s)
+            found = _replaced(found, given[name], DECLARED, how)
         search.found[name] = _with_file(recording, settings, name, found, search, from_file)
     times = {name: search.found[name].time_s for name in EVENTS}
     check_order(recording, {name: time for name, time in times.items() if time is not None})
@@ -115,7 +115,13 @@ def _with_file(
     if event.method == DECLARED or not from_file:
         return replace(event, **said)
     how = f"marked in the file as {event_label(marked)}; {_detection_says(event)}"
-    return Event(marked.time, IN_FILE, how, event.time_s, **said)
+    return replace(_replaced(event, marked.time, IN_FILE, how), **said)
+
+
+def _replaced(found: Event, time: float, method: str, how: str) -> Event:
+    """Return a detected event at the time that somebody gives it."""
+    kept = {"detected_s": found.time_s, "descent_s": found.descent_s, "thesis_s": found.thesis_s}
+    return Event(time, method, how, **kept)
 
 
 def _detection_says(found: Event) -> str:
@@ -387,7 +393,7 @@ def _deposit_start(
     start: float,
     release: float,
 ) -> Event:
-    """Last instant before what is carried goes down for good."""
+    """Last instant before what is carried goes down for good, or the wrists' last least speed before that."""
     goes = "goes" if what == "box" else "go"
     searched = np.flatnonzero((recording.time > start) & (recording.time <= release))
     if searched.size < 3:
@@ -404,6 +410,13 @@ def _deposit_start(
     onset = _last_stop(height, climb, settings, recording.rate)
     if onset is None:
         raise NotFound(f"the {what} {goes} down all the time from {start:.2f} to {release:.2f} s")
+    time = recording.time[searched]
+    starts = {
+        "descent_s": float(time[onset]),
+        "thesis_s": _slowest_wrists(recording, settings, searched, onset),
+    }
+    if settings.deposit_start == "wrist_minimum":
+        return _wrist_minimum(starts, what, settings.prominence_m_s)
     left = float(height[onset] - height[-1])
     not_down = np.flatnonzero(climb[: onset + 1] >= 0)
     latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET * left)[0])
@@ -411,15 +424,27 @@ def _deposit_start(
         f"last instant at which the {what} {goes} down no faster than {settings.box_rest_m_s:g} m/s before the last "
         f"{left:.2f} m to the release"
     )
-    time = recording.time[searched]
+    earliest = time[not_down[-1] if not_down.size else 0]
     return Event(
-        float(time[onset]),
+        starts["descent_s"],
         DETECTED,
         how,
-        earliest_s=float(time[not_down[-1] if not_down.size else 0]),
+        earliest_s=float(earliest),
         latest_s=float(time[latest]),
-        thesis_s=_slowest_wrists(recording, settings, searched, onset),
+        **starts,
     )
+
+
+def _wrist_minimum(starts: dict[str, float | None], what: str, prominence: float) -> Event:
+    """The thesis's start of the deposit, from both starts as `Event` has them."""
+    before = (
+        f"before the {what} begin{'s' if what == 'box' else ''} to go down at {starts['descent_s']:.2f} s"
+    )
+    if starts["thesis_s"] is None:
+        raise NotFound(
+            f"the wrists' speed is not known or has no minimum {prominence:g} m/s deep (lifting.events.prominence_m_s) {before}"
+        )
+    return Event(starts["thesis_s"], DETECTED, f"last local minimum of the wrists' speed {before}", **starts)
 
 
 def _last_stop(height: np.ndarray, climb: np.ndarray, settings: EventSettings, rate: float) -> int | None:

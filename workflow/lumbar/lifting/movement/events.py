@@ -42,8 +42,10 @@ class Event:
     latest_s: float | None = None
     """`earliest_s`, `latest_s`: between these the event has happened whatever the threshold: the last instant of no
     movement in its direction, and a tenth of the way done; None where the rule knows no such instants."""
+    descent_s: float | None = None
     thesis_s: float | None = None
-    """What the thesis's own rule finds; None where it has no other, or finds nothing."""
+    """`descent_s`, `thesis_s`: starts of the deposit by either rule of ``events.deposit_start``, the second the thesis's;
+    None where it finds nothing, and of other events."""
     file_s: float | None = None
     """What the recording's own file says; None where it says nothing, or several things."""
     file: str = ""
@@ -52,6 +54,14 @@ class Event:
     def as_dict(self) -> dict:
         """Plain data for JSON."""
         return asdict(self)
+
+
+def started_by(event: Event, rule: str) -> Event:
+    """Return the start of the deposit by one rule of ``events.deposit_start``, from that by the other."""
+    time = {"descent": event.descent_s, "wrist_minimum": event.thesis_s}[rule]
+    return Event(
+        time, ABSENT if time is None else DETECTED, f"by deposit_start: {rule}; otherwise {event.how}"
+    )
 
 
 def phases(time: np.ndarray, events: dict[str, Event]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""One lift from its markers to the pendulums of the deposit, about the study's pivot and further ones."""
+"""One lift from its markers to the pendulums of the deposit: the study's, and those by other choices."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from lumbar.lifting.movement.centre_of_mass import (
 )
 from lumbar.lifting.movement.cleaning import clean, shortest_stretch
 from lumbar.lifting.movement.event_detection import find_events
-from lumbar.lifting.movement.events import Event
+from lumbar.lifting.movement.events import Event, started_by
 from lumbar.lifting.movement.gaps import Gap, refuse_open_gaps, why_missing, within
 from lumbar.lifting.movement.joint_centres import TrunkPoints, trunk_points
+from lumbar.lifting.movement.pendulum_choice import PendulumChoice
 from lumbar.lifting.movement.pendulum_states import (
     PIVOTS,
     PendulumStates,
@@ -44,9 +45,6 @@ NEW_STUDY = "'lumbar new-study'"
 FRAMES = ("laboratory", "pelvis")
 """Axes of the planes: those of the laboratory, or turned about the vertical with the hips at the deposit's
 start."""
-COMPARED = ("mid_ankle", "hip")
-"""Pivots that conclusions are compared about, which must not hang on where one sees pendulums turn: the body over its feet,
-the trunk over its hips."""
 
 
 @dataclass(frozen=True)
@@ -155,33 +153,46 @@ def _pendulums(
 
 
 @dataclass(frozen=True)
-class OtherPivot:
-    """Pendulums of a lift about one further pivot."""
+class OtherPendulums:
+    """Pendulums of a lift by another choice than the study's."""
 
+    choice: PendulumChoice
     states: dict[tuple[str, str], PendulumStates]
     """By centre of mass and plane."""
     missing: dict[str, str]
-    """Centres of mass without a pendulum about it, with the reason."""
+    """Centres of mass without a pendulum, with the reason."""
 
     @property
     def facts(self) -> dict:
-        """Mean lengths in m by centre of mass and plane, and what is missing; data for JSON."""
+        """The choice, mean lengths in m by centre of mass and plane, and what is missing; data for JSON."""
         lengths: dict[str, dict[str, float]] = {}
         for (com, plane), states in self.states.items():
             lengths.setdefault(com, {})[plane] = float(states.length.mean())
-        return {"length_m": lengths, "missing": self.missing}
+        return {**vars(self.choice), "length_m": lengths, "missing": self.missing}
 
 
-def other_pivots(lift: AnalysedLift, settings: LiftingSettings) -> dict[str, OtherPivot]:
-    """Return the pendulums of the deposit about every pivot of `COMPARED` that is not the study's own."""
-    found = {}
-    for name in COMPARED:
-        if name != settings.pivot:
-            pivot, without_pivot = _pivot(lift.recording, lift.points, name)
-            reason = no_deposit(lift.events) or without_pivot or ""
-            states, errors = _pendulums(lift.recording, lift.centres, pivot, lift.events, settings, reason)
-            absent = {com: reason for com, reason in lift.missing.items() if com not in lift.centres}
-            found[name] = OtherPivot(states, {**absent, **{com: str(error) for com, error in errors.items()}})
+def other_pendulums(
+    lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
+) -> list[OtherPendulums]:
+    """Return the pendulums of the deposit by every choice that the study's own is compared with, in the axes of its planes."""
+    own, box = PendulumChoice.of(settings), (trial.box_mass_kg, settings.box.share)
+    found, bodies = [], {own.segment_ends: (lift.points, lift.centres)}
+    for choice in own.others:
+        if choice.segment_ends not in bodies:
+            other = replace(settings, segment_ends=choice.segment_ends)
+            points = _points(lift.recording, subject, other)
+            centres = centres_of_mass(lift.recording, points, lift.table, subject.mass_kg, *box, lift.events)
+            bodies[choice.segment_ends] = points, centres
+        points, centres = bodies[choice.segment_ends]
+        pivot, without_pivot = _pivot(lift.recording, points, choice.pivot)
+        events = lift.events
+        if choice.deposit_start != own.deposit_start:
+            events = {**events, "deposit_start": started_by(events["deposit_start"], choice.deposit_start)}
+        reason = no_deposit(events) or without_pivot or ""
+        states, errors = _pendulums(lift.recording, centres, pivot, events, settings, reason)
+        absent = {com: reason for com, reason in lift.missing.items() if com not in lift.centres}
+        absent |= absent_segments(points, lift.table) | {com: str(error) for com, error in errors.items()}
+        found.append(OtherPendulums(choice, states, absent))
     return found
 
 

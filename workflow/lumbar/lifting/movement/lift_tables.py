@@ -23,12 +23,13 @@ from lumbar.lifting.movement.centre_of_mass import COMS, head_centre, segment_ce
 from lumbar.lifting.movement.event_detection import TOES
 from lumbar.lifting.movement.events import DECLARED, EVENTS, IN_FILE, held_frames, phases
 from lumbar.lifting.movement.joint_centres import INNER, MID_HIP
+from lumbar.lifting.movement.pendulum_choice import PendulumChoice
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.lifting.movement.lift import AnalysedLift, OtherPivot
+    from lumbar.lifting.movement.lift import AnalysedLift, OtherPendulums
     from lumbar.lifting.movement.pendulum_states import PendulumStates
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -133,14 +134,16 @@ def states_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFra
     return _stacked(STATES_COLUMNS, parts)
 
 
-def other_states_frame(pivots: dict[str, OtherPivot]) -> pd.DataFrame:
-    """Pendulum states about the further pivots: column ``pivot`` and those of ``pendulum.csv``."""
+def other_states_frame(others: Sequence[OtherPendulums]) -> pd.DataFrame:
+    """Pendulum states by other choices: the choice, and of the columns of ``pendulum.csv`` those that basins are made of."""
+    names = list(_STATES)[:4]
     parts = [
-        (pivot, *which, *(getattr(states, name) for name in _STATES))
-        for pivot, about in pivots.items()
-        for which, states in about.states.items()
+        (*vars(other.choice).values(), *which, *(getattr(states, name) for name in names))
+        for other in others
+        for which, states in other.states.items()
     ]
-    return _stacked(("pivot", *STATES_COLUMNS), parts)
+    columns = ("pivot", "segment_ends", "deposit_start", *STATES_COLUMNS[: 2 + len(names)])
+    return _stacked(columns, parts)
 
 
 def _stacked(columns: Sequence[str], parts: Sequence[tuple]) -> pd.DataFrame:
@@ -220,7 +223,7 @@ def summary(
         "sex": subject.sex,
         "body_mass_kg": subject.mass_kg,
         "box_mass_kg": trial.box_mass_kg,
-        "pivot": settings.pivot,
+        **vars(PendulumChoice.of(settings)),
         "frame": settings.frame,
         "heading_rad": lift.heading,
         "angle": "from straight up, to the right (lateral bending) or forward (flexion/extension)",

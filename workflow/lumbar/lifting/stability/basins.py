@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumbar.lifting.movement.pendulum_choice import OPTIONS as PENDULUM_OPTIONS
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, reachable_area
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, disturbance_of
@@ -44,6 +45,8 @@ COLUMNS = {
     "time": "real: the movement lasts as long as it was recorded; unit: it is played in one second",
     "mass": "whether the box counts to the pendulum's mass: with_box or without_box",
     "pivot": "point about which the pendulum turns",
+    "segment_ends": "whether the trunk's segments end inside the body (inner) or at the markers (skin)",
+    "deposit_start": "start of the deposit: descent of the box, or wrist_minimum, the wrists' last least speed before it",
     "duration_s": "duration T of the trajectory as it is played",
     "mass_kg": "mass m of the pendulum",
     "length_m": "mean length ℓ of the pendulum",
@@ -219,7 +222,7 @@ def meaningful(value: float, resolution: float | None) -> float:
 
 
 def _identity(item: Trajectory) -> dict:
-    names = ("subject", "experience", "box_mass_kg", "com", "plane", "pivot", "mass_kg", "length_m")
+    names = ("subject", "experience", "box_mass_kg", "com", "plane", *PENDULUM_OPTIONS, "mass_kg", "length_m")
     convention = {"time": item.clock, "mass": item.mass_counted}
     return {**{name: getattr(item, name) for name in names}, **convention, "duration_s": item.duration}
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lumbar.lifting.stability.comparison.table_4_1_grid import CHOICES, comparison_cells
+from lumbar.lifting.stability.model.trajectories import THESIS
 from lumbar.publishing.figures.stability_figures import shared_legend
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
 
@@ -25,7 +26,11 @@ _WORDS = {
     "without_box": "no box",
     "real": "real time",
     "unit": "1 s",
+    "inner": "",
+    "descent": "",
+    "wrist_minimum": "wrists",
 }
+"""Of the ends of segments and the start of the deposit only the thesis's are named: the labels are long enough."""
 
 
 @house_style
@@ -58,7 +63,8 @@ def grid_figure(grid: pd.DataFrame) -> Figure:
 
 
 def _words(convention: tuple) -> str:
-    return ", ".join(_WORDS.get(part, part) for part in convention)
+    words = ", ".join(filter(None, (_WORDS.get(part, part) for part in convention)))
+    return f"the thesis's: {words}" if convention == tuple(vars(THESIS).values()) else words
 
 
 def _panel(axis, cells: pd.DataFrame, conventions: list[tuple], null: str) -> None:

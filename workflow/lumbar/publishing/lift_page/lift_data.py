@@ -194,7 +194,7 @@ def pushed_pendulums(
     failures : list of Failure
         Of those that have no trajectory or no funnel.
     """
-    sound, unsound = states.trajectories(headline(settings, states.facts["pivot"]))
+    sound, unsound = states.trajectories(headline(settings, states.facts))
     found: list[PushedPendulum] = []
     failures = list(unsound)
     for attempt in attempts(sound, "exact funnel", failures):

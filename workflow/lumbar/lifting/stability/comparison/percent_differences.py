@@ -52,24 +52,20 @@ class Study:
             ]
         )
 
+    @property
+    def headline(self) -> Convention:
+        """The study's own convention: its lifts are made by the same settings."""
+        return headline(self.settings, self.lifts[0].facts)
+
     def trajectories(self, mass=None) -> list[Trajectory]:
         """Sound trajectories of the headline, of all lifts; `mass` changes their masses (of the facts)."""
         lifts = self.lifts if mass is None else [replace(lift, facts=mass(lift.facts)) for lift in self.lifts]
-        return [
-            item
-            for lift in lifts
-            for item in lift.trajectories(headline(self.settings, lift.facts["pivot"]))[0]
-        ]
+        return [item for lift in lifts for item in lift.trajectories(headline(self.settings, lift.facts))[0]]
 
     def areas(self, method: str, convention: Convention) -> pd.DataFrame:
-        """Rows of `boa` of one method and convention (its pivot is the study's own)."""
-        boa = self.boa
-        return boa[
-            (boa["method"] == method)
-            & (boa["sign"] == convention.sign)
-            & (boa["time"] == convention.time)
-            & (boa["mass"] == convention.mass)
-        ]
+        """Rows of `boa` of one method and convention."""
+        chosen = {"method": method, **vars(convention)}
+        return self.boa[(self.boa[list(chosen)] == list(chosen.values())).all(axis=1)]
 
 
 def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups: tuple[str, str] = GROUPS):

@@ -6,6 +6,7 @@ under the headline's. A basin that could not be computed is named in place of it
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,12 +22,12 @@ from lumbar.lifting.stability.comparison.percent_differences import (
 )
 from lumbar.lifting.stability.comparison.table_4_1_controls import controls_table, variants
 from lumbar.lifting.stability.comparison.table_4_1_grid import (
-    comparison_cells,
+    cells_under,
     grid_differences,
     survival_sentence,
 )
 from lumbar.lifting.stability.model.failures import failures_frame, join_rows
-from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, headline
+from lumbar.lifting.stability.model.trajectories import OPTIONS, PLANES, THESIS, Convention
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def tables_4_1(
     groups = study.settings.compare.groups
     varied, failed = variants(study)
     missing = join_rows([*([] if failures is None else [failures]), failures_frame(failed)])
-    own = study.areas("exact", headline(study.settings, THESIS.pivot))
+    own = study.areas("exact", study.headline)
     areas = {
         "thesis": (study.areas("exact", THESIS), "mean_area"),
         "headline": (own, "mean_area"),
@@ -105,7 +106,7 @@ def _first_table(
         notes=(
             survival_sentence(grid),
             published_sentence(study.published),
-            *_null_notes(grid, settings, [lift.facts["pivot"] for lift in study.lifts]),
+            *_null_notes(grid, study.headline),
             regulator_sentence(settings),
             *_missing_notes(missing),
         ),
@@ -157,17 +158,15 @@ def published_sentence(published: pd.DataFrame) -> str:
     )
 
 
-def _null_notes(grid: pd.DataFrame, settings: StabilitySettings, pivots: list[str]) -> list[str]:
-    """Say for both signs what the differences owe to the movement, in the headline's time and mass about its pivot."""
-    cells, notes = comparison_cells(grid), []
-    pendulum = settings.pendulum
-    here = (cells["time"] == pendulum.time) & (cells["mass"] == pendulum.mass) & cells["pivot"].isin(pivots)
-    for sign in ("inverted", "hanging"):
-        rows = cells[here & (cells["sign"] == sign)]
+def _null_notes(grid: pd.DataFrame, own: Convention) -> list[str]:
+    """Say for both signs what the differences owe to the movement, the headline's other choices kept."""
+    notes = []
+    for sign in OPTIONS["sign"]:
+        rows = cells_under(grid, replace(own, sign=sign))
         if len(rows) > 2 and np.ptp(rows["percent"]) > 0 and np.ptp(rows["null_percent"]) > 0:
             correlation = np.corrcoef(rows["percent"], rows["null_percent"])[0, 1]
             notes.append(
-                f"{sign.capitalize()}, {pendulum.time} time, {pendulum.mass.replace('_', ' ')}: correlation with the null "
+                f"{sign.capitalize()}, {own.time} time, {own.mass.replace('_', ' ')}: correlation with the null "
                 f"control {correlation:.3f}, at most {rows['movement_points'].abs().max():.2f} percentage points come from "
                 "the movement"
             )

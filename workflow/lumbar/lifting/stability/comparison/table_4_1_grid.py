@@ -14,13 +14,14 @@ from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import (
-    GRID,
+    OPTIONS,
     PLANES,
     Convention,
     Failure,
     LiftStates,
     Trajectory,
     at_rest,
+    conventions,
     headline,
 )
 from lumbar.tables.table import Table
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
     from lumbar.settings.stability import StabilitySettings
 
-CHOICES = ("sign", "time", "mass", "pivot")
+CHOICES = tuple(OPTIONS)
 MOVEMENT_SHARE = 0.5
 """Share of a difference that must come from the movement, and not from duration, mass and length, for it to survive."""
 MOVEMENT = "movement"
@@ -46,6 +47,14 @@ COLUMNS = {
     "time": ("Time", "real: the movement lasts as long as it was recorded; unit: it is played in one second"),
     "mass": ("Mass", "whether the box counts to the pendulum's mass"),
     "pivot": ("Pivot", "point about which the pendulum turns"),
+    "segment_ends": (
+        "Segment ends",
+        "whether the trunk's segments end inside the body (inner) or at the markers (skin)",
+    ),
+    "deposit_start": (
+        "Start",
+        "start of the deposit: descent of the box, or wrist_minimum, the wrists' last least speed before it",
+    ),
     "percent": ("Difference (%)", "difference of the average cross-sections in percent, exact method"),
     "null_percent": (
         "Null control (%)",
@@ -120,6 +129,12 @@ def comparison_cells(grid: pd.DataFrame) -> pd.DataFrame:
     return grid[~grid["comparison"].str.startswith(f"{MOVEMENT}_") & grid["percent"].notna()]
 
 
+def cells_under(grid: pd.DataFrame, convention: Convention) -> pd.DataFrame:
+    """Return the cells of `comparison_cells` under one convention."""
+    cells, chosen = comparison_cells(grid), vars(convention)
+    return cells[(cells[list(chosen)] == list(chosen.values())).all(axis=1)]
+
+
 def survivors(grid: pd.DataFrame) -> tuple[list[tuple], list[tuple]]:
     """Return the differences that keep their sign in all cells, and those that also come from the movement in all.
 
@@ -167,7 +182,8 @@ def grid_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> T
     numbers = ("percent", "null_percent", "movement_points", "movement_share")
     weights = settings.grid
     return Table(
-        title="Table 4.1 as a grid: sign of gravity, time, mass and pivot, each with its null control.",
+        title="Table 4.1 as a grid: sign of gravity, time, mass, pivot, segment ends and start of the deposit, each with its "
+        "null control.",
         frame=frame,
         definitions={name: definition for name, (_, definition) in COLUMNS.items()},
         data=data,
@@ -191,6 +207,8 @@ AREA_COLUMNS = {
     "time": "real: the movement lasts as long as it was recorded; unit: it is played in one second",
     "mass": "whether the box counts to the pendulum's mass: with_box or without_box",
     "pivot": "point about which the pendulum turns",
+    "segment_ends": "inner or skin: where the trunk's segments end",
+    "deposit_start": "descent or wrist_minimum: what the deposit starts with",
     "mass_kg": "mass m of the pendulum in kg",
     "length_m": "mean length ℓ of the pendulum in m",
     "duration_s": "duration T of the movement as it is played, in s",
@@ -209,11 +227,11 @@ def grid_areas(lift: LiftStates, settings: StabilitySettings) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    own = lift.facts["pivot"]
-    chosen = dict.fromkeys((*GRID, headline(settings, own)))
+    own = headline(settings, lift.facts)
+    chosen = conventions(own)
     for pivot in dict.fromkeys(convention.pivot for convention in chosen):
         here = [convention for convention in chosen if convention.pivot == pivot]
-        about = settings if pivot == own else about_pivot(settings, pivot)
+        about = settings if pivot == own.pivot else about_pivot(settings, pivot)
         rows += _rows_about({convention: lift.trajectories(convention) for convention in here}, about)
     return pd.DataFrame(rows, columns=list(AREA_COLUMNS))
 

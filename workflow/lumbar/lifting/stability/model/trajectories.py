@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import Problems
+from lumbar.lifting.movement.pendulum_choice import OPTIONS as PENDULUM_OPTIONS
+from lumbar.lifting.movement.pendulum_choice import THESIS_CHOICE, PendulumChoice, one_changed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,6 +58,9 @@ class Trajectory:
     """``with_box`` or ``without_box``: what `mass_kg` holds."""
     clock: str = "real"
     """``real``, or ``unit`` where the recorded movement is played in one second."""
+    segment_ends: str = "inner"
+    deposit_start: str = "descent"
+    """`segment_ends`, `deposit_start`: as the keys of `lumbar.settings.lifting`."""
 
     @property
     def label(self) -> str:
@@ -160,10 +166,13 @@ class Failure:
         return cls(item.subject, item.experience, item.box_mass_kg, item.com, item.plane, basin, reason)
 
 
-SIGN = ("hanging", "inverted")
-TIME = ("real", "unit")
-MASS = ("with_box", "without_box")
-PIVOT = ("mid_ankle", "hip")
+OPTIONS = {
+    "sign": ("hanging", "inverted"),
+    "time": ("real", "unit"),
+    "mass": ("with_box", "without_box"),
+    **PENDULUM_OPTIONS,
+}
+"""What each choice of a `Convention` is compared under."""
 
 
 @dataclass(frozen=True, order=True)
@@ -178,42 +187,77 @@ class Convention:
     """Whether the box counts to the pendulum's mass."""
     pivot: str
     """Point about which the pendulum turns (or another of `lumbar.lifting.movement.pendulum_states.PIVOTS`)."""
+    segment_ends: str
+    """Whether the trunk's segments end inside the body or at the markers."""
+    deposit_start: str
+    """What the deposit starts with."""
 
     def __str__(self) -> str:
-        time = {"real": "real time", "unit": "unit time"}[self.time]
-        return ", ".join([self.sign, time, *(part.replace("_", " ") for part in (self.mass, self.pivot))])
+        words = (
+            f"{self.time} time",
+            self.mass,
+            self.pivot,
+            f"{self.segment_ends} ends",
+            f"from {self.deposit_start}",
+        )
+        return ", ".join([self.sign, *(part.replace("_", " ") for part in words)])
+
+    @property
+    def pendulum(self) -> PendulumChoice:
+        """What of it is chosen before there are pendulum states."""
+        return PendulumChoice(self.pivot, self.segment_ends, self.deposit_start)
+
+    @property
+    def neighbours(self) -> list[Convention]:
+        """The conventions that differ in one choice."""
+        return list(one_changed(self, OPTIONS))
 
 
-THESIS = Convention("hanging", "unit", "without_box", "mid_ankle")
-"""The thesis's own wording: + in Eq. 4.1, trajectories interpolated "to non-dimensionalize time", "subject mass"; of the
-pivot it shows only Figure 4.1, a pendulum over the feet."""
-GRID = tuple(Convention(*choice) for choice in product(SIGN, TIME, MASS, PIVOT))
-"""Every way, in the order of Table 4.1's grid."""
+THESIS = Convention("hanging", "unit", "without_box", **vars(THESIS_CHOICE))
+"""The thesis's own wording: + in Eq. 4.1, trajectories interpolated "to non-dimensionalize time", "subject mass", and what
+`THESIS_CHOICE` says."""
+
+
+def conventions(own: Convention) -> list[Convention]:
+    """Return the conventions of Table 4.1's grid for a study whose headline is `own`.
+
+    Every sign, time, mass and pivot with the study's ends of segments and start of the deposit; then the thesis's, and
+    both it and the headline with one choice changed. All 64 would hide which choice does what.
+    """
+    varied = (OPTIONS[name] for name in ("sign", "time", "mass", "pivot"))
+    crossed = (Convention(*choice, own.segment_ends, own.deposit_start) for choice in product(*varied))
+    return list(dict.fromkeys([*crossed, own, *own.neighbours, THESIS, *THESIS.neighbours]))
 
 
 @dataclass(frozen=True)
 class LiftStates:
-    """Pendulum states of one lift about every pivot that was taken."""
+    """Pendulum states of one lift by every choice that was taken."""
 
     states: pd.DataFrame
-    """``pendulum.csv``: about the study's pivot."""
+    """``pendulum.csv``: by the study's choice."""
     facts: Mapping
-    """``pendulum.json``; ``other_pivots`` holds ``length_m`` and ``missing`` of the further pivots by name."""
+    """``pendulum.json``; ``other_pendulums`` lists the further choices, each with ``length_m`` and ``missing``."""
     others: pd.DataFrame | None = None
-    """``other_pivots.csv``: column ``pivot`` and those of `states`; None where there is no such file."""
+    """``other_pendulums.csv``: the choice, and columns of `states`; None where there is no such file."""
 
     def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
         """Return the sound trajectories of one convention, and what is wrong with the others."""
-        pivot, mass, time = convention.pivot, convention.mass, convention.time
-        if pivot == self.facts["pivot"]:
+        choice, mass, time = vars(convention.pendulum), convention.mass, convention.time
+        if choice == own_choice(self.facts):
             return trajectories_of_lift(self.states, self.facts, mass, time)
-        further = self.facts.get("other_pivots", {})
-        if self.others is None or pivot not in further:
-            reason = f"no pendulum states about the pivot {pivot}: 'lumbar lift' writes other_pivots.csv"
+        further = [facts for facts in self.facts.get("other_pendulums", []) if own_choice(facts) == choice]
+        if self.others is None or not further:
+            named = ", ".join(choice.values())
+            reason = f"no pendulum states of {named}: 'lumbar lift' writes other_pendulums.csv"
             lost = {**self.facts, "missing": dict.fromkeys(COMS, reason)}
             return trajectories_of_lift(self.states, lost, mass, time)
-        rows = self.others[self.others["pivot"] == pivot]
-        return trajectories_of_lift(rows, {**self.facts, "pivot": pivot, **further[pivot]}, mass, time)
+        rows = self._of_others.get(tuple(choice.values()), self.others[:0])
+        return trajectories_of_lift(rows, {**self.facts, **further[0]}, mass, time)
+
+    @cached_property
+    def _of_others(self) -> dict[tuple[str, ...], pd.DataFrame]:
+        """Rows of `others` by choice: to look for them in all, once per convention, takes as long as half of the areas."""
+        return dict(iter(self.others.groupby(list(PENDULUM_OPTIONS))))
 
 
 def trajectories_of_lift(
@@ -226,8 +270,9 @@ def trajectories_of_lift(
     states : pandas.DataFrame
         Columns ``com, plane, time_s, angle_rad, angular_velocity_rad_s, angular_acceleration_rad_s2``.
     facts : mapping
-        ``subject, box_mass_kg, pivot``, ``mass_kg`` (per COM ``with_box`` and ``without_box``) and ``length_m`` (per COM
-        and plane); ``experience`` where it is known, and ``missing``, the reasons of COMs without a pendulum.
+        ``subject, box_mass_kg, pivot, segment_ends, deposit_start``, ``mass_kg`` (per COM ``with_box`` and
+        ``without_box``) and ``length_m`` (per COM and plane); ``experience`` where it is known, and ``missing``, the
+        reasons of COMs without a pendulum.
     mass : {"with_box", "without_box"}
         Whether the box counts to the pendulum's mass.
     time : {"real", "unit"}
@@ -254,7 +299,7 @@ def trajectories_of_lift(
                 box,
                 com=com,
                 plane=plane,
-                pivot=facts["pivot"],
+                **own_choice(facts),
                 time=rows["time_s"].to_numpy(float),
                 angle=rows["angle_rad"].to_numpy(float),
                 angular_velocity=rows["angular_velocity_rad_s"].to_numpy(float),
@@ -271,7 +316,12 @@ def trajectories_of_lift(
     return trajectories, failures
 
 
-def headline(settings: StabilitySettings, pivot: str) -> Convention:
-    """Return the convention of the headline: the study's own choices."""
+def own_choice(facts: Mapping) -> dict[str, str]:
+    """Return what the facts of pendulum states say they were chosen by, as of `PendulumChoice`."""
+    return {name: facts[name] for name in PENDULUM_OPTIONS}
+
+
+def headline(settings: StabilitySettings, facts: Mapping) -> Convention:
+    """Return the convention of the headline: the study's own choices, those of a lift's facts among them."""
     pendulum = settings.pendulum
-    return Convention(pendulum.sign, pendulum.time, pendulum.mass, pivot)
+    return Convention(pendulum.sign, pendulum.time, pendulum.mass, **own_choice(facts))
