@@ -191,7 +191,7 @@ def limited_loops(trajectories, settings) -> None:
         report(f"{name}: area left, least", cost, "<= 1", bool(cost <= 1 + 1e-9))
         checked_and_proved(name, loops, found, chosen)
         margin = settings.sum_of_squares.margin_1_s
-        funnels, agreement = certified_funnels(loops, goal, 7, 67, 2, margin, chosen)
+        funnels, agreement = certified_funnels(loops, goal, 7, 67, margin, chosen)
         ratio = funnels.mean_area / found.exact.mean_area
         worst = float(np.abs(ratio - 1).max())
         report(f"{name}: certified/exact area less 1, largest size", worst, "<= 1e-2", worst <= 1e-2)
@@ -202,7 +202,7 @@ def limited_loops(trajectories, settings) -> None:
 def certificates(trajectories, settings, exact, knots: int) -> None:
     """Speed and agreement of the sum-of-squares method."""
     loops = close_loops(trajectories, settings.pendulum.sign, settings)
-    options = {"alternations": 2, "margin": settings.sum_of_squares.margin_1_s}
+    options = {"margin": settings.sum_of_squares.margin_1_s}
     for degree, count in ((3, knots), (5, min(knots, 112)), (7, min(knots, 38))):
         funnels, found = certified_funnels(loops, settings.goal_level, degree=degree, knots=count, **options)
         ratio = (funnels.mean_area / exact.mean_area).min()

@@ -97,10 +97,9 @@ class SumOfSquaresSettings:
     knots: int = key(
         "Knots of ρ, with a certificate between each two; the nearest number that divides the basin's "
         "knots evenly is taken.",
-        default=38,
+        default=1000,
         within="[2, 100000]",
     )
-    alternations: int = key("Programmes per interval.", default=2, within="[2, 8]")
     margin_1_s: float = key(
         "Margin left in ρ̇/ρ, in 1/s, above the solver's tolerance.",
         default=2e-05,
@@ -113,19 +112,19 @@ class SumOfSquaresSettings:
 class ThesisMethodSettings:
     """The thesis's bilinear alternation (Eqs 4.5–4.7) on the thesis's wording (check ``thesis_method``)."""
 
-    degree: Literal[3, 5] = key("Degree of the sine's Taylor polynomial.", default=3)
     knots: int = key(
         "Knots of the alternation (the thesis: 1000); the nearest number that divides the basin's "
         "knots evenly is taken.",
-        default=10,
-        within="[2, 1000]",
+        default=1000,
+        within="[2, 10000]",
     )
     initial_level: float = key("First guess of ρ at every knot.", default=1.0, within="(0, 1000000.0]")
     ratio: float = key(
         "Ratio of the geometric progression by which ρ is decreased.", default=0.8, within="[0.1, 0.99]"
     )
     alternations: int = key(
-        "Alternations (the thesis: 2); from the second on hardly a knot has a multiplier, and ρ stays (column unsolved_share).",
+        "Alternations (the thesis: 2); from the second on few knots have a multiplier, and there ρ jumps (columns jumped_knots, "
+        "largest_jump, mean_area_after_4).",
         default=2,
         within="[1, 20]",
     )
@@ -263,15 +262,14 @@ class StabilitySettings:
     goal_level: float = key("ρ at the end of the trajectory.", default=1.0, within="(0, 1000000.0]")
     knots: int = key(
         "Points in time at which a basin is computed (the thesis: 1000; from 505 to 1000 areas move by some 1e-8 of them).",
-        default=505,
+        default=1000,
         within="[50, 100000]",
     )
     checks: Annotated[tuple[Check, ...], UNIQUE] = key(
         "What is computed beside the exact basins. simulation: starts that must stay inside; thesis_method: Eqs 4.5–4.7 as "
         "the thesis solves them; sum_of_squares: certificates; cvxpy: some of these once more as Eq. 4.6 is written; proof: "
-        "interval arithmetic between the knots; extended: limited torque, uncertain mass and a better V. The default takes "
-        "some three seconds of computing per lift, all of them some twenty.",
-        default=("simulation", "thesis_method"),
+        "interval arithmetic between the knots; extended: limited torque, uncertain mass and a better V.",
+        default=("simulation", "thesis_method", "sum_of_squares", "cvxpy", "proof", "extended"),
     )
     proof: ProofSettings = section(default_factory=ProofSettings)
     sum_of_squares: SumOfSquaresSettings = section(default_factory=SumOfSquaresSettings)

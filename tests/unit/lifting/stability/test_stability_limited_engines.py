@@ -19,7 +19,6 @@ from lumbar.lifting.stability.funnel.saturation import (
 )
 from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import alternate
 from lumbar.lifting.stability.programme.polynomials import (
     Case,
     case_maximum,
@@ -44,7 +43,7 @@ def limited(sign, kind, box=True, knots=161):
 
 
 def certify(loops, saturation, degree=5, knots=37):
-    return certified_funnels(loops, GOAL, degree, knots, 2, 2e-5, saturation)
+    return certified_funnels(loops, GOAL, degree, knots, 2e-5, saturation)
 
 
 def cases_at(loops, point, level, saturation, degree):
@@ -149,22 +148,12 @@ def test_proof_between_knots_knows_the_limits(kind):
     assert proved_share(loops, nominal, saturation)[0] < 0.97
 
 
-def test_thesis_engine_with_limits_is_no_certificate_either():
-    loops, saturation = limited("hanging", "torque")
-    options = {"degree": 3, "knots": 9, "initial_level": GOAL, "ratio": 0.8, "alternations": 2}
-    plain, found = alternate(loops, **options), alternate(loops, **options, saturation=saturation)
-    assert found.funnels.mean_area[0] < plain.funnels.mean_area[0]
-    assert found.violation_share[0] > 0.3
-    far = alternate(loops, **options, saturation=Saturation(1e6))
-    assert far.funnels.level == pytest.approx(plain.funnels.level, rel=1e-6)
-
-
 @pytest.mark.parametrize("saturation", [Saturation(5.0), Saturation(mass_share=0.5)])
 def test_no_basin_left_is_named_by_every_engine(saturation):
     loops = regulate(pendulums_of([minimum_jerk()], "inverted", knots=161), WEIGHTS)
     assert saturated_funnels(loops, 1e-3, saturation).reason[0]
     with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, flexion_extension \(inverted\): "):
-        certified_funnels(loops, 1e-3, 5, 21, 2, 2e-5, saturation)
+        certified_funnels(loops, 1e-3, 5, 21, 2e-5, saturation)
 
 
 def test_limits_that_differ_between_the_sides_hold_in_every_engine():

@@ -72,15 +72,23 @@ COLUMNS = {
     "sos_cvxpy_difference": "largest difference in 1/s of the rates that the method's own programme and Eq. 4.6 written "
     "out in cvxpy certify, at some knots",
     "violation_share": "share of the knots at which ρ̇ is below the largest V̇ on the boundary (true sine)",
-    "unsolved_share": "share of the thesis's programmes without multiplier or maximum: 0.5 of two alternations means that the "
-    "second solved nothing",
+    "unsolved_share": "share of the thesis's knots and alternations without multiplier or maximum: there ρ is kept; 0.5 of two "
+    "alternations means that the second solved nothing",
+    "jumped_knots": "knots of the thesis's method at which a further alternation than the first changed ρ",
+    "largest_jump": "by what factor, at most",
+    "mean_area_after_1": "average cross-section of the thesis's method in rad²/s after one alternation: as if none of these "
+    "knots had jumped",
+    "mean_area_after_4": "the same after four",
     "euler_error": "relative error of the initial ellipse's area by Euler integration of Eq. 4.2",
 }
 """Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method or was not chosen."""
 
 CHECK_COLUMNS = {
     "simulation": ("simulated_starts", "exits", "exits_high", "control_exits"),
-    "thesis_method": ("violation_share", "unsolved_share", "euler_error"),
+    "thesis_method": (
+        *("violation_share", "unsolved_share", "jumped_knots", "largest_jump"),
+        *("mean_area_after_1", "mean_area_after_4", "euler_error"),
+    ),
     "sum_of_squares": ("sos_margin_difference", "sos_taylor_difference", "sos_taylor_optimism"),
     "cvxpy": ("sos_cvxpy_difference",),
     "proof": ("proved_share", "proved_area_ratio"),
@@ -104,7 +112,7 @@ FUNNEL_COLUMNS = (
 )
 """Columns of ``funnel.csv``; ``wording`` is ``study`` for the headline's pendulums, ``thesis`` for those of `THESIS`."""
 
-DTYPES = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
+DTYPES = dict.fromkeys(("simulated_starts", "exits", "control_exits", "jumped_knots"), "Int64")
 """Types that pandas cannot tell from a ``boa.csv``: counts with empty cells."""
 
 

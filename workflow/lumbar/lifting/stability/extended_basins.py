@@ -21,7 +21,6 @@ from lumbar.lifting.stability.methods import (
     MethodResult,
     headline_methods,
     proved_result,
-    thesis_methods,
 )
 from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
@@ -114,9 +113,7 @@ def extended_basins(
     rows: list[dict] = []
     failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
-        methods = (
-            [*headline_methods(settings), *thesis_methods(settings)[1:]] if sign == published else ["exact"]
-        )
+        methods = headline_methods(settings) if sign == published else ["exact"]
         nominal = NominalLoops(sign, settings)
         # Limits differ from pendulum to pendulum, everything else is common to all.
         plans = [

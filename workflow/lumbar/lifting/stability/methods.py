@@ -9,7 +9,8 @@
 ========================= ======================================================================================
 
 All read the same keys of the section ``stability``, take the same loops (either sign of gravity, any Q, R, Qf,
-b, mass) and the same `Saturation` of torque and mass, and raise `NumericalError` naming subject, COM and plane rather
+b, mass) and, but for the thesis's, which knows none, the same `Saturation` of torque and mass, and raise
+`NumericalError` naming subject, COM and plane rather
 than return what is not a result.
 """
 
@@ -27,7 +28,11 @@ from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, saturated_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION, alternate
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
+    EVIDENCE,
+    RESOLUTION,
+    alternate,
+)
 
 if TYPE_CHECKING:
     from lumbar.settings.stability import StabilitySettings
@@ -88,7 +93,6 @@ def sum_of_squares(
         settings.goal_level,
         degree=options.degree,
         knots=options.knots,
-        alternations=options.alternations,
         margin=options.margin_1_s,
         saturation=saturation,
     )
@@ -96,16 +100,22 @@ def sum_of_squares(
     return MethodResult(funnels, {f"sos_{name}": getattr(agreement, name) for name in names})
 
 
-def thesis(
-    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
-) -> MethodResult:
-    """Run the thesis's procedure and count where its result breaks its own condition."""
-    found = alternate(loops, **vars(settings.thesis_method), saturation=saturation)
-    names = ("violation_share", "unsolved_share", "euler_error")
-    return MethodResult(found.funnels, {name: getattr(found, name) for name in names}, resolution=RESOLUTION)
+def thesis(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
+    """Run the thesis's procedure, which knows no limits, and say what its areas rest on."""
+    found = alternate(loops, **vars(settings.thesis_method))
+    areas = {f"mean_area_after_{number}": found.after[number - 1].mean_area for number in EVIDENCE}
+    checks = {name: getattr(found, name) for name in ("violation_share", "unsolved_share", "euler_error")}
+    checks |= {
+        "jumped_knots": (found.jumps != 1).sum(axis=0),
+        "largest_jump": found.jumps.max(axis=0),
+        **areas,
+    }
+    return MethodResult(
+        found.funnels, checks, resolution=RESOLUTION | dict.fromkeys(areas, RESOLUTION["mean_area"])
+    )
 
 
-METHODS: dict[str, Callable[[ClosedLoops, dict, Saturation], MethodResult]] = {
+METHODS: dict[str, Callable[..., MethodResult]] = {
     "exact": exact,
     "sum_of_squares": sum_of_squares,
     "thesis": thesis,

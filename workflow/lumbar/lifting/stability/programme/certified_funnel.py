@@ -4,13 +4,12 @@ Between two knots ρ̇/ρ is one number r, ln ρ is linear, and the condition �
 at the middle of the interval (an error of second order in the spacing). ρ̇ is a variable and ρ(T) is fixed, so
 that going backward each interval is a small bilinear problem in (r, L, ρ) of its own, solved by alternation:
 
-1. ρ at the middle fixed: the programme of `sum_of_squares` finds L and the smallest certified r, which is
-   the margin form, γ = ρ̇/ρ − r being maximised;
-2. L and r fixed: ρ follows from r, ρ(t) = ρ(t + Δt)·exp(−r·Δt).
+1. ρ at the middle fixed: the smallest r that has a certificate is the largest V̇/ρ of the polynomial on the circle (or on the
+   arcs of its cases), which needs no solver;
+2. r fixed: ρ follows, ρ(t) = ρ(t + Δt)·exp(−r·Δt).
 
-The first guess of r is extrapolated from the later intervals. As ρ depends on r only through Δt/2, two
-alternations suffice; the last programme is solved at the very ρ that is returned and its margin γ must not be
-negative: what is returned is certified, however it was found.
+The first guess of r is extrapolated from the later intervals. When r is above that maximum by the margin, the programme of
+`sum_of_squares` is solved at the very ρ that is returned and must certify r: what is returned is certified, however it was found.
 
 With torque limits or an uncertain mass (`saturation`) r is certified for every extreme mass and every part of the
 saturation (`saturation_cases`), each on its arc of the circle.
@@ -37,13 +36,14 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
 from lumbar.lifting.stability.programme.polynomials import (
     Case,
     case_maximum,
+    circle_maximum,
     require_taylor_range,
     saturation_cases,
 )
 from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
 
-MOST_ALTERNATIONS = 8
-"""Alternations after which a margin that is still negative is an error."""
+LEAST_ALTERNATIONS, MOST_ALTERNATIONS = 2, 8
+"""Alternations from which on a margin is enough, and after which one that is still negative is an error."""
 LONGER_ARCS = (0.0, 0.01, 0.05)
 """By how much in rad an arc is made longer at each end where its programme is not solved; then the whole circle."""
 SAFETY = 0.05
@@ -63,8 +63,6 @@ class Agreement:
     taylor_optimism: np.ndarray
     """Shape (pendulums,): largest (largest V̇/ρ with the true sine − ρ̇/ρ of the funnel) in 1/s: where positive, the
     Taylor polynomial was optimistic and the certificate does not hold for the true sine."""
-    alternations: int
-    """Most alternations that an interval took."""
 
 
 def certified_funnels(
@@ -72,7 +70,6 @@ def certified_funnels(
     terminal_level: float,
     degree: int,
     knots: int,
-    alternations: int,
     margin: float,
     saturation: Saturation = UNSATURATED,
 ) -> tuple[Funnels, Agreement]:
@@ -86,8 +83,6 @@ def certified_funnels(
         Taylor degree of the sine.
     knots : int
         Knots of ρ; the nearest number that divides those of `loops` evenly is taken.
-    alternations : int
-        Programmes per interval, at least 2 (more are taken where the margin is still negative).
     margin : float
         In 1/s; γ that is left, above the solver's tolerance.
     saturation : Saturation
@@ -107,7 +102,7 @@ def certified_funnels(
     log_level[-1] = np.log(terminal_level)
     reference = reference_of(loops.pendulums, saturation.bias)
     require_torque(loops.pendulums, reference, saturation)
-    differences, most = np.zeros((3, count)), 0
+    differences = np.zeros((3, count))
     differences[2] = -np.inf
     rates: list[np.ndarray] = []
     for interval in range(len(chosen) - 2, -1, -1):
@@ -119,38 +114,29 @@ def certified_funnels(
                 return boundary_growth(form, level)
             return saturated_growth(loops, point, level, saturation, reference)
 
-        guess, before = _extrapolate(rates, largest, log_level[interval + 1]), None
-        for alternation in range(1, MOST_ALTERNATIONS + 1):
-            level = np.exp(log_level[interval + 1] - 0.5 * step * guess)
+        def cases_of(rate, point=point, after=log_level[interval + 1]):
+            level = np.exp(after - 0.5 * step * rate)
             _require_basin(loops, level, terminal_level, saturation)
-            cases = saturation_cases(loops, point, level, saturation, reference, degree)
-            certified = np.array(
-                [
-                    max(_certified_rate(programme, case, label) for case in own)
-                    for own, label in zip(cases, loops.pendulums.labels, strict=True)
-                ]
-            )
-            left = guess - certified
-            if alternation >= alternations and (left >= 0.5 * margin).all():
-                break
-            guess, before = _next_rate(guess, certified, margin, before), (guess, certified)
-        else:
-            index = int(left.argmin())
-            raise NumericalError(
-                f"{loops.pendulums.labels[index]}: no certificate {loops.pendulums.duration[index]:.3g} s long "
-                f"after {MOST_ALTERNATIONS} alternations (margin {left[index]:.3g} 1/s); raise "
-                "stability.sum_of_squares.knots"
-            )
-        most = max(most, alternation)
-        log_level[interval] = log_level[interval + 1] - step * guess
-        rates = [guess, *rates[:2]]
+            return level, saturation_cases(loops, point, level, saturation, reference, degree)
+
+        guess = _extrapolate(rates, largest, log_level[interval + 1])
+        rate, taylor_growth = _smallest_rate(loops, cases_of, guess, margin, degree)
+        level, cases = cases_of(rate)
+        certified = np.array(
+            [
+                max(_certified_rate(programme, case, label) for case in own)
+                for own, label in zip(cases, loops.pendulums.labels, strict=True)
+            ]
+        )
+        _require_certified(loops, rate - certified)
+        log_level[interval] = log_level[interval + 1] - step * rate
+        rates = [rate, *rates[:2]]
         true_growth = largest(level)
-        taylor_growth = np.array([max(case_maximum(case, degree) for case in own) for own in cases])
-        found = [np.abs(certified - taylor_growth), np.abs(certified - true_growth), true_growth - guess]
+        found = [np.abs(certified - taylor_growth), np.abs(certified - true_growth), true_growth - rate]
         differences = np.maximum(differences, found)
     require_taylor_range(loops.pendulums, loops.cost[2 * chosen], np.exp(log_level), degree)
     funnels = Funnels("sum_of_squares", loops.pendulums.duration, loops.cost[2 * chosen], np.exp(log_level))
-    return funnels, Agreement(*differences, most)
+    return funnels, Agreement(*differences)
 
 
 def _require_basin(
@@ -161,6 +147,38 @@ def _require_basin(
         raise NumericalError(
             f"{loops.pendulums.labels[int(lost.argmax())]}: {saturation}: no basin of the goal set is left (ρ falls below "
             f"{LEAST_LEVEL:g} of its value there)"
+        )
+
+
+def _smallest_rate(
+    loops: ClosedLoops, cases_of: Callable, guess: np.ndarray, margin: float, degree: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Alternate until r is above the largest V̇/ρ of the polynomial at the ρ that follows from it; return both."""
+    before = None
+    for alternation in range(1, MOST_ALTERNATIONS + 1):
+        largest = _polynomial_maxima(cases_of(guess)[1], degree)
+        left = guess - largest
+        if alternation >= LEAST_ALTERNATIONS and (left >= 0.5 * margin).all():
+            break
+        guess, before = _next_rate(guess, largest, margin, before), (guess, largest)
+    else:
+        _require_certified(loops, np.where(left >= 0.5 * margin, 0.0, -np.abs(left)))
+    return guess, largest
+
+
+def _polynomial_maxima(cases: list[list[Case]], degree: int) -> np.ndarray:
+    """Return the largest V̇/ρ of every pendulum over its cases, shape (pendulums,)."""
+    if all(len(own) == 1 and own[0].side is None for own in cases):
+        return circle_maximum(np.stack([case.coefficients for (case,) in cases]), degree + 1)
+    return np.array([max(case_maximum(case, degree) for case in own) for own in cases])
+
+
+def _require_certified(loops: ClosedLoops, margin: np.ndarray) -> None:
+    if (margin < 0).any():
+        index = int(margin.argmin())
+        raise NumericalError(
+            f"{loops.pendulums.labels[index]}: an interval between two knots has no certificate (margin "
+            f"{margin[index]:.3g} 1/s); raise stability.sum_of_squares.knots"
         )
 
 
@@ -189,13 +207,13 @@ def _certified_rate(programme: CircleProgramme, case: Case, label: str) -> float
     return programme.rate(case.coefficients, label)
 
 
-def _next_rate(guess: np.ndarray, certified: np.ndarray, margin: float, before: tuple | None) -> np.ndarray:
-    """Return the next r: the certified one, or where the interval is long for the loop a step of the secant method.
+def _next_rate(guess: np.ndarray, largest: np.ndarray, margin: float, before: tuple | None) -> np.ndarray:
+    """Return the next r: the largest V̇/ρ, or where the interval is long for the loop a step of the secant method.
 
-    A larger r makes ρ at the middle smaller and with it the certified rate; where that falls faster than r rises,
-    taking the certified rate for the next r would oscillate ever wider.
+    A larger r makes ρ at the middle smaller and with it the largest V̇/ρ; where that falls faster than r rises,
+    taking it for the next r would oscillate ever wider.
     """
-    change = certified + margin - guess
+    change = largest + margin - guess
     if before is not None:
         earlier = before[1] + margin - before[0]
         run, rise = guess - before[0], earlier - change

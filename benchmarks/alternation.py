@@ -1,0 +1,161 @@
+"""The thesis's alternation (Eqs 4.5–4.7) under other solvers, tolerances and knots: what Table 4.1 owes to them.
+
+    python benchmarks/alternation.py [--knots 1000] [--output results/benchmarks/alternation.csv]
+
+Takes the pendulums of the default study in the thesis's wording (`snakemake lifting` makes them). Every row is one way to solve
+the same problem; its cells are ranges over the 18 cells of Table 4.1 and counts over all basins.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from lumbar.base.errors import NumericalError
+from lumbar.base.files import read_json, write_csv
+from lumbar.lifting.stability.comparison.percent_differences import percent_differences
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
+from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, LiftStates, Trajectory
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
+    ACCURACY,
+    DEGREE,
+    Alternation,
+    alternate,
+)
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import (
+    Polynomial,
+    constant,
+    s_procedure,
+    unknown,
+)
+from lumbar.lifting.stability.programme.polynomials import monomials
+from lumbar.lifting.stability.programme.sum_of_squares import Certificate
+from lumbar.settings.stability import StabilitySettings
+
+PROJECT = Path(__file__).resolve().parents[1]
+ALTERNATIONS = 4
+TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+FEWER_KNOTS = (10, 28, 112, 334)
+FINER_KNOTS = 1999
+
+
+class Written:
+    """Step 1 as one writes it, through cvxpy and any of its solvers: stands in for `Certificate`."""
+
+    def __init__(self, solver: str, **options):
+        import cvxpy as cp
+
+        self._solver, self._options = solver, options
+        self._growth = unknown(monomials(DEGREE + 1), cp.Parameter)
+        self._multiplier = unknown(monomials(DEGREE - 1), cp.Variable)
+        self._rate = cp.Variable()
+        ring = Polynomial({(0, 0): 1.0, (2, 0): -1.0, (0, 2): -1.0})
+        constraints = s_procedure(constant(self._rate) - self._growth, ring, self._multiplier)
+        self._problem = cp.Problem(cp.Minimize(self._rate), constraints)
+
+    def solve(self, coefficients: np.ndarray, label: str) -> tuple[float, np.ndarray]:
+        """Return the smallest rate and the coefficients of L, as `Certificate.solve` does."""
+        scale = float(np.abs(coefficients).max())
+        for parameter, value in zip(self._growth.values(), coefficients / scale, strict=True):
+            parameter.value = value
+        self._problem.solve(solver=self._solver, **self._options)
+        if self._problem.status not in ("optimal", "optimal_inaccurate"):
+            raise NumericalError(f"{label}: {self._solver} ended as {self._problem.status}")
+        return float(self._rate.value) * scale, scale * np.array(
+            [float(item.value) for item in self._multiplier.values()]
+        )
+
+
+def deposits(results: Path) -> list[Trajectory]:
+    """Return the trajectories of the default study in the thesis's wording."""
+    study = (
+        read_json(results / "config" / "study.json") if (results / "config" / "study.json").is_file() else {}
+    )
+    del study
+    found = []
+    for path in sorted((results / "lifting").glob("*/pendulum.csv")):
+        facts = read_json(path.with_suffix(".json"))
+        facts["experience"] = facts["subject"]  # the twin's two people are called so
+        others = path.with_name("other_pivots.csv")
+        found += LiftStates(pd.read_csv(path), facts, pd.read_csv(others)).trajectories(THESIS)[0]
+    return found
+
+
+def differences(items: list[Trajectory], areas: np.ndarray) -> np.ndarray:
+    """Return the 18 cells of Table 4.1 in percent."""
+    frame = pd.DataFrame([vars(item) for item in items])[
+        ["subject", "experience", "box_mass_kg", "com", "plane"]
+    ]
+    rows = percent_differences(frame.assign(mean_area=areas))
+    return np.array([row[plane] for row in rows for plane in PLANES])
+
+
+def row_of(items: list[Trajectory], solver: str, tolerance: float, found: Alternation) -> dict:
+    """Return what one way gives."""
+    cells = {number: differences(items, found.after[number - 1].mean_area) for number in (1, 2, ALTERNATIONS)}
+    row = {"solver": solver, "tolerance": tolerance, "knots": len(found.funnels.level)}
+    for number, values in cells.items():
+        row |= {
+            f"lowest_after_{number}_percent": values.min(),
+            f"highest_after_{number}_percent": values.max(),
+        }
+    jumped = (found.jumps != 1).any(axis=0)
+    row |= {"basins_that_jump": int(jumped.sum()), "knots_that_jump": int((found.jumps != 1).sum())}
+    row |= {
+        "largest_jump": found.jumps.max(),
+        "cells_moved_by_jumps": int((np.abs(cells[2] - cells[1]) > 0.05).sum()),
+    }
+    return row | {"where": "; ".join(np.array([item.label for item in items])[jumped])}
+
+
+def ways(knots: int) -> list[tuple[str, float, int, Callable[[], object]]]:
+    """Solver, tolerance, knots and what makes the solver of step 1."""
+    own = [
+        ("Clarabel", tolerance, knots, lambda t=tolerance: Certificate(DEGREE, t)) for tolerance in TOLERANCES
+    ]
+    own += [
+        ("Clarabel", ACCURACY, number, lambda: Certificate(DEGREE, ACCURACY))
+        for number in (*FEWER_KNOTS, FINER_KNOTS)
+    ]
+    tolerances = {"tol_gap_abs": ACCURACY, "tol_gap_rel": ACCURACY, "tol_feas": ACCURACY}
+    own.append(
+        ("Clarabel through cvxpy", ACCURACY, FEWER_KNOTS[-1], lambda: Written("CLARABEL", **tolerances))
+    )
+    own.append(
+        (
+            "SCS through cvxpy",
+            ACCURACY,
+            FEWER_KNOTS[-1],
+            lambda: Written("SCS", eps_abs=ACCURACY, eps_rel=ACCURACY),
+        )
+    )
+    return own
+
+
+def main() -> None:
+    """Print a row per way as it is found, then write all of them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--knots", type=int, default=1000)
+    parser.add_argument("--output", type=Path, default=PROJECT / "results/benchmarks/alternation.csv")
+    arguments = parser.parse_args()
+    items, rows = deposits(PROJECT / "results" / "thesis"), []
+    settings = StabilitySettings()
+    options = {**vars(settings.thesis_method), "alternations": 2}
+    loops: dict[int, ClosedLoops] = {}
+    for solver, tolerance, knots, make in ways(arguments.knots):
+        if knots not in loops:
+            loops[knots] = close_loops(items, THESIS.sign, replace(settings, knots=knots))
+        found = alternate(loops[knots], **{**options, "knots": knots}, certificate=make())
+        rows.append(row_of(items, solver, tolerance, found))
+        print(*(f"{name}: {value}" for name, value in rows[-1].items()), sep=", ", flush=True)
+    arguments.output.parent.mkdir(parents=True, exist_ok=True)
+    write_csv(arguments.output, pd.DataFrame(rows))
+
+
+if __name__ == "__main__":
+    main()
