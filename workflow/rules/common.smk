@@ -104,8 +104,14 @@ def modelled():
 
 
 def published(*names):
-    """Outputs of these artefacts by name, each in all its formats: the page or picture is in the report."""
-    return {name: [in_report(name, *file) for file in SHEET[name].labelled(study.lifts)] for name in names}
+    """Outputs of these artefacts by name, each in all its formats: the page or picture is in the report.
+
+    What belongs to a check that was not chosen would be empty and is left out.
+    """
+    made_here = [name for name in names if SHEET[name].check in ("", *settings.stability.checks)]
+    return {
+        name: [in_report(name, *file) for file in SHEET[name].labelled(study.lifts)] for name in made_here
+    }
 
 
 def in_report(name, path, label):

@@ -51,7 +51,7 @@ if study.has("stability"):
         output:
             **published(
                 *("table_4_1", "table_4_1_controls", "table_4_1_grid", "grid_figure"),
-                *("basin_areas", "extended_basins", "missing_basins"),
+                *("table_4_1_alternations", "basin_areas", "extended_basins", "missing_basins"),
             ),
             boa="<results>/stability/boa.csv",
             failures="<results>/stability/failures.csv",

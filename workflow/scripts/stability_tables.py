@@ -15,6 +15,7 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     from lumbar.lifting.stability.basins import DTYPES, areas_table
     from lumbar.lifting.stability.comparison.percent_differences import Study
     from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
+    from lumbar.lifting.stability.comparison.table_4_1_alternations import alternations_table
     from lumbar.lifting.stability.comparison.table_4_1_grid import grid_table
     from lumbar.lifting.stability.extended_basins import COUNTS, extended_table
     from lumbar.lifting.stability.model.failures import (
@@ -44,14 +45,17 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     boa, disagreements = cross_check(boa, study.trajectories(), settings)
     failures = join_rows([failures, failures_frame(disagreements)])
     table, controls, differences, failures = tables_4_1(study, failures)
-    extended = join_rows([pd.read_csv(path, dtype=COUNTS) for path in input.extended])
+    if "thesis_method" in settings.checks:
+        alternations_table(study).write(stem(output.table_4_1_alternations))
     write_csv(output.boa, boa)
     write_csv(output.failures, failures)
     table.write(stem(output.table_4_1))
     controls.write(stem(output.table_4_1_controls))
     grid_table(differences, settings, data).write(stem(output.table_4_1_grid))
     save(grid_figure(differences), stem(output.grid_figure), data)
-    extended_table(extended, settings, data).write(stem(output.extended_basins))
+    if "extended" in settings.checks:
+        extended = join_rows([pd.read_csv(path, dtype=COUNTS) for path in input.extended])
+        extended_table(extended, settings, data).write(stem(output.extended_basins))
     areas_table(boa, settings, data).write(stem(output.basin_areas))
     failures_table(failures, data).write(stem(output.missing_basins))
     if len(failures):

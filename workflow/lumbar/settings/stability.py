@@ -269,7 +269,7 @@ class StabilitySettings:
         "What is computed beside the exact basins. simulation: starts that must stay inside; thesis_method: Eqs 4.5–4.7 as "
         "the thesis solves them; sum_of_squares: certificates; cvxpy: some of these once more as Eq. 4.6 is written; proof: "
         "interval arithmetic between the knots; extended: limited torque, uncertain mass and a better V.",
-        default=("simulation", "thesis_method", "sum_of_squares", "cvxpy", "proof", "extended"),
+        default=("simulation", "thesis_method", "sum_of_squares", "cvxpy"),
     )
     proof: ProofSettings = section(default_factory=ProofSettings)
     sum_of_squares: SumOfSquaresSettings = section(default_factory=SumOfSquaresSettings)

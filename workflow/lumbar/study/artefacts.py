@@ -38,6 +38,8 @@ class Artefact:
     """Equations, figure, table or section of the thesis that it follows."""
     function: str = ""
     """Dotted name of what computes it in Python."""
+    check: str = ""
+    """One of ``stability.checks`` without which it would be empty: then it is not made."""
 
     def expanded(self, **choices: Iterable[str]) -> Artefact:
         """Return the artefact with ``{name}`` standing for each of the choices given for it."""
@@ -72,7 +74,7 @@ def _expand_braces(pattern: str) -> list[str]:
 
 
 def read_artefacts(path: Path) -> list[Artefact]:
-    """Read the sheet of artefacts (tab-separated: id, rule, path, chapter, label in the report, source, function)."""
+    """Read the sheet of artefacts (tab-separated: id, rule, path, chapter, label in the report, source, function, check)."""
     with path.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream, delimiter="\t"))
     problems = Problems(str(path))
@@ -86,7 +88,7 @@ def read_artefacts(path: Path) -> list[Artefact]:
                 f"line {line}", f"label {row['label']!r} stands twice", "the report could show one only"
             )
     problems.raise_if_any()
-    optional = ("label", "source", "function")
+    optional = ("label", "source", "function", "check")
     return [
         Artefact(
             row["id"], row["rule"], row["path"], row["chapter"], *(row.get(name) or "" for name in optional)

@@ -63,7 +63,7 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
                 record_set=[entry.name for entry in settings.improvement.record_sets],
             )
             for row in read_artefacts(root / "config" / "artefacts.tsv")
-            if row.chapter in chapters
+            if row.chapter in chapters and (not row.check or row.check in settings.stability.checks)
         ],
         data_root=_data_root(settings, root, problems, origins),
         lifts=lifts if LIFTED & set(chapters) else {},

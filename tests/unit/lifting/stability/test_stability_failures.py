@@ -198,11 +198,6 @@ def test_extended_basins_hold_every_loop_and_check():
     assert "cannot bind" in extended_table(frame, settings, "test").to_html()
 
 
-def test_without_the_check_the_table_says_that_it_was_not_chosen():
-    page = extended_table(extended_basins([], FAST, 1)[0], FAST, "test").to_html()
-    assert "Not computed: &#39;extended&#39; is not among stability.checks" in page
-
-
 def test_limits_beyond_any_basin_are_failures_not_zeros():
     limits = {"mass_share": 0.5, **dict.fromkeys(FEET, 0.001)}
     settings = changed(FAST, limits=limits, goal_level=1e-4)

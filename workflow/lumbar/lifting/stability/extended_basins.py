@@ -216,12 +216,9 @@ def _with_fewer_knots(settings: StabilitySettings) -> StabilitySettings:
 
 
 def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
-    """Return the extended basins of all lifts as a published table; without the check it says so and has no rows."""
+    """Return the extended basins of all lifts as a published table."""
     saturation = settings.limits
     optional = set(_SHARED) - {"initial_area"}
-    notes = (
-        () if "extended" in settings.checks else ("Not computed: 'extended' is not among stability.checks",)
-    )
     shown = (frame["com"] == "abdomen") & (frame["method"] == "exact")
     shown &= frame["sign"] == settings.pendulum.sign
     return Table(
@@ -230,7 +227,6 @@ def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) 
         definitions=COLUMNS,
         data=data,
         notes=(
-            *notes,
             f"Torques about the ankles: the centre of pressure under the pendulum's weight at most {saturation.foot_ahead_m:g} m "
             f"ahead, {saturation.foot_behind_m:g} m behind and {saturation.feet_half_width_m:g} m beside the pivot; about the "
             f"hips at most {saturation.hip_extension_N_m:g} N·m backward, {saturation.hip_flexion_N_m:g} forward, "
