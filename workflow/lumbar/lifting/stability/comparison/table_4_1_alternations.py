@@ -103,8 +103,8 @@ def sizes_sentence(frame: pd.DataFrame, done: int) -> str:
     for plane, rows in frame.groupby("plane", sort=False):
         sizes = [rows[f"{name}_percent"].abs().max() for name in ("published", "exact", "after_1", "thesis")]
         words.append(
-            f"{plane.replace('_', ' ')}: published {sizes[0]:.1f} %, exact {sizes[1]:.1f}, one alternation {sizes[2]:.1f}, "
-            f"{done} {sizes[3]:.1f}"
+            f"{plane.replace('_', ' ')}: {sizes[0]:.1f} % published, {sizes[1]:.1f} exact, {sizes[2]:.1f} after 1 alternation, "
+            f"{sizes[3]:.1f} after {done}"
         )
     return f"Largest difference, {'; '.join(words)}"
 
