@@ -6,11 +6,12 @@ from job import run, stem
 def main(input, output, data: str):
     """Write the table and both drawings."""
     from lumbar.publishing.figures.style import save
-    from lumbar.publishing.figures.tissue_figures import analogues_figure, arx_figure
+    from lumbar.publishing.figures.tissue_figures import analogue_picture, analogues_figure, arx_figure
     from lumbar.tissue.identification.model_tables import table_2_1
-    from lumbar.tissue.models.tissue_models import HO, IL, KB, MW
+    from lumbar.tissue.models.tissue_models import HO, IL, KB, MW, TABLE_2_1
 
-    table_2_1(data).write(stem(output.table_2_1))
+    pictures = [analogue_picture(model) for model in TABLE_2_1]
+    table_2_1(data, pictures).write(stem(output.table_2_1))
     save(arx_figure(), stem(output.figure_2_4), "")
     save(analogues_figure((MW, KB, HO, IL)), stem(output.figure_3_2), "")
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import base64
 import io
 import itertools
 import re
 import zlib
+from html import unescape
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,12 +29,15 @@ from lumbar.publishing.figures.location_figure import location_figure
 from lumbar.publishing.figures.signal_figures import excitation_figure, psd_figure
 from lumbar.publishing.figures.style import MODELS, house_style, new_figure, save
 from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
+from lumbar.publishing.figures.tissue_figures import analogue_picture
 from lumbar.publishing.figures.workflow_figure import box, depths, draw_workflow, routes
 from lumbar.records.markers import read_markers
 from lumbar.settings.stability import PendulumSettings
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.residuals.compare import compare_record
 from lumbar.tissue.diagnosis.residuals.locate import locate
+from lumbar.tissue.identification.model_tables import table_2_1
+from lumbar.tissue.models.tissue_models import REFERENCES, TABLE_2_1
 from lumbar.tissue.signals.excitation import Signal
 from study_settings import study_settings, subject_settings
 
@@ -330,6 +335,19 @@ def test_missing_feet_and_events_set_by_hand_are_said(drawn):
     assert "no markers on the feet" in words_in(figure)
     assert "release (set by hand)" in words_in(figure)
     assert len(vertical_lines(figure.axes[0])) == 4
+
+
+def test_table_2_1_shows_the_analogues_and_every_reference_it_names(tmp_path):
+    pictures = [analogue_picture(model) for model in TABLE_2_1]
+    assert len(set(pictures)) == len(TABLE_2_1)
+    table = table_2_1("definitions", pictures)
+    shown = re.findall(
+        r'<img alt="" src="data:image/svg\+xml;base64,([^"]+)"><br>([^<]+)</td>', table.to_html()
+    )
+    assert [base64.b64decode(picture).decode() for picture, _ in shown] == pictures
+    assert [unescape(words) for _, words in shown] == table.frame["mechanical_analogue"].tolist()
+    named = re.findall(r"(\w+) (\d{4})", " ".join(table.frame["references"]))
+    assert all(any(name in full and year in full for full in REFERENCES) for name, year in named)
 
 
 def test_figure_4_1_draws_the_pendulum_of_the_total_body(drawn):

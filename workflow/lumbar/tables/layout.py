@@ -23,6 +23,8 @@ class Column:
     header: str
     cells: tuple[str, ...]
     """All rows."""
+    pictures: tuple[str, ...] = ()
+    """A picture for every row, as addresses of images, shown above the words in HTML."""
 
     @cached_property
     def numeric(self) -> bool:

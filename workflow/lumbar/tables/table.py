@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 import os
 from collections.abc import Iterable, Sequence
@@ -25,6 +26,11 @@ SYNTHETIC_TWIN = "synthetic twin"
 ROWS_SHOWN = 40
 """Rows that are shown at once; of more the first ones, the others below them on demand."""
 _FIRST_ROWS = 12
+
+
+def svg_address(text: str) -> str:
+    """Return an SVG file's text as the ``data:`` address of an image."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(text.encode()).decode('ascii')}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -53,6 +59,8 @@ class Table:
     `headers` where there are any, otherwise as many as fit the page."""
     first_rows: tuple[int, ...] = ()
     """Rows shown first, as `first`. Default: all where they are few."""
+    pictures: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """By column a picture of every cell, as text of an SVG file: HTML shows it above the words, which name it elsewhere."""
 
     def __post_init__(self):
         undefined = [column for column in self.frame.columns if column not in self.definitions]
@@ -108,7 +116,11 @@ class Table:
 
     def _columns(self, names: Iterable[str], rows: Sequence[int]) -> list[Column]:
         return [
-            Column(self.header(name), tuple(self.cell(name, value) for value in self.frame[name].iloc[rows]))
+            Column(
+                self.header(name),
+                tuple(self.cell(name, value) for value in self.frame[name].iloc[rows]),
+                tuple(svg_address(self.pictures[name][row]) for row in rows) if name in self.pictures else (),
+            )
             for name in names
         ]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import re
 from itertools import chain
 
 import numpy as np
@@ -361,6 +362,11 @@ def test_table_2_1_and_physical_parameters_are_written(identified, tmp_path):
         rows = list(csv.DictReader(stream))
     assert [row["name"] for row in rows] == ["Linear elastic", "Maxwell", "Kelvin–Voigt", "Kelvin–Boltzmann"]
     assert [row["proper"] for row in rows] == ["yes", "yes", "no", "yes"]
+    assert [re.findall(r"\[.+\]", row["references"]) for row in rows] == [
+        *[["[48, 57]"]] * 2,
+        ["[48, 57–59]"],
+        ["[48, 57]"],
+    ]
     frame = physical_parameters_table([*chain(*identified)], 0.95, "synthetic twin").frame
     kept = frame[
         (frame.model == KB.name) & (frame.estimator == "output_error") & (frame.trained_on == "long")

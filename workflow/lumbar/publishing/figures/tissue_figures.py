@@ -15,6 +15,7 @@ from lumbar.publishing.figures.style import (
     label_panels,
     model_line,
     new_figure,
+    svg_text,
 )
 from lumbar.records.record import Record
 from lumbar.tissue.models.tissue_models import IL, Dashpot, Network, Parallel, Series, Spring, TissueModel
@@ -25,20 +26,20 @@ _CENTRED = {"ha": "center", "va": "center", "fontsize": 9}
 _GAP = 0.18  # rigid bar above and below parts in parallel
 
 
-def _size(network: Network) -> tuple[float, float]:
+def network_size(network: Network) -> tuple[float, float]:
     """Width and height of a network's drawing; one element is 1 × 1."""
     match network:
         case Series(parts):
-            sizes = [_size(part) for part in parts]
+            sizes = [network_size(part) for part in parts]
             return max(width for width, _ in sizes), sum(height for _, height in sizes)
         case Parallel(parts):
-            sizes = [_size(part) for part in parts]
+            sizes = [network_size(part) for part in parts]
             return sum(width for width, _ in sizes), max(height for _, height in sizes) + 2 * _GAP
     return 1.0, 1.0
 
 
-def _draw_network(axis, network: Network, x: float, top: float) -> None:
-    """Draw a network hanging from the point (x, top)."""
+def draw_network(axis, network: Network, x: float, top: float) -> None:
+    """Draw a network of `network_size` hanging from the point (x, top)."""
     match network:
         case Spring(symbol):
             _draw_spring(axis, x, top, symbol)
@@ -46,21 +47,21 @@ def _draw_network(axis, network: Network, x: float, top: float) -> None:
             _draw_dashpot(axis, x, top, symbol)
         case Series(parts):
             for part in parts:
-                _draw_network(axis, part, x, top)
-                top -= _size(part)[1]
+                draw_network(axis, part, x, top)
+                top -= network_size(part)[1]
         case Parallel(parts):
             _draw_parallel(axis, parts, x, top)
 
 
 def _draw_parallel(axis, parts: tuple[Network, ...], x: float, top: float) -> None:
-    width, height = _size(Parallel(parts))
+    width, height = network_size(Parallel(parts))
     left = x - width / 2
     centres = []
     for part in parts:
-        part_width, part_height = _size(part)
+        part_width, part_height = network_size(part)
         centres.append(left + part_width / 2)
         left += part_width
-        _draw_network(axis, part, centres[-1], top - _GAP)
+        draw_network(axis, part, centres[-1], top - _GAP)
         bottom = top - _GAP - part_height
         axis.plot([centres[-1]] * 2, [bottom, top - height + _GAP], color=INK, linewidth=_LINE)
     for level, inner in ((top, top - _GAP), (top - height, top - height + _GAP)):
@@ -93,7 +94,8 @@ def _label(axis, x: float, y: float, symbol: str) -> None:
     axis.text(x, y, f"${letter}_{index}$" if index else f"${letter}$", va="center", fontsize=10)
 
 
-def _arrow(axis, tail: tuple[float, float], head: tuple[float, float], color: str = INK) -> None:
+def arrow(axis, tail: tuple[float, float], head: tuple[float, float], color: str = INK) -> None:
+    """Draw an arrow between two places of the axes."""
     style = {"arrowstyle": "-|>", "color": color, "linewidth": _LINE, "shrinkA": 0, "shrinkB": 0}
     axis.annotate("", xy=head, xytext=tail, arrowprops=style)
 
@@ -108,13 +110,26 @@ def _ground(axis, x: float, y: float) -> None:
 def analogues_figure(models: tuple[TissueModel, ...]) -> Figure:
     """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground, its network as it stands."""
     figure, axes = new_figure(DOUBLE_COLUMN, 2.7, ncols=len(models), squeeze=False)
-    tallest = max(_size(model.network)[1] for model in models if model.network)
+    tallest = max(network_size(model.network)[1] for model in models if model.network)
     for axis, model in zip(axes[0], models, strict=True):
         axis.set(xlim=(-1.5, 1.5), ylim=(-tallest - 0.15, 0.95), aspect="equal")
         axis.axis("off")
         axis.set_title(f"{model.name}\n{model.title}", color=MODELS[model.name]["color"], fontweight="bold")
         _draw_model(axis, model, tallest)
     return figure
+
+
+@house_style
+def analogue_picture(model: TissueModel) -> str:
+    """Picture of a model's mechanical analogue for Table 2.1: text of an SVG file."""
+    width, height = network_size(model.network)
+    figure, axis = new_figure(0.45 * width + 0.2, 0.45 * height + 0.2)
+    axis.set(xlim=(-width / 2 - 0.1, width / 2 + 0.25), ylim=(-height - 0.2, 0.2), aspect="equal")
+    axis.axis("off")
+    draw_network(axis, model.network, 0.0, 0.0)
+    for end in (0.0, -height):
+        axis.plot(0, end, color=INK, marker="o", markersize=3)
+    return svg_text(figure)
 
 
 def _draw_model(axis, model: TissueModel, tallest: float) -> None:
@@ -124,17 +139,17 @@ def _draw_model(axis, model: TissueModel, tallest: float) -> None:
         axis.text(0, -tallest / 2, words, color="white", bbox=box, **_CENTRED)
         axis.plot([0, 0], [0, -tallest], color=INK, linewidth=_LINE, zorder=0)
     else:
-        rod = (tallest - _size(model.network)[1]) / 2
-        _draw_network(axis, model.network, 0.0, -rod)
+        rod = (tallest - network_size(model.network)[1]) / 2
+        draw_network(axis, model.network, 0.0, -rod)
         for start in (0.0, rod - tallest):
             axis.plot([0, 0], [start, start - rod], color=INK, linewidth=_LINE)
     _ground(axis, 0.0, -tallest)
     axis.plot([-0.45, 0.45], [0, 0], color=INK, linewidth=2 * _LINE)  # the tool tip
-    _arrow(axis, (-0.3, 0.85), (-0.3, 0.08))
+    arrow(axis, (-0.3, 0.85), (-0.3, 0.08))
     axis.text(-0.38, 0.55, "$x$", ha="right", va="center", fontsize=10)
     # The tissue pushes back against the tool; the inverted model pulls it in.
     tail, head = ((0.3, 0.85), (0.3, 0.08)) if model is IL else ((0.3, 0.08), (0.3, 0.85))
-    _arrow(axis, tail, head, "#D55E00")
+    arrow(axis, tail, head, "#D55E00")
     axis.text(0.4, 0.55, "$-F$" if model is IL else "$F$", va="center", fontsize=10, color="#D55E00")
 
 
@@ -155,8 +170,8 @@ def arx_figure() -> Figure:
     axis.add_patch(Circle((5.3, 0.0), 0.22, fill=False, linewidth=_LINE))
     axis.text(5.3, 0.0, "+", ha="center", va="center", fontsize=11)
     for tail, head in ((1.0, 2.45), (3.95, 5.08), (5.52, 6.65), (8.15, 9.7)):
-        _arrow(axis, (tail, 0.0), (head, 0.0))
-    _arrow(axis, (5.3, 1.05), (5.3, 0.22))
+        arrow(axis, (tail, 0.0), (head, 0.0))
+    arrow(axis, (5.3, 1.05), (5.3, 0.22))
     axis.text(0.9, 0.0, "input\n$u_k$", ha="right", va="center", fontsize=9)
     axis.text(9.8, 0.0, "output\n$y_k$", ha="left", va="center", fontsize=9)
     axis.text(5.3, 1.12, "error $e_k$", ha="center", va="bottom", fontsize=9)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import itertools
 import re
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from lumbar.base.files import read_json
 from lumbar.publishing.figures.style import SHOWS
 from lumbar.publishing.study_report.published_values import Beside, Said, beside, claims_shown_with
 from lumbar.study.artefacts import Artefact
+from lumbar.tables.table import svg_address
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,10 +51,8 @@ def read_picture(path: Path) -> Picture:
     shows, _, data = words.rpartition("Data: ")
     size = _SIZE.search(text)
     width, height = (round(float(size[number])) for number in (1, 2)) if size else (520, 300)
-    coded = base64.b64encode(smaller(text).encode()).decode("ascii")
-    return Picture(
-        f"data:image/svg+xml;base64,{coded}", width, height, data, shows.removeprefix(SHOWS).rstrip(". ")
-    )
+    who = shows.removeprefix(SHOWS).rstrip(". ")
+    return Picture(svg_address(smaller(text)), width, height, data, who)
 
 
 def smaller(svg: str) -> str:

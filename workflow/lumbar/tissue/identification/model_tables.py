@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lumbar.tables.table import Table
@@ -10,14 +11,31 @@ from lumbar.tissue.identification.arx_search import NEGLIGIBLE_POINTS
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR
-from lumbar.tissue.models.tissue_models import HO, IL, KB, KV, LE, MAXWELL, MW, TABLE_2_1, in_words
+from lumbar.tissue.models.tissue_models import (
+    HO,
+    IL,
+    KB,
+    KV,
+    LE,
+    MAXWELL,
+    MW,
+    REFERENCES,
+    TABLE_2_1,
+    in_words,
+)
 
 if TYPE_CHECKING:
     from lumbar.settings.tissue import TissueSettings
 
 
-def table_2_1(data: str) -> Table:
-    """Table 2.1: the viscoelastic models, from their definitions."""
+def table_2_1(data: str, pictures: Sequence[str] = ()) -> Table:
+    """Table 2.1: the viscoelastic models, from their definitions.
+
+    Parameters
+    ----------
+    pictures : sequence of str
+        Of the mechanical analogues, in the order of `TABLE_2_1`: texts of SVG files, shown in HTML.
+    """
     import pandas as pd
 
     frame = pd.DataFrame(
@@ -26,6 +44,7 @@ def table_2_1(data: str) -> Table:
             "mechanical_analogue": in_words(model.network),
             "equation": model.equation,
             "parameter_definition": ", ".join(model.relations) or "–",
+            "references": model.references,
             "discrete_transfer_function": model.transfer,
             "proper": "no" if model is KV else "yes",
             "static_force": "no" if model is MAXWELL else "yes",
@@ -41,6 +60,7 @@ def table_2_1(data: str) -> Table:
             "mechanical_analogue": "springs (stiffness k) and dashpots (viscosity b) it is made of",
             "equation": "force f from position x; f' and x' are time derivatives",
             "parameter_definition": "coefficients of the equation from the mechanical elements",
+            "references": "who described it first; in brackets the thesis's own references",
             "discrete_transfer_function": "ramp-invariant form: exact at the samples of a motion in ramps",
             "proper": "whether the discrete transfer function needs no future position (Eq. 3.5)",
             "static_force": "whether a held position meets a force, H(z = 1) ≠ 0",
@@ -48,7 +68,9 @@ def table_2_1(data: str) -> Table:
         notes=(
             f"{MW.name}, Eq. 3.3 of the thesis, {MW.transfer}, is not the Maxwell model of this table: "
             f"{MW.no_parameters_because}.",
+            f"References: {'; '.join(REFERENCES)}.",
         ),
+        pictures={"mechanical_analogue": tuple(pictures)} if pictures else {},
     )
 
 

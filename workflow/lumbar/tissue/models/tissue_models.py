@@ -109,6 +109,8 @@ class TissueModel:
     fit (IL) or improper (KV)."""
     derive: Callable[..., dict[str, float]] | None = field(default=None, repr=False)
     """From the base's parameters by name to the values of `elements`."""
+    references: str = ""
+    """Where it comes from: names and years, and the thesis's own reference numbers in brackets."""
     no_parameters_because: str = ""
     """Why no parameters are recovered from the transfer function, where they are not."""
 
@@ -172,6 +174,7 @@ LE = TissueModel(
     transfer="b0",
     elements=(_K,),
     network=Spring("k"),
+    references="Hooke 1678 [48, 57]",
     structure=ArxStructure(order=0, input_lags=(0,)),
     derive=lambda spring_stiffness: {"k": spring_stiffness},
 )
@@ -184,6 +187,7 @@ MAXWELL = TissueModel(
     elements=(_K, _B, Element("alpha", "s", "relaxation time")),
     relations=("α = b/k",),
     network=Series((Spring("k"), Dashpot("b"))),
+    references="Maxwell 1867 [48, 57]",
     structure=ArxStructure(order=1, input_lags=(0, 1), zero_static_gain=True),
     derive=lambda branch_stiffness, relaxation_time: {
         "k": branch_stiffness,
@@ -199,6 +203,7 @@ KV = TissueModel(
     transfer="b1 z − b0 (eq. 3.5, improper)",
     elements=(_K, _B),
     network=Parallel((Spring("k"), Dashpot("b"))),
+    references="Thomson 1865, Voigt 1892 [48, 57–59]",
     derive=lambda spring_stiffness, viscosity: {"k": spring_stiffness, "b": viscosity},
     no_parameters_because="its transfer function b1 z − b0 (Eq. 3.5) is improper: it is not identified",
 )
@@ -219,6 +224,7 @@ KB = TissueModel(
     ),
     relations=("k = k1 k2/(k1 + k2)", "ν = b k2/(k1 + k2)", "γ = b/(k1 + k2)"),
     network=Series((Parallel((Spring("k1"), Dashpot("b"))), Spring("k2"))),
+    references="Thomson 1865, Boltzmann 1876 [48, 57]",
     structure=ArxStructure(order=1, input_lags=(0, 1)),
     derive=_kelvin_boltzmann_elements,
 )
@@ -255,6 +261,16 @@ IL = TissueModel(
 
 MODELS = {model.name: model for model in (LE, MAXWELL, KV, KB, MW, HO, IL)}
 """Every model by its short name."""
+REFERENCES = (
+    "Hooke, Lectures de potentia restitutiva, London 1678",
+    "Thomson (Lord Kelvin), Proc. R. Soc. London 14 (1865) 289–297",
+    "Maxwell, Phil. Trans. R. Soc. London 157 (1867) 49–88",
+    "Boltzmann, Ann. Phys., Ergänzungsband 7 (1876) 624–654",
+    "Voigt, Ann. Phys. 283 (1892) 671–693",
+    "Fung, Biomechanics: Mechanical Properties of Living Tissues, Springer 1993, chapter 2: all of them",
+    "Famaey & Vander Sloten, Comput. Methods Biomech. Biomed. Eng. 11 (2008) 351–366: in surgical simulation and robotics",
+)
+"""Of the models of Table 2.1, in full; the thesis's numbers are those of its own list."""
 TABLE_2_1 = (LE, MAXWELL, KV, KB)
 """The viscoelastic models of Table 2.1, in its order."""
 FIXED_STRUCTURE = (LE, MW, MAXWELL, KB)
