@@ -1,7 +1,5 @@
 """The page of the documentation that the acceptance suites write their tables to."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The frame of an acceptance suite's run: its options, the cases that are wanted, what is kept of each, and how it ends."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

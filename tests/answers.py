@@ -1,7 +1,5 @@
 """Answers of the diagnosis to records whose truth is known: what it says, or how it failed, and how long it took."""
 
-from __future__ import annotations
-
 import os
 import time
 import traceback

@@ -1,7 +1,5 @@
 """The default study made coarse, for tests: the same steps on less."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from running import ZIG_CACHE, copy_project

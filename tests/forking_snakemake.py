@@ -3,8 +3,6 @@
 What `run` starts runs as ``python -m snakemake`` does, its scripts as they are, in processes of their own; pictures are sketched.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import runpy

@@ -1,7 +1,5 @@
 """What several tests of the hidden effects share: an oracle and motions of recorded files."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import make_interp_spline
 

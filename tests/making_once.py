@@ -1,7 +1,5 @@
 """What several workers of a test session need is made by the first that asks; the others wait and take it over."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """How tests wait for what other threads and processes do: until it is there, however long a busy machine takes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Pictures without what takes longest in them, for tests of anything but the look of a picture."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from unittest import mock

@@ -1,7 +1,5 @@
 """Where the body model says that a marker is: what its gaps are judged by, in tests and benchmarks."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lumbar.lifting.body_model.fit import BodyFit

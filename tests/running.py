@@ -1,7 +1,5 @@
 """Running the workflow in a copy of the project, for tests."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Groups of people drawn at random, with a known scatter between people and between one person's trials."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

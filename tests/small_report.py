@@ -1,7 +1,5 @@
 """A small study's results, made by hand, and its report: tables wider than a page, pictures, warnings, claims."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Settings of the project's own studies, for tests: as the workflow reads them, changed where a test wants it."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any, TypeVar
 

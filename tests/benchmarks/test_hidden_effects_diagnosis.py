@@ -3,8 +3,6 @@
 The generator shares no code with the diagnosis; labels are read by the assertions only.
 """
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """Experiments as wholes: strengths as wanted, independent of order, files in the agreed format, another's recordings."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

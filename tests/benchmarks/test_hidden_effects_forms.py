@@ -1,7 +1,5 @@
 """Every building block of the generator against a closed form or an ODE solver."""
 
-from __future__ import annotations
-
 import ast
 import sys
 from math import gamma

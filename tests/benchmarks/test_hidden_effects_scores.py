@@ -1,7 +1,5 @@
 """Scores against hand counts, closed forms and simulated power."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Comparison of two runs' outputs, and the star of runs of `make test-portable`."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

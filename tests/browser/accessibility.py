@@ -1,7 +1,5 @@
 """Whether a page can be used by everybody, as far as a program can tell."""
 
-from __future__ import annotations
-
 import pytest
 
 

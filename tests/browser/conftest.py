@@ -1,7 +1,5 @@
 """A real browser for pages, and what goes wrong in them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 

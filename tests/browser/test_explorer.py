@@ -1,7 +1,5 @@
 """The page of a diagnosis in a real browser: as a file, and served beside a study."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """The page of a lift in a real browser: what it computes itself is what the library computes, and a push can be dragged."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

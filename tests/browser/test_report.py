@@ -1,7 +1,5 @@
 """The report of a study in a real browser: nothing is wider than the page, on any screen or on paper."""
 
-from __future__ import annotations
-
 import pytest
 
 from small_report import make_results, page_of

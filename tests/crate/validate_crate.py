@@ -5,8 +5,6 @@ met, and ends with status 1 where one is REQUIRED. In place of the two context d
 those of their terms that may be used; another term is an error, as one would be that the documents lack.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from types import SimpleNamespace

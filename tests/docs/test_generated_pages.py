@@ -1,7 +1,5 @@
 """Pages that are generated: up to date; every figure is there, equations are found by docstrings, and what they name is real."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from functools import reduce

@@ -1,7 +1,5 @@
 """The picture of the rooms is that of the imports."""
 
-from __future__ import annotations
-
 from generate.house import DOCS, PAGE, arrows, page
 
 

@@ -1,7 +1,5 @@
 """The thesis item by item: nothing of the thesis is left out, and what each item names is real."""
 
-from __future__ import annotations
-
 import pkgutil
 import re
 from fnmatch import fnmatch

@@ -1,7 +1,5 @@
 """What users get wrong: one message that names the place, a status other than 0, nothing half-written."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import yaml

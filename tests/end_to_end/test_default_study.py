@@ -1,7 +1,5 @@
 """The default study as a whole: complete, labelled, repeatable, and, made coarse, re-run only where something changed."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json

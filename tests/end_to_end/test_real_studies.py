@@ -1,7 +1,5 @@
 """The studies of real recordings run to their end, and say what is missing where the recordings are absent."""
 
-from __future__ import annotations
-
 import json
 
 import pandas as pd

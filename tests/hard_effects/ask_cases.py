@@ -5,8 +5,6 @@
 Ends with status 1 where an answer is not what ``not_yet.toml`` says that it is today, for better or worse.
 """
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from pathlib import Path

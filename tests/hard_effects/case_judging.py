@@ -1,7 +1,5 @@
 """Whether an answer to a labelled case is the one that the table of README.md asks for."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Tissue experiments as a bench would bring them, with labels: the diagnosis gives the answer that README.md asks for."""
 
-from __future__ import annotations
-
 import pytest
 from case_judging import NOT_YET, ask_case, judge, read_labels
 

@@ -1,7 +1,5 @@
 """The public data sets as records: which files, columns and units, and what is fitted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is known of the public data sets, and whether an answer agrees with it."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The positioning axis by the method of its publication: its parameters lie in the intervals of the refined model."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from data_sets import positioning_axis

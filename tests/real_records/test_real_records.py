@@ -1,7 +1,5 @@
 """Public records of which it is known what linear models miss: the diagnosis names it, with an error as published."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

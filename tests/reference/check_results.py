@@ -5,8 +5,6 @@
 study, in the archive that ``make crate`` made of it: which outputs are the same bytes, and what moved in the others.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

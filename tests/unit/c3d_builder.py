@@ -1,7 +1,5 @@
 """Writes C3D files byte by byte after the C3D user guide, independent of every library: for tests alone."""
 
-from __future__ import annotations
-
 import math
 import struct
 

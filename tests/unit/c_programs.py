@@ -1,7 +1,5 @@
 """C code of models as programs and as functions that Python calls, the elementary functions too."""
 
-from __future__ import annotations
-
 import ctypes
 import itertools
 import os

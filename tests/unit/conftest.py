@@ -1,7 +1,5 @@
 """Fixtures of the FMU tests: FMUs are built once for all of them."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 
 import numpy as np

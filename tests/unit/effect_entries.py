@@ -1,7 +1,5 @@
 """Entries of models.json for models with effects: every form with C code once, and some combinations."""
 
-from __future__ import annotations
-
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 

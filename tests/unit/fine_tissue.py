@@ -1,7 +1,5 @@
 """Tissue tests simulated in fine steps, apart from the library's own solvers: everything in them is known."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import lfilter
 

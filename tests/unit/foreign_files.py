@@ -1,7 +1,5 @@
 """One recording in the forms that machines and people write it in."""
 
-from __future__ import annotations
-
 import numpy as np
 
 RATE = 200.0

@@ -1,7 +1,5 @@
 """Broken files without end: sound ones of every kind, changed at random, each through the reader it is meant for."""
 
-from __future__ import annotations
-
 import gzip
 import re
 import resource

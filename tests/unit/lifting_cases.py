@@ -1,7 +1,5 @@
 """Lifts, trials, pushes and pendulums that several tests share."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lumbar.lifting.pushes import contest

@@ -1,7 +1,5 @@
 """Blind experiments on pendulums: swings with one hidden effect, by the mechanics of `lumbar.twin.hip_moment`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

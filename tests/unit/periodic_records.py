@@ -1,7 +1,5 @@
 """Periodic tissue tests made for the tests of noise floor, comparison and location: everything in them is known."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import lfilter
 

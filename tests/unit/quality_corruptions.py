@@ -1,7 +1,5 @@
 """Silent corruptions of marker recordings, for tests: each changes some markers in some frames and says which."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Models and settings for the tests of the FMU export."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -4,8 +4,6 @@ A motion is a cubic spline through points four times as dense as the samples; th
 and one more effect, integrated on those points, so that samples can be taken at any time.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter

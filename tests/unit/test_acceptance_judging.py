@@ -1,7 +1,5 @@
 """The judges of the acceptance suites: what is right, what is honest, and what is confidently wrong."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The comparison with the reference says what moved, by how much, and whether that is allowed."""
 
-from __future__ import annotations
-
 import runpy
 import shutil
 

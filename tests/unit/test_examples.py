@@ -1,7 +1,5 @@
 """The examples in the docstrings of the Python interface run and give what they show."""
 
-from __future__ import annotations
-
 import doctest
 import sys
 

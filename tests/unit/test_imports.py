@@ -1,7 +1,5 @@
 """The house's walls: imports of the library run one way, and its two wings know nothing of each other."""
 
-from __future__ import annotations
-
 import ast
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path

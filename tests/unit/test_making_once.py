@@ -1,7 +1,5 @@
 """Workers of a session share what one of them made, or the reason why it could not be made."""
 
-from __future__ import annotations
-
 import multiprocessing
 from pathlib import Path
 

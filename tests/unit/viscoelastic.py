@@ -1,7 +1,5 @@
 """Springs and dashpots by the formulas of Table 2.1 and by scipy, for the tests of what the library makes of them."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import cont2discrete
 

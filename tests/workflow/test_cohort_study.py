@@ -1,7 +1,5 @@
 """A study of drawn people: from marker files to what tells the groups apart; who is added makes nobody anew."""
 
-from __future__ import annotations
-
 import json
 
 import pandas as pd

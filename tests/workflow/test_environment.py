@@ -1,7 +1,5 @@
 """The lock, the conda environment and the package description agree."""
 
-from __future__ import annotations
-
 import json
 import re
 import runpy

@@ -1,7 +1,5 @@
 """The workflow as a graph: targets, artefacts, house rules, format."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

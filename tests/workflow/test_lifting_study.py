@@ -1,7 +1,5 @@
 """A study of lifts: other labels call for no basin, unknown ones end it before it starts, a lift without a deposit does not."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A folder of real recordings becomes a study: nothing runs before it is filled in, and the lifting chapter runs after."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Recordings and results in an object store: the same bytes as on a disk, whole after a kill, and no credentials anywhere."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

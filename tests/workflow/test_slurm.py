@@ -1,7 +1,5 @@
 """A chapter through a SLURM of one node, its running job cancelled: tried again, and the same bytes as without SLURM."""
 
-from __future__ import annotations
-
 import pytest
 
 from cluster.faults import CHAPTER, RESULTS, job_cancelled

@@ -1,7 +1,5 @@
 """The wheel by itself, in an empty folder, does what the README promises of ``lumbar``."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Collecting problems into one message."""
 
-from __future__ import annotations
-
 import errno
 
 import numpy as np

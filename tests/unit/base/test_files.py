@@ -1,7 +1,5 @@
 """Files are written whole or not at all, and JSON is strict."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The commands on files and folders, of tissue and of pendulums: what they write, print and refuse."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """``import lumbar``: the verbs on objects, for notebooks, and what commands make of them."""
 
-from __future__ import annotations
-
 import filecmp
 import re
 import subprocess

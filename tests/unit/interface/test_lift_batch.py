@@ -1,7 +1,5 @@
 """Which trial a file is the recording of, and several lifts at once: one that fails keeps no other from its result."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import zlib

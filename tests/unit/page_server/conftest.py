@@ -1,7 +1,5 @@
 """A server of two small sets of records, and ways to ask it."""
 
-from __future__ import annotations
-
 import json
 import threading
 from functools import partial

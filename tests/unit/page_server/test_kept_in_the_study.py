@@ -1,7 +1,5 @@
 """What the page keeps in a study's file: one key, without touching anything else in it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings that are given on the page: read by the library, refused with its words, diagnosed, written when asked."""
 
-from __future__ import annotations
-
 import gzip
 import http.client
 import io

@@ -1,7 +1,5 @@
 """The served page and served lifts: what is answered, and to whom."""
 
-from __future__ import annotations
-
 import io
 import json
 import signal

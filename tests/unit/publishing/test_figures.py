@@ -1,7 +1,5 @@
 """Figures: the same bytes at every run, in the house's style, and each shows the numbers that it is given."""
 
-from __future__ import annotations
-
 import ast
 import base64
 import io

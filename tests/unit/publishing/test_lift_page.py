@@ -1,7 +1,5 @@
 """The page of a lift holds what was computed, the same bytes from a lift and from its folder, and says what it lacks."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The pages of a diagnosis: as a report, and as one file to explore."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

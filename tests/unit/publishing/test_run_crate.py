@@ -1,7 +1,5 @@
 """The archive of a run: what it says of its files is true, the same run gives the same bytes, and the profile is met."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

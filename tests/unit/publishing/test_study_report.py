@@ -1,7 +1,5 @@
 """The report of a study: its page, and the thesis's statements held against a run's tables."""
 
-from __future__ import annotations
-
 import pkgutil
 import re
 from html import unescape

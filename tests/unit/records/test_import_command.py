@@ -1,7 +1,5 @@
 """``lumbar import``: what it shows, what it writes, and that the other commands and the workflow take it."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

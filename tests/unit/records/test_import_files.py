@@ -1,7 +1,5 @@
 """One recording in two dozen dialects, in MATLAB and HDF5 files and in workbooks is read back as the same record."""
 
-from __future__ import annotations
-
 import gzip
 import sys
 

@@ -1,7 +1,5 @@
 """What is guessed of columns, units and clocks, and what is refused with candidates and the option that decides."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from foreign_files import FORCE, POSITION, RATE, TIME, rows

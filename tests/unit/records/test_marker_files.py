@@ -1,7 +1,5 @@
 """Markers in CSV, MATLAB and BVH files."""
 
-from __future__ import annotations
-
 import gzip
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Column files become validated records, or an error that says where and why."""
 
-from __future__ import annotations
-
 import gzip
 
 import numpy as np

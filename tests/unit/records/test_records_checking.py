@@ -1,7 +1,5 @@
 """Recordings that are short, slow, clipped or awkward: checked, all problems of all files told, limits named."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 from dataclasses import replace

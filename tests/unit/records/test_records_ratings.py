@@ -1,7 +1,5 @@
 """The participants' sheet: every problem of a file is found at once, with its line."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

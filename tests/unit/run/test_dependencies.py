@@ -1,7 +1,5 @@
 """A rule depends on every library file its script imports, and on no other."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Jobs of the workflow: how they start, are forked, log, end and are killed, and what they ask of a cluster."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

@@ -1,7 +1,5 @@
 """What a run tells: stage, share of the work and minutes left from earlier runs, failures, warnings, what ran."""
 
-from __future__ import annotations
-
 import logging
 import subprocess
 import sys

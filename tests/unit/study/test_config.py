@@ -1,7 +1,5 @@
 """Files of a study against its settings: every fault by file, line and key, and what YAML itself lets pass."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

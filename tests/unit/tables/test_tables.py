@@ -1,7 +1,5 @@
 """Published tables: the same content as CSV, LaTeX and HTML, nothing missing without being said."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

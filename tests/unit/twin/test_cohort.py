@@ -1,7 +1,5 @@
 """Cohorts of synthetic lifters: drawn as declared, each by itself, within what the twin can move."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The synthetic hip moments: the pendulum of head, arms and trunk, and what is hidden in it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

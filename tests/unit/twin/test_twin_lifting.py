@@ -1,7 +1,5 @@
 """The synthetic lifts: people as declared, bodies that hold together, files as laboratories write them, for every reader."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

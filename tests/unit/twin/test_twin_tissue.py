@@ -1,7 +1,5 @@
 """The synthetic tissue against the matrix exponential of its equation of motion, its recordings and its hidden effects."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The body model on the synthetic lifter, whose truth is known, and on real recordings with markers taken away."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The body model's linear algebra against dense matrices: solution, draws, and information of correlated residuals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

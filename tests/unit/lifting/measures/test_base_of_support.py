@@ -1,7 +1,5 @@
 """The base of support against squares, a convex-hull library, and feet on their toes or in the air."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull

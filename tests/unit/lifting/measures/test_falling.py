@@ -1,7 +1,5 @@
 """Extrapolated centre, capture and viability against simulated pendulums that are pushed a little too little or too much."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """The page and the figures of the measures hold what the long table and the courses say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The net moment about a joint against statics, Lagrange's equations of two links, a free flight, and force plates."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import sympy

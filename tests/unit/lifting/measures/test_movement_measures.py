@@ -1,7 +1,5 @@
 """Measures of whole lifts: against the synthetic lifters' own movement, force plates, and recordings that lack markers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

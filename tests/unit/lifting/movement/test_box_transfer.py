@@ -1,7 +1,5 @@
 """The study of a recorded box: where its rules for missing markers come from, and that it runs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

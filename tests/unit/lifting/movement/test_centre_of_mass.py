@@ -1,7 +1,5 @@
 """Segment tables, and centres of mass against hand calculation, conservation of mass and Plug-in Gait's whole-body centre."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

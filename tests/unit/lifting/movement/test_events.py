@@ -1,7 +1,5 @@
 """Events of a lift against movements whose events are known, and against recordings of people."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

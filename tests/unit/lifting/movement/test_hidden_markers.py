@@ -1,7 +1,5 @@
 """Markers hidden where nothing needs them: a real recording with stray frames, and what a gap costs where it matters."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Markers of a rigid body that moves: what is hidden comes back where the body carries it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joint centres against hand calculation in a posed body, an independent implementation and real recordings."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

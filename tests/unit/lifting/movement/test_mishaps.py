@@ -1,7 +1,5 @@
 """Mishaps of a laboratory in a real recording of a box set on a shelf: what is said of each is true of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

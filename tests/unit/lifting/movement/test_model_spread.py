@@ -1,7 +1,5 @@
 """Other choices beside the result: what each moves, against the result of a lift analysed with that choice."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

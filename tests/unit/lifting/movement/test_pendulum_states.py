@@ -1,7 +1,5 @@
 """Pendulum states against rigid rods, closed forms and the twin's noise-free movement."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Force plates against bodies whose acceleration is known, spoilt in known ways, and against real recordings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

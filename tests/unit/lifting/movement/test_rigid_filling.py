@@ -1,7 +1,5 @@
 """Filling of rigid bodies: closed forms, markers hidden in a real recording of a box, and what is left open."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

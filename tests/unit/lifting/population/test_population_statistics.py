@@ -1,7 +1,5 @@
 """Statistics of people against published fits, closed forms, other implementations and simulated groups."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

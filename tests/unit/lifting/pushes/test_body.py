@@ -1,7 +1,5 @@
 """The three-link body against Lagrange's equations derived symbolically, energy, and momentum."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from lifting_cases import deposit

@@ -1,7 +1,5 @@
 """From synthetic lifts to the contest of measures: levels against the measures' own tables, scores against Mann and Whitney."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

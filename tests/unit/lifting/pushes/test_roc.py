@@ -1,7 +1,5 @@
 """Areas, thresholds and intervals of the ROC against independent formulas."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu, norm

@@ -1,7 +1,5 @@
 """Simulated pushes against an adaptive solver, the controller against the regulator of the whole delay line."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Repeated trials: measures of a made body by hand, exact p; gains that trials were simulated with are found again."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of, perturbation_settings

@@ -1,7 +1,5 @@
 """The frames that a jump leaves out are those in which the marker is wrong; rigid parts are found from how markers move."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from quality_corruptions import changed

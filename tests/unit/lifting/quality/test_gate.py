@@ -1,7 +1,5 @@
 """Silent corruptions of real lifting recordings are all named, and nothing is found in the untouched ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from quality_corruptions import CORRUPTIONS, Trunk, changed, exchanged

@@ -1,7 +1,5 @@
 """``lumbar inspect``: what is in a file, what is wrong with it, what the pipeline makes of it."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A trial with a silent corruption is stopped with one sentence, or goes on without the stretch and says so."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Table 4.1 by the thesis's method after one, two and four alternations, from areas made by hand."""
 
-from __future__ import annotations
-
 from itertools import product
 from types import SimpleNamespace
 

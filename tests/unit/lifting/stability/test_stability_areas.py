@@ -1,7 +1,5 @@
 """Trajectories, all basins of a lift, Table 4.1 and its figures: bad input, definitions, reproducibility."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from html import unescape
 

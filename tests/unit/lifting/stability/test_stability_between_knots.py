@@ -1,7 +1,5 @@
 """Interval arithmetic and the proof between knots: true enclosures, and a proof that is able to fail."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

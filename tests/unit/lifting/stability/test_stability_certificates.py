@@ -1,7 +1,5 @@
 """The sum-of-squares method against the exact method, cvxpy and closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cvxpy as cp

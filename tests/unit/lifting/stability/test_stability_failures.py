@@ -1,7 +1,5 @@
 """A basin that cannot be computed drops its own row, is named, and stops nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import chain
 

@@ -1,7 +1,5 @@
 """Exact funnels: against eigenvalues of the linear loop, brute force, simulation and Liouville's theorem."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

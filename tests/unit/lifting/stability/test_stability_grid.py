@@ -1,7 +1,5 @@
 """Table 4.1 and its grid: the areas recomputed from the equations alone, the tables from areas by hand."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Torque limits and uncertain masses in every method and in the proof between knots, against each other and simulation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of

@@ -1,7 +1,5 @@
 """Torque limits, uncertain masses, better V, perturbed trials, exponents: closed forms, brute force, simulation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

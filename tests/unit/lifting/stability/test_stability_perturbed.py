@@ -1,7 +1,5 @@
 """Trials against the basin of a mean movement: made trials whose answer is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

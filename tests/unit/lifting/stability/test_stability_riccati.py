@@ -1,7 +1,5 @@
 """Riccati equation of the pendulum: against closed forms, scipy's algebraic solver, matrix exponentials."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from lifting_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of

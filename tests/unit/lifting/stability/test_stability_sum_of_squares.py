@@ -1,7 +1,5 @@
 """Sum-of-squares certificates: against exact maxima, cvxpy and polynomials whose answer is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

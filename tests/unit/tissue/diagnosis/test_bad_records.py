@@ -1,7 +1,5 @@
 """Records that no model can be fitted to, and those that are too long: refused, said or thinned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

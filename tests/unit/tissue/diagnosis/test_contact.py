@@ -1,7 +1,5 @@
 """A tool that is not fastened to the tissue: palpation from above an unknown surface, simulated apart in fine steps."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

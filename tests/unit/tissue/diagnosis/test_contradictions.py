@@ -1,7 +1,5 @@
 """Names must agree with their own parameters: what contradicts itself is not named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The diagnosis on labelled blind experiments and on records with known truth: labels are read by assertions only."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

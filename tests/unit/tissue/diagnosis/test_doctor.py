@@ -1,7 +1,5 @@
 """What could have been seen in records: effects and mistakes put into records of which everything is known."""
 
-from __future__ import annotations
-
 import filecmp
 import json
 

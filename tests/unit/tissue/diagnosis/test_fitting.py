@@ -1,7 +1,5 @@
 """Fits of a base with effects: separable least squares, gradients, intervals, and errors that depend on each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear

@@ -1,7 +1,5 @@
 """Forward records (force in, motion out): what is hidden is named in the motion's unit, by simulation from force to motion."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records fitted together: several in the training, and the runs of one session."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

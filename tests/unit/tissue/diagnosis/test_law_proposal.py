@@ -1,7 +1,5 @@
 """A law is proposed where one is missing, is right, passes what it must, can be added, and is never made of noise."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Every term that a law may hold is dimensionally sound, finite, and the effect's file that it is written to can be read."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Linear dynamics of any order from the records alone, and which way round records are."""
 
-from __future__ import annotations
-
 import gzip
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Where a model fails: known errors are seen where they are, and noise is not seen anywhere."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

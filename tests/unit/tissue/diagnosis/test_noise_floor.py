@@ -1,7 +1,5 @@
 """Period and noise floor against simulations in which both are known."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

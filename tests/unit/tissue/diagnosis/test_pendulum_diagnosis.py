@@ -1,7 +1,5 @@
 """Pendulums diagnosed blind: the experiments come from Newton's law, labels are read by assertions only."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

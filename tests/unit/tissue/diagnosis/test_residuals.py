@@ -4,8 +4,6 @@ The signal is designed and written by ``lumbar signals``, answered by a tissue s
 given to ``lumbar locate``.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 

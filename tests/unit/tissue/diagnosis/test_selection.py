@@ -1,7 +1,5 @@
 """Which base, which effects in which order, and whether the thresholds are those that null experiments give."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

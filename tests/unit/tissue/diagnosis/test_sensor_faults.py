@@ -1,7 +1,5 @@
 """Sensors that stick, repeat, drift, stand off zero or measure acceleration roughly: found, said and mended."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections import Counter
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Records come from the independent generator; the hidden effect is read by assertions alone.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The catalogue's YAML files: all in it, in the notation that users have, read when they are asked for."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """LaTeX, NumPy and C of every form say the same: LaTeX by sympy, C compiled and run."""
 
-from __future__ import annotations
-
 import re
 import string
 

@@ -1,7 +1,5 @@
 """The catalogue: complete, described, and each form what its equation says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

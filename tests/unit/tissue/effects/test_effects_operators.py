@@ -1,7 +1,5 @@
 """Operators with memory and general forms against brute force, differential equations and closed forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The pendulum and its effects against Newton's law for point masses (`lumbar.twin.hip_moment`)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """An effect of a user's own in a few lines of YAML: from equation to diagnosis, page and FMU; and what is refused."""
 
-from __future__ import annotations
-
 import re
 from html import unescape
 

@@ -3,8 +3,6 @@
 `lumbar check` holds a library to the sources beside it; that those sources do what FMI and the description say is tried here.
 """
 
-from __future__ import annotations
-
 import math
 import zipfile
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Seeded defects of files: each is caught before the library is played, and VDMCheck2 agrees that sound ones are sound."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The dynamics of an FMU: state space against scipy's filters, discretised anew against its first-order hold, and refusals."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Models with effects, of the catalogue and of users: every form in C, finished FMUs, closed forms, what cannot be exported."""
 
-from __future__ import annotations
-
 import math
 import re
 

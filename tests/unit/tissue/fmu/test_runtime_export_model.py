@@ -1,7 +1,5 @@
 """Which models are exported, what they say of direction and valid range, and what is refused before anything is compiled."""
 
-from __future__ import annotations
-
 import json
 import xml.etree.ElementTree as ElementTree
 import zipfile

@@ -1,7 +1,5 @@
 """``lumbar check FILE.fmu``: defects that only show where description, library, reference and sources are held together."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

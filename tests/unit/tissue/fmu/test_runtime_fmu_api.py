@@ -1,7 +1,5 @@
 """Values, states, errors, instances and the order of calls of finished FMUs, driven through fmpy."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """FMUs as files: reproducible bytes, lint, escaping, compiling, places that cannot be written."""
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 import subprocess

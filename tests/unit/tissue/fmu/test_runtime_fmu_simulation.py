@@ -1,7 +1,5 @@
 """Forces of finished FMUs in time against a simulation written out in Python, their table and figure."""
 
-from __future__ import annotations
-
 import struct
 import sys
 import zipfile

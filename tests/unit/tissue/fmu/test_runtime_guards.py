@@ -1,7 +1,5 @@
 """Forces made to be felt: start at rest, contact, rate limit and passivity, in Python and C alike."""
 
-from __future__ import annotations
-
 import subprocess
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """FMUs in importers other than fmpy: the same bits as from fmpy, one by one, where the importer does not round inputs."""
 
-from __future__ import annotations
-
 import csv
 import os
 import re

@@ -1,7 +1,5 @@
 """The loaders of examples/haptic_runtime: compiled, run on exported FMUs at any rate, and misused."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """FMUs on every platform: names, sizes, the same bits under Wine and qemu, timing of samples, threads, sanitizers."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import struct

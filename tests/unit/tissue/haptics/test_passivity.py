@@ -1,7 +1,5 @@
 """Passivity and the loop with a hand: published closed forms, poles, a numerical integration, and passive fits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import control

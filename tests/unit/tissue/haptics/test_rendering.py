@@ -1,7 +1,5 @@
 """Rendering on a device: ``lumbar render``, exported models in its units, effects, FMUs, slower servos."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The models that the default study exports at 100 Hz, as identified on its multisine, and how they are rendered."""
 
-from __future__ import annotations
-
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import Port
 from lumbar.tissue.models.transfer_function import TransferFunction

@@ -1,7 +1,5 @@
 """Ridge ARX and output error against normal equations, statsmodels, finite differences, other optimisers and exact recovery."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import statsmodels.api as sm

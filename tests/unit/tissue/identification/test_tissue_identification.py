@@ -1,7 +1,5 @@
 """Identification of a whole record set, its tables and the models' file."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import json

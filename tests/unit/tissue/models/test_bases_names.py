@@ -1,7 +1,5 @@
 """A study may name every base that there is, and no other."""
 
-from __future__ import annotations
-
 from lumbar.settings.improvement import BASE_NAMES, system_of
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA
 

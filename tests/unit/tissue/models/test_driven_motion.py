@@ -1,7 +1,5 @@
 """Models that a force drives: against linear systems, an adaptive solver, and the forces of the same motions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """Expressions: what is read and refused, and derivative, split and texts against sympy and NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import sympy

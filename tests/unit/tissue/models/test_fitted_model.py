@@ -1,7 +1,5 @@
 """A fitted model: what it converts to, what it prints, and that its file says the same again or what is wrong."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """States that follow differential equations, against an independent solver, closed forms and the C code."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from c_programs import ON_LINUX, CModel

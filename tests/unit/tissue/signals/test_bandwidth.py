@@ -1,7 +1,5 @@
 """Bandwidth: rules and intervals against spectra whose bandwidth is known in closed form, edges, and Welch's estimate."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

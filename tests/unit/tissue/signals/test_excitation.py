@@ -1,7 +1,5 @@
 """Excitations: the designed set, chirp, multisine and noise; band, limits of the machine, files and properties."""
 
-from __future__ import annotations
-
 import io
 import re
 

@@ -1,7 +1,5 @@
 """Survey statistics against published numbers, closed forms, enumeration and independent implementations."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace
