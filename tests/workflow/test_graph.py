@@ -36,7 +36,9 @@ def test_sheet_names_each_artefact_of_the_thesis_once(project):
     assert len(names) == len(set(names))
     tables = {"table_2_1", "table_3_1", "table_3_2", "table_4_1"}
     figures = {
+        "figure_1_1",
         "figure_2_4",
+        "figure_3_1",
         "figure_3_2",
         "figure_3_4",
         "figure_3_5",

@@ -56,7 +56,7 @@ rule workflow_figure:
             if Path(str(rule.snakefile)).name in CHAPTER_OF_FILE
         },
     message:
-        "Figures 1.1 and 3.1: the workflow, drawn from its own graph"
+        "The workflow, drawn from its own graph"
     script:
         "../scripts/workflow_figure.py"
 

@@ -1,4 +1,4 @@
-"""Figures 1.1 and 3.1: the workflow drawn from the graph of its rules."""
+"""The workflow drawn from the graph of its rules."""
 
 from job import run, stem
 

@@ -16,6 +16,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from fontTools.ttLib import TTFont
+from matplotlib.patches import FancyBboxPatch
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 
 from lumbar.lifting.movement import lift as lifting
@@ -24,11 +25,13 @@ from lumbar.publishing.figures import style
 from lumbar.publishing.figures.comparison_figures import comparison_figure, default_segment
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
 from lumbar.publishing.figures.location_figure import location_figure
+from lumbar.publishing.figures.outline_figures import outline_figure
 from lumbar.publishing.figures.signal_figures import excitation_figure, psd_figure
 from lumbar.publishing.figures.style import MODELS, house_style, new_figure, save
 from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 from lumbar.publishing.figures.tissue_figures import analogue_picture
 from lumbar.publishing.figures.workflow_figure import box, depths, draw_workflow, routes
+from lumbar.publishing.study_report.contents import CHAPTERS, PLACES
 from lumbar.records.markers import read_markers
 from lumbar.settings.stability import PendulumSettings
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
@@ -346,6 +349,21 @@ def test_table_2_1_shows_the_analogues_and_every_reference_it_names(tmp_path):
     assert [unescape(words) for _, words in shown] == table.frame["mechanical_analogue"].tolist()
     named = re.findall(r"(\w+) (\d{4})", " ".join(table.frame["references"]))
     assert all(any(name in full and year in full for full in REFERENCES) for name, year in named)
+
+
+def test_figure_1_1_names_the_chapters_that_make_the_thesis_again_in_boxes_apart():
+    figure = outline_figure()
+    figure.canvas.draw()
+    (axis,) = figure.axes
+    boxes = [patch.get_window_extent() for patch in axis.patches if isinstance(patch, FancyBboxPatch)]
+    assert not any(first.overlaps(second) for first, second in itertools.combinations(boxes, 2))
+    words = [text for text in axis.texts if text.get_text()]
+    for text in words:
+        extent = text.get_window_extent()
+        assert any(box.contains(*extent.min) and box.contains(*extent.max) for box in boxes), text
+    said = " ".join(text.get_text() for text in words)
+    for name, place in PLACES.items():
+        assert (CHAPTERS[name].lower() in said) == (place != "beyond the thesis"), name
 
 
 def test_figure_4_1_draws_the_pendulum_of_the_total_body(drawn):

@@ -1,4 +1,4 @@
-"""Figures 1.1 and 3.1: the workflow, drawn from its own dependency graph."""
+"""The workflow, drawn from its own dependency graph."""
 
 from __future__ import annotations
 

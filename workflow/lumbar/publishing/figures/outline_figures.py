@@ -1,0 +1,144 @@
+"""Figures 1.1 and 3.1: how the thesis hangs together, with the chapters of a study that make each part, and its first article."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
+
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
+from lumbar.publishing.figures.tissue_figures import INK, arrow, draw_network, network_size
+from lumbar.publishing.study_report.contents import CHAPTERS, PLACES
+from lumbar.tissue.models.tissue_models import KB
+from lumbar.tissue.signals.multisine import one_period, schroeder_phases
+
+_THESIS = {
+    "motivation": (5.0, 8.6, "Motivation: low back pain", ()),
+    "review": (5.0, 7.45, "Chapter 2: literature review", ()),
+    "simulation": (
+        *(2.5, 5.75, "Surgical simulation"),
+        ("modelling surgical movements", "modelling tissue force feedback"),
+    ),
+    "stability": (7.5, 5.75, "Spine stability", ("Lyapunov exponents", "basins of attraction")),
+    "manuscript": (2.5, 3.6, "Surgical intervention", ("Chapter 3: manuscript",)),
+    "study": (7.5, 3.6, "Preventative measures", ("Chapter 4: additional study",)),
+    "end": (5.0, 1.2, "Chapter 5: discussion. Chapter 6: conclusion", ()),
+}
+"""Place, title and words of every box of Figure 1.1."""
+_FLOW = (
+    *(("motivation", "review"), ("review", "simulation"), ("review", "stability")),
+    *(("simulation", "manuscript"), ("stability", "study"), ("manuscript", "end"), ("study", "end")),
+)
+_LINE, _WIDTH = 0.4, 4.5
+"""Height of a line of words, and width of a box."""
+
+
+def _lines(name: str) -> list[tuple[str, dict]]:
+    """Lines of a box with their look: title, words, and in grey the chapters of a study that make it."""
+    *_, title, words = _THESIS[name]
+    grey = {"color": "#555555", "fontsize": 6.5}
+    made = textwrap.wrap(_made(title, words), 52)
+    return [
+        (title, {"fontweight": "bold"}),
+        *((line, {}) for line in words),
+        *((line, grey) for line in made),
+    ]
+
+
+def _made(*words: object) -> str:
+    """Say which chapters of a study stand for a chapter of the thesis that the words name."""
+    number = re.search(r"Chapter ([3-6])", str(words))
+    if number is None:
+        return ""
+    of = "all chapters" if number[1] in "56" else f"Chapters?( 2 and)? {number[1]}"
+    return "here: " + ", ".join(
+        CHAPTERS[name].lower() for name, place in PLACES.items() if re.match(of, place)
+    )
+
+
+@house_style
+def outline_figure() -> Figure:
+    """Figure 1.1: chapters and objectives of the thesis, from the motivation to the conclusion."""
+    figure, axis = new_figure(DOUBLE_COLUMN, 4.3)
+    axis.set(xlim=(0, 10), ylim=(0.5, 9.1))
+    axis.axis("off")
+    half = {name: 0.5 * _LINE * (len(_lines(name)) + 0.6) for name in _THESIS}
+    for name, (x, y, *_) in _THESIS.items():
+        look = {"boxstyle": "round,pad=0,rounding_size=0.15", "facecolor": "white", "edgecolor": INK}
+        corner = x - _WIDTH / 2, y - half[name]
+        axis.add_patch(FancyBboxPatch(corner, _WIDTH, 2 * half[name], **look))
+        for number, (line, style) in enumerate(_lines(name)):
+            place = y + half[name] - _LINE * (number + 0.8)
+            axis.text(x, place, line, **({"ha": "center", "va": "center", "fontsize": 7.5} | style))
+    for source, target in _FLOW:
+        (x, y, *_), (to_x, to_y, *_) = _THESIS[source], _THESIS[target]
+        arrow(axis, (x, y - half[source]), (to_x, to_y + half[target]))
+    return figure
+
+
+_STEPS = (
+    ("Signals", "excite the tissue across\nthe surgeons' bandwidth"),
+    ("Systems", "identify the tissue as\ndynamic viscoelastic models"),
+    ("Simulation", "test the models\nin a surgical simulator"),
+)
+"""Steps of the article, each with what is done in it."""
+
+
+@house_style
+def article_figure() -> Figure:
+    """Figure 3.1: from signals over systems to the simulation, each step with a sketch of what it works on."""
+    figure, axes = new_figure(DOUBLE_COLUMN, 2.3, ncols=len(_STEPS))
+    sketches = (_draw_signal, _draw_system, _draw_simulation)
+    for number, (axis, (title, words), draw) in enumerate(zip(axes, _STEPS, sketches, strict=True)):
+        axis.set(xlim=(0, 3), ylim=(0, 2.4), aspect="equal")
+        axis.axis("off")
+        frame = {"boxstyle": "round,pad=0,rounding_size=0.1", "facecolor": "none", "edgecolor": INK}
+        axis.add_patch(FancyBboxPatch((0.05, 0.05), 2.75, 2.3, **frame))
+        axis.text(1.42, 2.12, title, ha="center", va="center", fontsize=9, fontweight="bold")
+        axis.text(1.42, 1.72, words, ha="center", va="center", fontsize=7)
+        draw(axis)
+        if number:
+            arrow(axis, (-0.38, 1.2), (0.05, 1.2))
+    return figure
+
+
+def _draw_signal(axis) -> None:
+    """Draw a period of a multisine of Eq. 3.1 with few lines and Schroeder's phases."""
+    lines, amplitudes = np.arange(1, 7), np.ones(6)
+    period = one_period(lines, amplitudes, schroeder_phases(amplitudes), 256)
+    axis.plot(np.linspace(0.3, 2.55, 256), 0.78 + 0.45 * period / np.abs(period).max(), color=INK)
+    arrow(axis, (0.3, 0.2), (2.6, 0.2))
+    axis.text(2.62, 0.28, "t", ha="right", va="bottom", fontsize=8)
+    axis.text(0.28, 1.28, "x", ha="right", va="center", fontsize=8)
+
+
+def _draw_system(axis) -> None:
+    """Draw the Kelvin–Boltzmann model between position and force."""
+    axis.text(0.35, 0.75, "x(t)", ha="center", va="center", fontsize=8)
+    arrow(axis, (0.6, 0.75), (0.95, 0.75))
+    inner = axis.inset_axes([0.3, 0.04, 0.34, 0.58])
+    width, height = network_size(KB.network)
+    inner.set(xlim=(-width / 2 - 0.1, width / 2 + 0.3), ylim=(-height, 0.0), aspect="equal")
+    inner.axis("off")
+    draw_network(inner, KB.network, 0.0, 0.0)
+    arrow(axis, (1.9, 0.75), (2.25, 0.75))
+    axis.text(2.5, 0.75, "f(t)", ha="center", va="center", fontsize=8)
+
+
+def _draw_simulation(axis) -> None:
+    """Draw the loop of model, haptic device and hand."""
+    for x, words in ((0.75, "model"), (2.05, "haptic\ndevice,\nhand")):
+        axis.text(
+            *(x, 0.75, words),
+            ha="center",
+            va="center",
+            fontsize=7,
+            bbox={"boxstyle": "square,pad=0.5", "facecolor": "white", "edgecolor": INK},
+        )
+    arrow(axis, (1.1, 0.9), (1.68, 0.9), "#D55E00")
+    axis.text(1.39, 0.98, "force", ha="center", va="bottom", fontsize=7, color="#D55E00")
+    arrow(axis, (1.68, 0.6), (1.1, 0.6))
+    axis.text(1.39, 0.52, "position", ha="center", va="top", fontsize=7)
