@@ -1,4 +1,4 @@
-"""Models in a person's hand: the table model × device, the Z-width, loops side by side, passive fits and what they cost."""
+"""Models in a person's hand: the table model × device, the Z-width, loops side by side, what running and passivity cost."""
 
 from job import run, stem
 
@@ -15,18 +15,23 @@ def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, data:
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.fmu.build.export_model import find_models
     from lumbar.tissue.haptics.passive_models import fit_passive_models
+    from lumbar.tissue.haptics.runtime_error import runtime_error_table
     from lumbar.tissue.models.fitted_model import models_document
 
     models = load_models(input.models, input.effects)
-    found = rendering_of(find_models(models, settings), settings, data)
+    exported = find_models(models, settings)
+    found = rendering_of(exported, settings, data)
     found.table.write(stem(output.rendering))
     loops = found.loop_figure() if len(found) else nothing_to_show(found.refused)
     save(loops, stem(output.closed_loop), data)
     width = found.z_width_figure() if found.linear else nothing_to_show(found.refused)
     save(width, stem(output.z_width), data)
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
+    training = records[settings.trained_on]
+    cost = runtime_error_table(exported, training, settings, tissue.settling_s, data)
+    cost.write(stem(output.runtime_error))
     tests = [record for record in records if record.name != settings.trained_on]
-    fits = fit_passive_models(models, records[settings.trained_on], tests, settings, tissue.settling_s)
+    fits = fit_passive_models(models, training, tests, settings, tissue.settling_s)
     fits.table(data).write(stem(output.passive_fits))
     write_json(output.models, models_document(fits.passive, data))
 

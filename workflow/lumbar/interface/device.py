@@ -316,9 +316,11 @@ class Rendering(Result):
 
     @property
     def linear(self) -> list[FittedModel]:
-        """The transfer functions among the models, each once."""
+        """The transfer functions among the models, each once, without those that have one rate alone, as the thesis ran them."""
+        from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS
+
         given = [item.fitted for item in self if item.fitted is not None and item.fitted.discrete]
-        return list({model.name: model for model in given}.values())
+        return list({model.name: model for model in given if not model.name.endswith(AS_IN_THESIS)}.values())
 
     def z_width_figure(self) -> Figure:
         """Damping needed against the rate, and the stiffness that the device can render against its damping.

@@ -118,6 +118,10 @@ _ADVICE = (
 )
 
 
+_CLIENTS = (("In FMI 3.0's event mode", False), ("Read as FMI 2.0 reads, the position set after", True))
+_ANY_CLIENT = (("However it is read", False),)
+
+
 def with_device(models: Sequence[ExportModel], device: DeviceSettings) -> list[ExportModel]:
     """Analyse the models on the device, say so in them, and warn of those that are not safe.
 
@@ -147,10 +151,8 @@ def with_device(models: Sequence[ExportModel], device: DeviceSettings) -> list[E
             sentences.append(
                 "The bound by device_damping, which the following leaves out, keeps the device passive whatever they say."
             )
-        for client, late in (
-            ("In FMI 3.0's event mode", False),
-            ("Read as FMI 2.0 reads, the position set after", True),
-        ):
+        # A force that does not depend on the position of its own sample is read alike.
+        for client, late in _CLIENTS if model.feedthrough else _ANY_CLIENT:
             found = analyse(render_model(model, device, late=late), device)
             sentences.append(f"{client}: {found.finding}.")
             if not (found.stable or late or guarded):

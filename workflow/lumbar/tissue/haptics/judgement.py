@@ -11,7 +11,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
-from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.haptics.closed_loop import largest_stable_gain
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
@@ -114,7 +114,8 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
     Returns
     -------
     list of Judgement
-        For each model that of the rate it was identified at, that of ``settings.rate_Hz`` and that of the servo.
+        For each model that of the rate it was identified at, that of ``settings.rate_Hz`` and that of the servo; of one as
+        the thesis ran it the first alone.
     list of str
         Why a model is not judged, or not at a rate: it takes no length, or has no counterpart there.
 
@@ -132,8 +133,10 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
             continue
         identified = 1.0 / model.sampling_time
         own = settings.rate_Hz or identified
-        lowest = lowest_rates(model, settings) if model.discrete else (None, None)
-        for rate in sorted({identified, own, max(identified, settings.device.rate_Hz)}):
+        fixed = model.name.endswith(AS_IN_THESIS)
+        rates = {identified} if fixed else {identified, own, max(identified, settings.device.rate_Hz)}
+        lowest = lowest_rates(model, settings) if model.discrete and not fixed else (None, None)
+        for rate in sorted(rates):
             try:
                 exported = export_at(model, settings, rate)
             except NumericalError as error:

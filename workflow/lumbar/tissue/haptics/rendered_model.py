@@ -9,7 +9,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
-from lumbar.tissue.fmu.build.export_model import ExportModel, averaged_samples, export_models
+from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, averaged_samples, export_models
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.conventions import work_units
 from lumbar.tissue.haptics.closed_loop import SampledModel
@@ -28,6 +28,8 @@ LARGE_STEP_MM, DEPTH_MM = 1.0, 2.0
 def export_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> ExportModel:
     """Return a model as it would be exported at a rate in Hz, its moving average over as many samples at every rate.
 
+    A model as the thesis ran it has its own rate and average.
+
     Raises
     ------
     InputError
@@ -35,6 +37,8 @@ def export_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> Exp
     NumericalError
         If it has no counterpart at this rate.
     """
+    if model.name.endswith(AS_IN_THESIS):
+        return export_models([model], replace(settings, unstable="export"))[0]
     own = 1.0 / settings.rate_Hz if settings.rate_Hz else model.sampling_time
     # The same milliseconds would be less than a sample at a low rate.
     samples = averaged_samples(model.name, settings.moving_average_ms, own)

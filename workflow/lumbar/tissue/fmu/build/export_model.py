@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 MAX_HISTORY = 512
 """Earlier inputs that an FMU keeps, for its moving average and its delay."""
+AS_IN_THESIS = "-thesis"
+"""Ending of the name of a model that is exported as the thesis's simulator ran it."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 """What no file can be called on Windows, whatever its ending."""
@@ -54,6 +56,8 @@ class ExportModel:
     """Whether it was given, as IL is, not identified."""
     valid_for: MotionRange | None = None
     """Motion that the model was fitted to, where it is known."""
+    runtime: str = ""
+    """How it is run where that is not as the settings say, for description and documentation."""
     on_device: tuple[str, ...] = ()
     """What it does on the device of the study, for the documentation; empty where that was not asked."""
 
@@ -213,7 +217,8 @@ def _duplicate_identifiers(names: list[str]) -> list[str]:
 def _find(
     models: list[FittedModel], name: str, settings: RuntimeSettings, problems: Problems
 ) -> FittedModel | None:
-    named = [model for model in models if model.name == name]
+    own_name = name.removesuffix(AS_IN_THESIS)
+    named = [model for model in models if model.name == own_name]
     fitting = [
         model
         for model in named
@@ -224,9 +229,11 @@ def _find(
             and (not model.discrete or model.estimator == settings.estimator)
         )
     ]
+    if len(fitting) == 1 and (fitting[0].discrete or name == own_name):
+        return replace(fitting[0], name=name)
     if len(fitting) == 1:
-        return fitting[0]
-    if not named:
+        problems.add(name, "no transfer function", "the thesis ran no other model: take it without -thesis")
+    elif not named:
         known = ", ".join(dict.fromkeys(model.name for model in models))
         problems.add(name, "no such model in tissue/models.json", f"there are: {known}")
     else:
@@ -241,6 +248,8 @@ def _find(
 
 def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
     """Model at the rate asked for."""
+    if model.name.endswith(AS_IN_THESIS):
+        return _export_as_in_thesis(model, settings)
     wanted = model.sampling_time if settings.rate_Hz is None else 1.0 / settings.rate_Hz
     if model.discrete:
         linear = LinearModel(model.structure.numerator, model.structure.denominator, name=model.name)
@@ -267,6 +276,35 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
         prescribed=model.estimator == GIVEN,
         valid_for=model.valid_for,
     )
+
+
+def settings_of_thesis(settings: RuntimeSettings, sampling_time: float) -> RuntimeSettings:
+    """The runtime of the thesis's section 3.2.3.2, but for the newest position: see `_export_as_in_thesis`.
+
+    The limit is the largest transient force of its device (section 3.2.3).
+    """
+    return replace(
+        settings,
+        rate_Hz=None,
+        moving_average_ms=3000.0 * sampling_time,
+        output_limit=15.0,
+        output_rate_limit=None,
+        contact=False,
+        device_damping=None,
+        start="offset",
+    )
+
+
+def _export_as_in_thesis(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
+    """Model on "a moving average about the three previous points on the position measurements": the present one is none."""
+    plain = replace(model, name=model.name.removesuffix(AS_IN_THESIS))
+    exported = _export_model(plain, settings_of_thesis(settings, model.sampling_time))
+    dynamics = replace(exported.dynamics, name=model.name, delay=exported.dynamics.delay + 1)
+    runtime = (
+        f"Run as in the thesis (section 3.2.3.2): at {1 / model.sampling_time:g} Hz, on the mean of the three samples before "
+        f"the newest, within {exported.output_limit:g} {model.output.unit}; to compare with, not for a faster loop."
+    )
+    return replace(exported, name=model.name, dynamics=dynamics, runtime=runtime)
 
 
 def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> int:

@@ -44,9 +44,10 @@ def range_text(model: ExportModel) -> str:
 
 def rate_text(model: ExportModel) -> str:
     """Sentences on how often to call it."""
+    runtime = f"{model.runtime} " if model.runtime else ""
     return (
-        f"The FMU samples its {model.input.quantity} at {1 / model.sampling_time:g} Hz by its own clock, whatever the step of "
-        f"the loop; a faster loop feels each {model.output.quantity} held, a slower one misses samples. "
+        f"{runtime}The FMU samples its {model.input.quantity} at {1 / model.sampling_time:g} Hz by its own clock, whatever the "
+        f"step of the loop; a faster loop feels each {model.output.quantity} held, a slower one misses samples. "
         "Give it the time that has passed, not one step per call."
     )
 
@@ -70,7 +71,7 @@ def description_text(model: ExportModel, data: str) -> str:
     stability = "" if model.stable else " UNSTABLE: the output runs into its limit."
     return (
         f"{model.input.quantity.capitalize()} to {model.output.quantity} model {model.name}, "
-        f"discrete at {model.sampling_time:g} s. Data: {data}.{stability}"
+        f"discrete at {model.sampling_time:g} s. Data: {data}.{stability}{model.runtime and ' ' + model.runtime}"
     )
 
 
