@@ -61,7 +61,7 @@ class RuntimeSettings:
     models: Annotated[tuple[ModelName, ...], UNIQUE] = key(
         "Models to export, by their names in tissue/models.json; two FMUs each, FMI 2.0 and 3.0. KB-thesis is KB as the "
         "thesis's simulator ran it, whatever rate, average, start and guards are set here: at the rate of the records, on the "
-        "mean of the three positions before the present one, within 15 N.",
+        "mean of the three positions before the present one, within 15 N or output_limit.",
         default=("IL", "MW", "Maxwell", "KB", "HO", "IL-thesis", "MW-thesis", "KB-thesis", "HO-thesis"),
         min_length=1,
     )

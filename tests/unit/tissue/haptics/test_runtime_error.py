@@ -69,10 +69,21 @@ def test_an_independent_importer_reads_the_forces_of_the_thesiss_loop(numbers, v
 
 
 def test_its_file_says_so_whatever_the_settings_are():
-    settings = RuntimeSettings(models=("KB-thesis",), rate_Hz=2000.0, contact=True, output_limit=3.0)
+    settings = RuntimeSettings(models=("KB-thesis",), rate_Hz=2000.0, contact=True, output_limit=40.0)
     (model,) = selected(models_json(), settings)
     assert (model.sampling_time, model.moving_average, model.output_limit) == (STEP, 3, 15.0)
+    assert not model.guards.contact
     assert "at 100 Hz, on the mean of the three samples before the newest, within 15 N" in model.runtime
+
+
+@pytest.mark.parametrize(
+    ("unit", "limit", "expected"), [("mN", 2e4, 15e3), ("N", 3.0, 3.0), ("N m", 40.0, 40.0)]
+)
+def test_its_limit_is_a_force_that_the_device_may_receive(unit, limit, expected):
+    content = models_json(entry("KB", [1.9, -1.2], [1.0, -0.45]))
+    content["models"][0]["output"]["unit"] = unit
+    settings = RuntimeSettings(models=("KB-thesis",), output_limit=limit)
+    assert selected(content, settings)[0].output_limit == pytest.approx(expected)
 
 
 def test_the_thesis_ran_transfer_functions_alone():

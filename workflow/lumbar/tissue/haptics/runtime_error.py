@@ -111,7 +111,7 @@ def _with_newest(model: FittedModel, exported: ExportModel, settings: RuntimeSet
     if not model.name.endswith(AS_IN_THESIS):
         return exported
     plain = replace(model, name=model.name.removesuffix(AS_IN_THESIS))
-    return export_models([plain], settings_of_thesis(settings, model.sampling_time))[0]
+    return export_models([plain], settings_of_thesis(settings, model))[0]
 
 
 def _positions(record: Record, sampling_time: float) -> tuple[np.ndarray, np.ndarray]:

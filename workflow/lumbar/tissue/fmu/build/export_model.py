@@ -23,6 +23,8 @@ MAX_HISTORY = 512
 """Earlier inputs that an FMU keeps, for its moving average and its delay."""
 AS_IN_THESIS = "-thesis"
 """Ending of the name of a model that is exported as the thesis's simulator ran it."""
+_LARGEST_N = 15.0
+"""Force in N that the thesis's device gives for a moment."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 """What no file can be called on Windows, whatever its ending."""
@@ -278,16 +280,19 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
     )
 
 
-def settings_of_thesis(settings: RuntimeSettings, sampling_time: float) -> RuntimeSettings:
+def settings_of_thesis(settings: RuntimeSettings, model: FittedModel) -> RuntimeSettings:
     """The runtime of the thesis's section 3.2.3.2, but for the newest position: see `_export_as_in_thesis`.
 
-    The limit is the largest transient force of its device (section 3.2.3).
+    The limit is the largest transient force of its device (section 3.2.3), or what the settings' device may receive where
+    that is less, or the model's output is no force.
     """
+    units = work_units(model.input.unit, model.output.unit)
+    newton = units[1] if units and units[2] == "N·s/m" else 0.0
     return replace(
         settings,
         rate_Hz=None,
-        moving_average_ms=3000.0 * sampling_time,
-        output_limit=15.0,
+        moving_average_ms=3000.0 * model.sampling_time,
+        output_limit=min(settings.output_limit, _LARGEST_N / newton if newton else math.inf),
         output_rate_limit=None,
         contact=False,
         device_damping=None,
@@ -298,7 +303,7 @@ def settings_of_thesis(settings: RuntimeSettings, sampling_time: float) -> Runti
 def _export_as_in_thesis(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
     """Model on "a moving average about the three previous points on the position measurements": the present one is none."""
     plain = replace(model, name=model.name.removesuffix(AS_IN_THESIS))
-    exported = _export_model(plain, settings_of_thesis(settings, model.sampling_time))
+    exported = _export_model(plain, settings_of_thesis(settings, model))
     dynamics = replace(exported.dynamics, name=model.name, delay=exported.dynamics.delay + 1)
     runtime = (
         f"Run as in the thesis (section 3.2.3.2): at {1 / model.sampling_time:g} Hz, on the mean of the three samples before "
