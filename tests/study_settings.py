@@ -37,7 +37,7 @@ def study_settings(*files: str) -> StudySettings:
 def subject_settings(name: str) -> SubjectSettings:
     """Return a person of config/subjects."""
     problems = Problems("subject")
-    subject = read_subject(PROJECT / "config" / "subjects" / f"{name}.yaml", name, problems)
+    subject, _ = read_subject(PROJECT / "config" / "subjects" / f"{name}.yaml", name, problems)
     problems.raise_if_any()
     return subject
 

@@ -61,6 +61,22 @@ def test_another_label_recomputes_no_basin(study):
     assert planned == {"stability", "stability_tables", "stability_figures", "measure_movement"}
 
 
+def test_a_person_whose_file_was_copied_is_all_that_is_lifted_and_computed_anew(study):
+    """The twin moves the third person as of the label; what is pooled is made again, nobody's lift is."""
+    people = study / "config" / "subjects"
+    text = (people / "expert.yaml").read_text(encoding="utf-8").replace("expert", "third")
+    (people / "third.yaml").write_text(text.replace("trained", "novice"), encoding="utf-8")
+    more = "lifting: {subjects: [expert, novice, third]}\n"
+    (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")
+    (study / "config" / "third_person.yaml").write_text(more, encoding="utf-8")
+    files = ("--configfile", "config/groups.yaml", "config/third_person.yaml")
+    run = snakemake(study, "--cores", "1", "--dry-run", "stability", *files)
+    own = dict.fromkeys(("twin_lift", "lift", "basins_of_lift"), 2)
+    pooled = ("check_lifting_recordings", "stability_tables", "stability_figures", "measure_movement")
+    assert run.jobs == own | dict.fromkeys((*pooled, "stability"), 1), run.text[-3000:]
+    assert "third_23kg: basins of attraction" in run.text and "expert_23kg: " not in run.text
+
+
 def test_a_lift_without_a_deposit_leaves_the_others_their_basins(study):
     """The window of one trial ends while the box is carried: its rows say why they are empty, the run goes on."""
     path = study / "config" / "subjects" / "novice.yaml"

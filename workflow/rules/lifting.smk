@@ -15,7 +15,7 @@ rule lift:
         static=lambda wildcards: [
             recording(path) for path in [study.lifts[wildcards.lift].static] if path is not None
         ],
-        checked="<results>/checked/lifting.json",
+        checked=ancient("<results>/checked/lifting.json"),
     output:
         centres="<results>/lifting/{lift}/com.csv",
         body="<results>/lifting/{lift}/body.csv",
@@ -58,7 +58,7 @@ if settings.lifting.body_model is not None:
             markers=rules.lift.input.markers,
             forces=rules.lift.input.forces,
             static=rules.lift.input.static,
-            checked="<results>/checked/lifting.json",
+            checked=ancient("<results>/checked/lifting.json"),
         output:
             states="<results>/lifting/{lift}/body_model_pendulum.csv",
             markers="<results>/lifting/{lift}/body_model_markers.csv",

@@ -1,5 +1,7 @@
 # The synthetic twin: recordings in the formats a laboratory would bring, made from one seeded configuration.
 
+from lumbar.study.study import HIP_MOMENTS, TWIN_HIP_MOMENT, TWIN_MARKERS
+
 
 rule twin_survey:
     input:
@@ -85,48 +87,58 @@ if study.cohort:
 
 elif study.synthetic and study.lifts:
 
-    rule twin_lifting:
+    from lumbar.twin.cohort import own_settings
+
+    rule twin_lift:
         output:
-            markers=[recording(lift.trial.markers) for lift in study.lifts.values()],
-            hip_moment=[
-                recording(lift.trial.hip_moment) for lift in study.lifts.values() if lift.trial.hip_moment
-            ],
+            markers=f"<results>/twin/{TWIN_MARKERS}",
+            hip_moment=f"<results>/twin/{TWIN_HIP_MOMENT}",
         log:
-            "<logs>/twin_lifting.log",
+            "<logs>/twin_lift/{lift}.log",
         benchmark:
-            "<benchmarks>/twin_lifting.tsv"
+            "<benchmarks>/twin_lift/{lift}.tsv"
         group:
             "lifts"
         conda:
             CONDA
         resources:
-            **job_size(peak_mb=120, seconds=2),
+            **job_size(peak_mb=120, seconds=1),
         params:
-            code=library_code("twin_lifting.py"),
-            settings=plain(settings.twin.lifting),
-            lifts=list(study.lifts),
-            with_moment=[name for name, lift in study.lifts.items() if lift.trial.hip_moment],
+            code=library_code("twin_lift.py"),
+            # Without other people and their lifts: whoever is added makes nobody anew.
+            settings=lambda wildcards: plain(
+                own_settings(
+                    settings.twin.lifting,
+                    study.subjects[study.lifts[wildcards.lift].subject],
+                    wildcards.lift,
+                    study.lifts[wildcards.lift].trial.box_mass_kg,
+                    settings.twin.seed,
+                )
+            ),
+            lift="{lift}",
             gravity=settings.stability.pendulum.gravity_m_s2,
             seed=settings.twin.seed,
         message:
-            "Synthetic lifts: marker files and hip moments"
+            "{wildcards.lift}: synthetic lift, marker file and hip moment"
         script:
-            "../scripts/twin_lifting.py"
+            "../scripts/twin_lift.py"
 
 
-HIP_MOMENTS = [
+TRIALS = [
     record
     for entry in settings.improvement.record_sets
     for record in entry.records or ()
-    if record.file.startswith("hip_moment/")
+    if record.file.startswith(HIP_MOMENTS)
 ]
 
 
-if study.synthetic and HIP_MOMENTS:
+if study.synthetic and TRIALS:
+
+    from lumbar.twin.lifting_recordings import settings_of_lifts
 
     rule twin_hip_moment:
         output:
-            recordings=[f"<results>/twin/{record.file}" for record in HIP_MOMENTS],
+            recordings=[f"<results>/twin/{record.file}" for record in TRIALS],
         log:
             "<logs>/twin_hip_moment.log",
         benchmark:
@@ -139,8 +151,13 @@ if study.synthetic and HIP_MOMENTS:
             **job_size(peak_mb=120, seconds=2),
         params:
             code=library_code("twin_hip_moment.py"),
-            settings=plain(settings.twin.lifting),
-            trials=[record.name for record in HIP_MOMENTS],
+            settings=plain(
+                settings_of_lifts(
+                    settings.twin.lifting,
+                    [settings.twin.lifting.hip_moment.trials[record.name].lift for record in TRIALS],
+                )
+            ),
+            trials=[record.name for record in TRIALS],
             gravity=settings.stability.pendulum.gravity_m_s2,
             seed=settings.twin.seed,
         message:

@@ -284,6 +284,34 @@ def test_a_person_of_a_study_has_trials(config, folder):
     assert "novice has no trials; list its recordings in config/subjects" in message_of(config, folder)
 
 
+def test_what_the_twin_cannot_lift_is_refused_with_file_and_line(config, folder):
+    """A person's file that was copied and half changed, with a label that nobody has, and movements of nobody."""
+    people = folder / "config" / "subjects"
+    text = (people / "expert.yaml").read_text(encoding="utf-8")
+    third = text.replace("name: expert", "name: third").replace("experience: expert", "experience: nurse")
+    third = third.replace("hip_moment: lifting/expert_15kg_hip_moment.csv", "forces: plates.mot")
+    (people / "third.yaml").write_text(third + "  static: standing.c3d\n", encoding="utf-8")
+    config["lifting"]["subjects"] = ["expert", "novice", "third"]
+    twin = config["twin"]["lifting"]
+    twin["lifts"]["novice_15kg"]["person"] = "robot"
+    del twin["hip_moment"]["trials"]["paced"]
+    twin["hip_moment"]["trials"]["fast"]["lift"] = "third_23kg"
+    message = message_of(config, folder)
+    file = "config/subjects/third.yaml, line"
+    for words in (
+        "twin.lifting.lifts.novice_15kg.person: 'robot'; people: expert, novice",
+        "twin.lifting.hip_moment.trials.fast.lift: 'third_23kg'; lifts: expert_23kg,",
+        "improvement.record_sets.2.records.0.name: 'paced'; twin.lifting.hip_moment.trials: fast,",
+        f"{file} 10: subject.trials.0.markers: 'lifting/expert_23kg.c3d'; the twin records it as lifting/third_23kg.c3d",
+        f"{file} 10: subject.trials.0.hip_moment: 'lifting/expert_23kg_hip_moment.csv'; the twin records it as lifting/third_",
+        f"{file} 11: subject.trials.1.forces: 'plates.mot'; the twin records none",
+        f"{file} 12: subject.static: 'standing.c3d'; the twin records none",
+        f"{file} 8: subject.experience: 'nurse'; the twin moves third_23kg, third_15kg as people of a label do",
+        "it knows expert, novice: add nurse to twin.lifting.groups in config/twin.yaml, or these lifts to twin.lifting.lifts",
+    ):
+        assert words in message
+
+
 def test_one_person_alone_has_results_of_its_own(config, folder):
     subject = yaml.safe_load((folder / "config" / "subjects" / "novice.yaml").read_text(encoding="utf-8"))
     study = load_study(config | subject, folder)

@@ -8,7 +8,7 @@ from scipy import stats
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.settings.plain import plain
-from lumbar.settings.twin import SyntheticLift
+from lumbar.settings.twin import GroupMovement, SyntheticLift, SyntheticPerson
 from lumbar.study.load_study import load_study, name_lifts
 from lumbar.study.validation import Origins, overlay, validate
 from lumbar.twin.cohort import (
@@ -19,11 +19,12 @@ from lumbar.twin.cohort import (
     lift_name,
     lifts_of,
     own_part,
+    own_settings,
     person_names,
     write_person,
 )
 from lumbar.twin.lifting_recordings import true_movement
-from study_settings import study_config, study_settings
+from study_settings import study_config, study_settings, subject_settings
 
 SEED = 45
 
@@ -51,7 +52,7 @@ def test_who_is_added_changes_nobody(cohort):
     person = draw_person(cohort, "novice_0002", "novice", SEED)
     assert person == draw_person(own_part(cohort, "novice"), "novice_0002", "novice", SEED)
     more = with_persons(cohort, 2, trials=9)
-    assert draw_lift(cohort, person, 23.0, 2, SEED) == draw_lift(more, person, 23.0, 2, SEED)
+    assert draw_lift(cohort, person, 23.0, "a_2", SEED) == draw_lift(more, person, 23.0, "a_2", SEED)
 
 
 def test_lifts_are_named_as_a_study_names_them(cohort):
@@ -100,13 +101,14 @@ def test_people_are_drawn_as_declared(cohort):
 def test_lifts_scatter_as_declared_about_their_person(cohort):
     person = draw_person(cohort, "novice_0001", "novice", SEED)
     mean, between, within = cohort.groups["novice"].lift_flexion_deg
-    drawn = [draw_lift(cohort, person, 15.0, trial, SEED).lift_flexion_deg for trial in range(1, 401)]
+    drawn = [draw_lift(cohort, person, 15.0, f"{trial}", SEED).lift_flexion_deg for trial in range(1, 401)]
     left = stats.truncnorm(-FARTHEST_SD, FARTHEST_SD).std()
     assert np.std(drawn) == pytest.approx(left * within, rel=0.12)
     assert np.mean(drawn) == pytest.approx(person.habits["lift_flexion_deg"], abs=3.5 * within / 20)
     assert abs(person.habits["lift_flexion_deg"] - mean) <= FARTHEST_SD * between
     light, heavy = (
-        draw_lift(replace(cohort, slower_per_kg=share), person, 23.0, 1, SEED).events_s for share in (0, 0.01)
+        draw_lift(replace(cohort, slower_per_kg=share), person, 23.0, "a", SEED).events_s
+        for share in (0, 0.01)
     )
     assert heavy.release == pytest.approx(1.08 * light.release, abs=0.002)
 
@@ -118,12 +120,14 @@ def test_every_lift_can_be_moved(settings, cohort, tmp_path):
     for name, group in person_names(large):
         person = draw_person(large, name, group, SEED)
         for mass, trial in lifts_of(large):
-            lift = draw_lift(large, person, mass, trial, SEED)
+            lift = draw_lift(large, person, mass, lift_name(name, mass, trial), SEED)
             validate(plain(lift), SyntheticLift, problems, Origins())
             assert np.all(np.diff([1.2, *vars(lift.events_s).values()]) >= 0.2)
     problems.raise_if_any()
     write_person(settings, cohort, "novice_0001", "novice", SEED, {(23.0, 2): tmp_path / "lift.c3d"})
-    lift = draw_lift(cohort, draw_person(cohort, "novice_0001", "novice", SEED), 23.0, 2, SEED)
+    lift = draw_lift(
+        cohort, draw_person(cohort, "novice_0001", "novice", SEED), 23.0, "novice_0001_23kg_2", SEED
+    )
     size = (tmp_path / "lift.c3d").stat().st_size
     one = {
         "people": {lift.person: draw_person(cohort, "novice_0001", "novice", SEED).truth},
@@ -132,3 +136,21 @@ def test_every_lift_can_be_moved(settings, cohort, tmp_path):
     markers = len(true_movement(replace(settings, **one, duration_s=12.0), "a").markers)
     frames = 100 * np.ceil(lift.events_s.release + 2)
     assert size == pytest.approx(frames * markers * 16, rel=0.02)
+
+
+def test_a_person_of_a_study_needs_no_movement_of_their_own():
+    """Drawn as of the label, with the mass declared, and from nobody else's; who has a named lift keeps it."""
+    twin, seed = study_settings().twin.lifting, SEED
+    person = replace(subject_settings("novice"), name="third", mass_kg=66.0)
+    own = own_settings(twin, person, "third_12kg", 12.0, seed)
+    assert list(own.lifts) == ["third_12kg"] and own.people == {
+        "third": SyntheticPerson(66.0, person.height_m)
+    }
+    mean, between, within = twin.groups["novice"].lift_flexion_deg
+    assert abs(own.lifts["third_12kg"].lift_flexion_deg - mean) <= FARTHEST_SD * (between + within)
+    assert own.duration_s >= own.lifts["third_12kg"].events_s.release + 2
+    assert len(true_movement(own, "third_12kg").time) == 100 * own.duration_s
+    more = replace(twin, groups={**twin.groups, "nurse": GroupMovement()}, people={}, lifts={})
+    assert own_settings(more, person, "third_12kg", 12.0, seed) == own
+    named = own_settings(twin, subject_settings("expert"), "expert_23kg", 23.0, seed)
+    assert named.lifts == {"expert_23kg": twin.lifts["expert_23kg"]} and named.duration_s == twin.duration_s

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 import lumbar
-from lumbar.base.errors import InputError
 from lumbar.settings.stability import PendulumSettings, StabilitySettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.hip_moment_recordings import write_trials
@@ -83,11 +82,6 @@ def test_other_effects_can_be_hidden(twin, tmp_path):
     found = regressed(record, lambda acceleration, angle: [np.expm1(angle / 0.4)])
     inertia, gravity = trunk_of(settings.people["expert"])
     assert found == pytest.approx([inertia, 8.0, -gravity, 5.0], rel=0.02)
-
-
-def test_a_trial_the_twin_does_not_know_is_refused(twin, tmp_path):
-    with pytest.raises(InputError, match=r"no trial 'jump'; the twin has paced, fast"):
-        write_trials(twin, ["jump"], [tmp_path / "jump.csv"], [1])
 
 
 def test_the_default_study_weighs_the_box(twin, tmp_path):

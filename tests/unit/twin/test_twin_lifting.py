@@ -120,7 +120,6 @@ def test_the_same_seed_writes_the_same_bytes_and_another_seed_others(twin, tmp_p
 @pytest.mark.parametrize(
     ("key", "value", "words"),
     [
-        ("person", "robot", "people: expert, novice"),
         ("events_s", {"lift_off": 2.3, "toe_off": 2.2, "deposit_start": 5.8, "release": 7.1}, "must follow"),
         (
             "events_s",
@@ -139,11 +138,6 @@ def test_a_recording_too_long_for_a_c3d_file_is_refused(twin):
     settings = replace(twin, duration_s=95.0, rate_Hz=1000.0)
     with pytest.raises(InputError, match="95000 frames"):
         true_movement(settings, "expert_23kg")
-
-
-def test_a_lift_the_twin_does_not_know_is_refused(twin):
-    with pytest.raises(InputError, match=r"no lift 'third_23kg'; the twin has expert_23kg"):
-        true_movement(twin, "third_23kg")
 
 
 LABELS = ["ann:C7", "ann:SACRUM", "box:BOX_1"]

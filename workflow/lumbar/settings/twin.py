@@ -219,10 +219,9 @@ def _drawn(meaning: str, default: tuple[float, float, float], unit: str | None =
 
 
 @settings
-class CohortGroup:
-    """One group of a cohort: how many, and how they lift; the defaults are an expert's."""
+class GroupMovement:
+    """How people of one group lift; the defaults are an expert's."""
 
-    persons: int = key("Number of persons.", default=10, within="[1, 100000]")
     lift_flexion_deg: Drawn = _drawn(
         "Inclination of the thorax when the box is grasped", (60.0, 8.0, 3.0), "°"
     )
@@ -237,6 +236,13 @@ class CohortGroup:
         "Share of the trials in which a foot shuffles to the box first.", default=0.1, within="[0, 1]"
     )
     tempo: Drawn = _drawn("Factor on all durations", (1.0, 0.08, 0.03))
+
+
+@settings
+class CohortGroup(GroupMovement):
+    """One group of a cohort: how they lift, and how many they are."""
+
+    persons: int = key("Number of persons.", default=10, within="[1, 100000]")
 
 
 @settings
@@ -305,11 +311,17 @@ class SyntheticLiftingSettings:
     workplace: WorkplaceSettings = section(default_factory=WorkplaceSettings)
     hip_moment: SyntheticMomentSettings = section(default_factory=SyntheticMomentSettings)
     people: dict[str, SyntheticPerson] = key(
-        "True mass and stature of the synthetic people; the study declares its own in config/subjects.",
+        "True mass and stature of synthetic people; of anybody else they are what config/subjects declares.",
         default={},
     )
     lifts: dict[str, SyntheticLift] = key(
-        "Movement of every lift, by its name <subject>_<box mass>kg.", default={}
+        "Movement of lifts, by name: <subject>_<box mass>kg, with _2 and so on where a box is lifted again. Any other lift is "
+        "drawn as of the person's group.",
+        default={},
+    )
+    groups: dict[GroupName, GroupMovement] = key(
+        "How people lift whose lifts are not named, by their label (experience in config/subjects).",
+        default={},
     )
     cohort: CohortSettings | None = key(
         "People drawn from distributions, in place of lifting.subjects, people and lifts; null takes those.",

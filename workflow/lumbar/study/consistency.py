@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import LumbarError, Problems
 from lumbar.base.yaml_file import way_of
 from lumbar.settings.stability import GROUPS, weight_problems
-from lumbar.study.study import Study, record_layout, record_set, recordings_of
+from lumbar.study.study import (
+    HIP_MOMENTS,
+    TWIN_HIP_MOMENT,
+    TWIN_MARKERS,
+    Study,
+    record_layout,
+    record_set,
+    recordings_of,
+)
 
 if TYPE_CHECKING:
     from lumbar.settings.improvement import ImprovementSettings
@@ -138,7 +146,53 @@ def _check_effects(
             add(f"{key}.{number}", f"{name!r} is no effect", allowed)
 
 
-def check_consistency(study: Study, root: Path, origins: Origins, problems: Problems) -> None:
+def _check_twin_lifts(study: Study, sources: Mapping[str, Origins], problems: Problems) -> None:
+    """Check that the twin can make all that people declare of their lifts."""
+    twin = study.settings.twin.lifting
+    for person, lifts in study.lifts_by_person.items():
+        for number, (name, lift) in enumerate(lifts.items()):
+            made = {
+                "markers": TWIN_MARKERS.format(lift=name),
+                "hip_moment": TWIN_HIP_MOMENT.format(lift=name),
+            }
+            for key in ("markers", "hip_moment", "forces"):
+                found, place = getattr(lift.trial, key), ("subject", "trials", number, key)
+                if found not in (None, made.get(key)):
+                    words = f"the twin records it as {made[key]}" if key in made else "the twin records none"
+                    problems.add(sources[person].place(place), repr(found), words)
+        if study.subjects[person].static:
+            place = sources[person].place(("subject", "static"))
+            problems.add(place, repr(study.subjects[person].static), "the twin records none")
+        group, drawn = study.subjects[person].experience, [name for name in lifts if name not in twin.lifts]
+        if drawn and group not in twin.groups:
+            words = (
+                f"the twin moves {', '.join(drawn)} as people of a label do; it knows {', '.join(twin.groups) or 'none'}: "
+                f"add {group} to twin.lifting.groups in config/twin.yaml, or these lifts to twin.lifting.lifts"
+            )
+            problems.add(sources[person].place(("subject", "experience")), repr(group), words)
+
+
+def _check_twin_movements(settings: StudySettings, add_at: Callable[[tuple, str, str], None]) -> None:
+    """Check that lifts and trials of the twin name people and lifts that it has, and records of hip moments its trials."""
+    twin, way = settings.twin.lifting, ("twin", "lifting")
+    trials = twin.hip_moment.trials
+    for name, lift in twin.lifts.items():
+        if lift.person not in twin.people:
+            add_at((*way, "lifts", name, "person"), repr(lift.person), f"people: {', '.join(twin.people)}")
+    for name, trial in trials.items():
+        if trial.lift not in twin.lifts:
+            place = (*way, "hip_moment", "trials", name, "lift")
+            add_at(place, repr(trial.lift), f"lifts: {', '.join(twin.lifts)}")
+    for number, entry in enumerate(settings.improvement.record_sets):
+        for item, record in enumerate(entry.records or ()):
+            if record.file.startswith(HIP_MOMENTS) and record.name not in trials:
+                place = ("improvement", "record_sets", number, "records", item, "name")
+                add_at(place, repr(record.name), f"twin.lifting.hip_moment.trials: {', '.join(trials)}")
+
+
+def check_consistency(
+    study: Study, root: Path, origins: Origins, sources: Mapping[str, Origins], problems: Problems
+) -> None:
     """Check names, references between keys and that every given recording is there and inside the root.
 
     Whether an object store has a recording is asked by Snakemake.
@@ -149,6 +203,8 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
         Folder of the project.
     origins : Origins
         Files and lines of the keys.
+    sources : mapping of str to Origins
+        The same of every person's file.
     problems : Problems
         Takes what is wrong.
     """
@@ -186,6 +242,10 @@ def check_consistency(study: Study, root: Path, origins: Origins, problems: Prob
                 "cvxpy without sum_of_squares",
                 "it checks those certificates: choose both",
             )
+    if study.synthetic:
+        _check_twin_movements(settings, lambda way, *words: problems.add(origins.place(way), *words))
+        if not study.cohort:
+            _check_twin_lifts(study, sources, problems)
     _check_recordings(study, add)
 
 

@@ -47,7 +47,7 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
     problems = Problems("configuration")
     origins = Origins([read_yaml(_below(root, file), problems, _named(root, file)) for file in files])
     settings = validate(config, StudySettings, problems, origins)
-    subjects = _load_subjects(config, settings, root, problems)
+    subjects, sources = _load_subjects(config, settings, root, problems, origins)
     if settings is not None:
         _check_chapters(settings, problems, origins)
     problems.raise_if_any()
@@ -68,7 +68,7 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
         data_root=_data_root(settings, root, problems, origins),
         lifts=lifts if LIFTED & set(chapters) else {},
     )
-    check_consistency(study, root, origins, problems)
+    check_consistency(study, root, origins, sources, problems)
     problems.raise_if_any()
     return study
 
@@ -135,52 +135,58 @@ def name_lifts(subjects: dict[str, SubjectSettings]) -> dict[str, RecordedLift]:
 
 
 def _load_subjects(
-    config: dict, settings: StudySettings | None, root: Path, problems: Problems
-) -> dict[str, SubjectSettings]:
-    """Read the study's subject files; those of a configuration that is wrong itself are checked all the same."""
+    config: dict, settings: StudySettings | None, root: Path, problems: Problems, origins: Origins
+) -> tuple[dict[str, SubjectSettings], dict[str, Origins]]:
+    """Read the study's subject files; those of a configuration that is wrong itself are checked all the same.
+
+    Returns people by name, and the files that each comes from.
+    """
     if settings is None:
         names = (
             config.get("lifting", {}).get("subjects", []) if isinstance(config.get("lifting"), dict) else []
         )
         names = [] if "subject" in config or not isinstance(names, list) else filter(_is_name, names)
     elif not LIFTED & set(settings.chapters):
-        return {}
+        return {}, {}
     elif settings.subject:
-        return {settings.subject.name: settings.subject}
+        return {settings.subject.name: settings.subject}, {settings.subject.name: origins}
     elif settings.data == TWIN and settings.twin.lifting.cohort:
         from lumbar.twin.cohort import cohort_subjects
 
-        return cohort_subjects(settings.twin.lifting.cohort, settings.twin.seed)
+        return cohort_subjects(settings.twin.lifting.cohort, settings.twin.seed), {}
     else:
         names = settings.lifting.subjects
-    subjects = {}
-    for name in names:
+    subjects, sources = {}, {}
+    for number, name in enumerate(names):
         path = root / "config" / "subjects" / f"{name}.yaml"
         if not path.is_file():
             known = ", ".join(sorted(item.stem for item in path.parent.glob("*.yaml")))
-            problems.add("lifting.subjects", f"no file config/subjects/{name}.yaml", f"there are: {known}")
+            place = origins.place(("lifting", "subjects", number))
+            problems.add(place, f"no file config/subjects/{name}.yaml", f"there are: {known}")
             continue
-        subject = read_subject(path, f"config/subjects/{name}.yaml", problems)
+        subject, source = read_subject(path, f"config/subjects/{name}.yaml", problems)
         if subject is not None and subject.name != name:
-            place = f"config/subjects/{name}.yaml: subject.name"
-            problems.add(place, repr(subject.name), f"the file is named {name}.yaml")
+            problems.add(
+                source.place(("subject", "name")), repr(subject.name), f"the file is named {name}.yaml"
+            )
         elif subject is not None:
-            subjects[name] = subject
-    return subjects
+            subjects[name], sources[name] = subject, source
+    return subjects, sources
 
 
 def _is_name(name: object) -> bool:
     return isinstance(name, str) and "/" not in name
 
 
-def read_subject(path: Path, name: str, problems: Problems) -> SubjectSettings | None:
-    """Read a subject file; None where it cannot be used, and `problems` says why."""
+def read_subject(path: Path, name: str, problems: Problems) -> tuple[SubjectSettings | None, Origins]:
+    """Read a subject file, and where its keys stand; None where it cannot be used, and `problems` says why."""
     before = len(problems.entries)
     file: YamlFile = read_yaml(path, problems, name)
+    origins = Origins([file])
     if len(problems.entries) > before:
-        return None
-    checked = validate(file.content, SubjectFile, problems, Origins([file]))
-    return checked.subject if checked else None
+        return None, origins
+    checked = validate(file.content, SubjectFile, problems, origins)
+    return (checked.subject if checked else None), origins
 
 
 def _data_root(
@@ -280,6 +286,6 @@ def load_subject(path: str | os.PathLike) -> SubjectSettings:
     from lumbar.base.errors import Problems
 
     problems = Problems("subject")
-    subject = read_subject(Path(path), str(path), problems)
+    subject, _ = read_subject(Path(path), str(path), problems)
     problems.raise_if_any()
     return subject

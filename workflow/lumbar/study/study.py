@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings
 
 TWIN = "twin"
+TWIN_MARKERS, TWIN_HIP_MOMENT = "lifting/{lift}.c3d", "lifting/{lift}_hip_moment.csv"
+"""Where the twin records a lift, below its recordings."""
+HIP_MOMENTS = "hip_moment/"
+"""Folder in which the twin records trials of the hip moment."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A cohort of synthetic lifters: people and their lifts drawn from declared distributions.
+"""Synthetic lifters whose lifts nobody named: a cohort, or one person of a study, drawn from declared distributions.
 
 The twin holds the truth; what a study knows of a person, mass and stature, is measured with an error. Every person and every
 lift has random numbers of its own, so that whoever is added, or does another trial, changes nobody else.
@@ -16,11 +16,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.settings.subject import SubjectSettings, TrialSettings
-from lumbar.settings.twin import CohortGroup, SyntheticLift, SyntheticPerson, TrueEvents
-from lumbar.twin.lifting_recordings import write_lift
+from lumbar.settings.twin import (
+    CohortGroup,
+    CohortSettings,
+    GroupMovement,
+    SyntheticLift,
+    SyntheticPerson,
+    TrueEvents,
+)
+from lumbar.twin.lifting_recordings import settings_of_lifts, write_lift
 
 if TYPE_CHECKING:
-    from lumbar.settings.twin import CohortSettings, SyntheticLiftingSettings
+    from lumbar.settings.twin import SyntheticLiftingSettings
 
 FARTHEST_SD = 2.5
 """Standard deviations beyond which nothing is drawn."""
@@ -29,7 +36,7 @@ AFTER_RELEASE_S = 2.0
 POSTURES = tuple(
     item.name
     for item in fields(SyntheticLift)
-    if item.name in {own.name for own in fields(CohortGroup)} - {"foot_adjustment"}
+    if item.name in {own.name for own in fields(GroupMovement)} - {"foot_adjustment"}
 )
 """Numbers of a lift that are drawn, in a fixed order."""
 _STREAMS = {"person": 11, "lift": 12, "noise": 13}
@@ -89,10 +96,12 @@ def draw_person(cohort: CohortSettings, name: str, group: str, seed: int) -> Coh
         mass_kg=round(truth.mass_kg + cohort.mass_error_kg * _normal(rng), 1),
         height_m=round(truth.height_m + cohort.stature_error_m * _normal(rng), 3),
     )
-    content = cohort.groups[group]
-    drawn = {item: getattr(content, item) for item in (*POSTURES, "tempo")}
-    habits = {item: max(mean + between * _normal(rng), 0.0) for item, (mean, between, _) in drawn.items()}
-    return CohortPerson(name, group, sex, truth, declared, habits)
+    return CohortPerson(name, group, sex, truth, declared, _habits(cohort.groups[group], rng))
+
+
+def _habits(group: GroupMovement, rng: np.random.Generator) -> dict[str, float]:
+    drawn = {item: getattr(group, item) for item in (*POSTURES, "tempo")}
+    return {item: max(mean + between * _normal(rng), 0.0) for item, (mean, between, _) in drawn.items()}
 
 
 def lift_name(person: str, box_mass_kg: float, trial: int) -> str:
@@ -101,24 +110,24 @@ def lift_name(person: str, box_mass_kg: float, trial: int) -> str:
 
 
 def draw_lift(
-    cohort: CohortSettings, person: CohortPerson, box_mass_kg: float, trial: int, seed: int
+    cohort: CohortSettings, person: CohortPerson, box_mass_kg: float, lift: str, seed: int
 ) -> SyntheticLift:
     """Draw one lift of a person.
 
     Parameters
     ----------
-    trial : int
-        Counted from 1.
+    lift : str
+        Its name.
     seed : int
         The twin's.
     """
-    rng = _generator(seed, "lift", lift_name(person.name, box_mass_kg, trial))
+    rng = _generator(seed, "lift", lift)
     content = cohort.groups[person.group]
     numbers = {
         item: max(habit + getattr(content, item)[2] * _normal(rng), 0.0)
         for item, habit in person.habits.items()
     }
-    heavier = box_mass_kg - min(cohort.box_masses_kg)
+    heavier = max(box_mass_kg - min(cohort.box_masses_kg), 0.0)
     # No movement lasts less than half of its usual time: the events keep their order.
     slowness = max(numbers.pop("tempo"), 0.5) * (1 + cohort.slower_per_kg * heavier)
     times = np.cumsum(np.multiply(slowness, cohort.durations_s))
@@ -191,13 +200,42 @@ def write_person(
     """
     person = draw_person(cohort, name, group, seed)
     for (mass, trial), path in files.items():
-        lift = draw_lift(cohort, person, mass, trial, seed)
         key = lift_name(name, mass, trial)
-        own = replace(
-            settings,
-            people={name: person.truth},
-            lifts={key: lift},
-            duration_s=math.ceil(lift.events_s.release + AFTER_RELEASE_S),
-        )
+        lift = draw_lift(cohort, person, mass, key, seed)
         noise = [seed, _STREAMS["noise"], zlib.crc32(key.encode())]
-        write_lift(own, key, noise, Path(path), None)
+        write_lift(_with_lift(settings, key, lift, person.truth), key, noise, Path(path), None)
+
+
+def _with_lift(
+    settings: SyntheticLiftingSettings, name: str, lift: SyntheticLift, truth: SyntheticPerson
+) -> SyntheticLiftingSettings:
+    """Settings of a recording that is as long as its one drawn lift."""
+    duration = math.ceil(lift.events_s.release + AFTER_RELEASE_S)
+    return replace(settings, people={lift.person: truth}, lifts={name: lift}, duration_s=duration)
+
+
+def own_settings(
+    settings: SyntheticLiftingSettings, subject: SubjectSettings, lift: str, box_mass_kg: float, seed: int
+) -> SyntheticLiftingSettings:
+    """Return what one lift of a study hangs on: its person and its movement, named or drawn as of the person's group.
+
+    Parameters
+    ----------
+    subject : SubjectSettings
+        Who lifts; mass and stature declared are the true ones where ``people`` names no others.
+    lift : str
+        Its name.
+    seed : int
+        The twin's.
+    """
+    alone = settings_of_lifts(settings, [lift] if lift in settings.lifts else [])
+    alone = replace(alone, hip_moment=replace(settings.hip_moment, trials={}))
+    if lift in settings.lifts:
+        return alone
+    group = subject.experience
+    cohort = CohortSettings(groups={group: CohortGroup(**vars(settings.groups[group]))})
+    declared = SyntheticPerson(mass_kg=subject.mass_kg, height_m=subject.height_m)
+    truth = settings.people.get(subject.name, declared)
+    habits = _habits(settings.groups[group], _generator(seed, "person", subject.name))
+    person = CohortPerson(subject.name, group, subject.sex, truth, declared, habits)
+    return _with_lift(alone, lift, draw_lift(cohort, person, box_mass_kg, lift, seed), truth)

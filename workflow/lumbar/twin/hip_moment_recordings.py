@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.base.errors import InputError
 from lumbar.base.files import write_csv
 from lumbar.twin.hip_moment import GRAVITY, box_held, hip_moment, trunk_angle
 from lumbar.twin.lifter import Movement
@@ -78,18 +77,9 @@ def write_trials(
         Trials of ``hip_moment.trials``.
     paths : list of path
         File of each.
-
-    Raises
-    ------
-    InputError
-        If the twin has no such trial, or a trial no such lift.
     """
     known = settings.hip_moment.trials
     for name, path in zip(names, paths, strict=True):
-        if name not in known:
-            raise InputError(
-                f"twin.lifting.hip_moment.trials: no trial {name!r}; the twin has {', '.join(known)}: add it there"
-            )
         lift = known[name].lift
         movement = true_movement(settings, lift)
         content = settings.lifts[lift]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import os
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,6 +88,13 @@ MAXIMUM_FRAMES = 65534
 """The header of a C3D file counts frames in 16 bits, and its largest value means "more"."""
 
 
+def settings_of_lifts(settings: SyntheticLiftingSettings, lifts: Iterable[str]) -> SyntheticLiftingSettings:
+    """Return the settings with these lifts and who lifts alone: whoever is added makes no other recording anew."""
+    moved = {name: settings.lifts[name] for name in lifts}
+    people = {lift.person: settings.people[lift.person] for lift in moved.values()}
+    return replace(settings, people=people, lifts=moved, groups={}, cohort=None)
+
+
 def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
     """Movement of one lift without noise or gaps.
 
@@ -98,17 +106,9 @@ def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
     Raises
     ------
     InputError
-        If the twin knows no such lift or person, or its events are not in order.
+        If its events are not in order, or it has more frames than a C3D file.
     """
-    if lift not in settings.lifts:
-        known = ", ".join(settings.lifts)
-        raise InputError(
-            f"twin.lifting.lifts: no lift {lift!r}; the twin has {known}: add its movement there"
-        )
     content = settings.lifts[lift]
-    if content.person not in settings.people:
-        known = ", ".join(settings.people)
-        raise InputError(f"twin.lifting.lifts.{lift}.person: {content.person!r}; people: {known}")
     events = content.events_s
     order = [1.2, events.lift_off, events.toe_off, events.deposit_start, events.release]
     if np.any(np.diff([*order, settings.duration_s - 0.3]) < 0.2):
