@@ -72,7 +72,13 @@ def test_a_person_whose_file_was_copied_is_all_that_is_lifted_and_computed_anew(
     files = ("--configfile", "config/groups.yaml", "config/third_person.yaml")
     run = snakemake(study, "--cores", "1", "--dry-run", "stability", *files)
     own = dict.fromkeys(("twin_lift", "lift", "basins_of_lift"), 2)
-    pooled = ("check_lifting_recordings", "stability_tables", "stability_figures", "measure_movement")
+    pooled = (
+        "check_lifting_recordings",
+        "stability_tables",
+        "stability_figures",
+        "measure_movement",
+        "show_lifts",
+    )
     assert run.jobs == own | dict.fromkeys((*pooled, "stability"), 1), run.text[-3000:]
     assert "third_23kg: basins of attraction" in run.text and "expert_23kg: " not in run.text
 
