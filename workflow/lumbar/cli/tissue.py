@@ -179,8 +179,10 @@ def run_locate(options) -> None:
 
 
 def run_refine(options) -> None:
-    """Refit base and effects jointly, write refined.json, print the error ladder."""
+    """Refit base and effects jointly, write refined.json, print the error ladder and draw it."""
     _save_and_print(_refinement(options), options)
+    print(f"The ladder is drawn in {options.output / 'ladder.svg'}; a device plays the last model:")
+    print(f"  lumbar export {options.output / 'refined.json'} --output fmu")
 
 
 def _save_and_print(found, options) -> None:

@@ -223,6 +223,8 @@ class Locations(OnRecords):
         return location_page(self.simulated, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
-        return "\n".join(
-            ["\n  ".join(item.location.sentences) for item in self.simulated] + self._finding_lines
-        )
+        from lumbar.tissue.diagnosis.residuals.locate import all_records_sentence
+
+        locations = [item.location for item in self.simulated]
+        told = ["\n  ".join(item.sentences) for item in locations]
+        return "\n".join([all_records_sentence(locations), *told, *self._finding_lines])

@@ -13,6 +13,8 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from lumbar.interface.comparison import Comparisons, Locations
     from lumbar.tissue.diagnosis.finding import Finding
     from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -49,9 +51,10 @@ def refine(
     >>> import lumbar
     >>> from lumbar.twin.examples import example_records
     >>> refined = lumbar.refine(example_records(), ["coulomb_friction"])
-    >>> print(refined)
+    >>> print(str(refined).partition("Verdict")[0].rstrip())
     KB: 0.2309 N in training, 0.2238 unseen
-    KB+coulomb_friction: 0.009905 N in training, 0.009905 unseen
+    + coulomb_friction: 0.009905 N in training, 0.009905 unseen (-96 %)
+    Noise floor: 0.0101 N (0.00961 to 0.0106) from 5 periods of 4 s.
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
@@ -63,11 +66,14 @@ def refine(
 def fit_effects(records, effects, settings, seed, data) -> Refinement:
     """Fit the base with these effects, each added in turn, on records of a manageable size."""
     from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
+    from lumbar.tissue.diagnosis.selection.refine import not_converged
     from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
 
-    used, changed = limit_samples(records, settings.session)
+    used, findings = limit_samples(records, settings.session)
     experiment, path = fit_path(used, effects, settings)
-    return Refinement(used, settings, experiment, path, seed, data, changed)
+    if not path[-1].fit.converged:
+        findings = (*findings, not_converged(path[-1], experiment))
+    return Refinement(used, settings, experiment, path, seed, data, findings)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,7 +88,7 @@ class Refinement(Result):
     seed: int
     data: str
     findings: tuple[Finding, ...] = ()
-    """Records that were too long or too fast, and what was used of them."""
+    """Records that were too long or too fast and what was used of them, and a base whose fit did not converge."""
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -147,22 +153,28 @@ class Refinement(Result):
         ]
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``refined.json``: every model of the path, ready for export."""
+        """``refined.json``, every model of the path, ready for export, and ``ladder``, its picture."""
         from lumbar.tissue.diagnosis.selection.refine import refined_document
 
         yield "refined.json", refined_document(self.path, self.experiment, self.data)
+        yield "ladder", self.figure()
+
+    def figure(self) -> Figure:
+        """Return the picture of the error ladder."""
+        from lumbar.publishing.figures.comparison_figures import ladder_figure, ladder_rungs
+
+        floor, unit = self.experiment.floor, self.experiment.output_unit
+        errors = [
+            {"effects": item.effects, "train_rms": item.train_rms, "test_rms": item.test_rms}
+            for item in self.path
+        ]
+        rungs = ladder_rungs({"base": self.path[0].fit.structure.base.name, "ladder": errors})
+        return ladder_figure(rungs, unit, None if floor is None else floor.rms)
 
     def __str__(self) -> str:
-        from lumbar.tissue.diagnosis.selection.refine import model_name
-        from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
+        from lumbar.tissue.diagnosis.selection.ladder import ladder_sentences
 
-        unit = self.experiment.output_unit
-        training = distinguishing_digits([item.train_rms for item in self.path], 4)
-        unseen = distinguishing_digits([item.test_rms for item in self.path], 4)
-        lines = [
-            f"{model_name(item.fit)}: {own} {unit} in training, {other} unseen"
-            for item, own, other in zip(self.path, training, unseen, strict=True)
-        ]
+        lines = ladder_sentences(self.path, self.experiment)
         return "\n".join([*lines, *(item.sentence for item in self.findings)])
 
     def __repr__(self) -> str:

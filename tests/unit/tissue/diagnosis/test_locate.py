@@ -11,7 +11,13 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
-from lumbar.tissue.diagnosis.residuals.locate import locate, location_table
+from lumbar.tissue.diagnosis.residuals.causes import Cause, causes_sentence, rank_causes
+from lumbar.tissue.diagnosis.residuals.locate import (
+    all_records_sentence,
+    locate,
+    location_table,
+    residual_of,
+)
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import rank_correlation, reversals
 from lumbar.tissue.diagnosis.residuals.residual import Residual, chi_square_p, steady_velocity
 from lumbar.tissue.diagnosis.residuals.residual_tests import cross_correlation, ljung_box
@@ -79,6 +85,31 @@ def test_an_error_is_seen_where_it_is(error, view, share):
     assert location.views[view].share >= share
     assert location.views[view].p_value < 1e-6
     assert f"{view} (" in location.headline
+
+
+def test_what_linear_dynamics_resemble_is_told_from_them():
+    """Linear dynamics resemble a damping that grows with speed so well that a richer model seems worth trying."""
+    hidden = located(lambda z, v, t: 0.001 * v * np.abs(v))
+    assert "a richer linear model is worth trying" in hidden.views["linear dynamics"].sentence
+    words = all_records_sentence([hidden])
+    assert words.startswith("This record: position and velocity first (")
+    assert "a damping or friction" in words and words.endswith("looks linear in part.")
+    causes = {cause.name: cause for cause in hidden.causes}
+    taken, rest = causes["position and velocity"], 1 - causes["linear dynamics"].share
+    assert taken.share_of_rest == pytest.approx(taken.share / rest) and taken.share_of_rest > 0.8
+
+
+def test_a_record_that_cannot_tell_says_so():
+    linear = located(ERRORS["stiffness"])
+    assert all_records_sentence([linear]).startswith(
+        "This record: linear dynamics first (100 % of the explainable error): "
+    )
+    play = [Cause("linear dynamics", 0.79, 0.79), Cause("reversals", 0.1, 0.47)]
+    assert "21 % of it is not linear in the motion; then reversals (10 %)" in causes_sentence(
+        play, 2, "error"
+    )
+    noise = located(lambda z, v, t: 0 * z)
+    assert all_records_sentence([noise]) == "All records: what is left is noise, or all but noise."
 
 
 def test_a_constant_offset_is_called_one_and_not_credited_to_a_view():
@@ -300,29 +331,43 @@ FIRST_VIEWS = {
     "drift": {"time"},
     "contact_loss": {"depth", "position and velocity"},
     "saturation": {"depth", "position and velocity"},
+    "quadratic_damping": {"position and velocity"},
+    "hysteresis": {"reversals"},
+    "backlash": {"reversals"},
 }
-"""View that must come first by the nature of the effect; others are mixed."""
+"""What the force of each effect depends on."""
 
 
 def test_hidden_effects(shared):
+    """On all records together what comes first is what the hidden effect depends on; on a chirp alone it often is not."""
     labels = json.loads((shared / "hidden_effects" / "labels.json").read_text())
     for case, label in labels.items():
-        time, position, force = np.loadtxt(
-            shared / "hidden_effects" / case / "multisine.csv", delimiter=",", skiprows=1, unpack=True
-        )
-        step = time[1] - time[0]
+        records = {
+            name: np.loadtxt(shared / "hidden_effects" / case / f"{name}.csv", delimiter=",", skiprows=1).T
+            for name in ("multisine", "noise", "chirp")
+        }
+        step = records["multisine"][0][1] - records["multisine"][0][0]
         # The base model with its true time constant, stiffnesses by least squares.
         decay = np.exp(-step / label["tau_s"])
         held = label["tau_s"] * (1 - decay) / step
-        branch = lfilter([held, -held], [1, -decay], position - position[0])
-        columns = np.column_stack([position, branch])
-        fitted = columns @ np.linalg.lstsq(columns[50:], force[50:], rcond=None)[0]
-        test = record(position, force)
-        location = locate(test, fitted, noise_floor(test))
+        columns = {
+            name: np.column_stack([position, lfilter([held, -held], [1, -decay], position - position[0])])
+            for name, (_, position, _) in records.items()
+        }
+        stiffness = np.linalg.lstsq(columns["multisine"][50:], records["multisine"][2][50:], rcond=None)[0]
+        tests = [record(position, force, name=name) for name, (_, position, force) in records.items()]
+        floor = noise_floor(tests[0])
+        residuals = [
+            residual_of(test, columns[test.name] @ stiffness, floor, "" if test is tests[0] else "multisine")
+            for test in tests
+        ]
+        first = locate(tests[0], columns["multisine"] @ stiffness, floor)
         if not label["effects"]:
-            assert location.is_noise or "all but noise" in location.headline, case
-        elif len(label["effects"]) == 1 and label["effects"][0] in FIRST_VIEWS:
-            assert location.ranking[0].name in FIRST_VIEWS[label["effects"][0]], (case, location.headline)
+            assert first.is_noise or first.is_all_but_noise, case
+        else:
+            causes = rank_causes(residuals)
+            views = set().union(*(FIRST_VIEWS[name] for name in label["effects"]))
+            assert causes[0].name in views, (case, label["effects"], causes)
 
 
 def test_errors_of_large_and_of_fast_cycles_are_told_apart():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lumbar.publishing.pages.html import document, figure, heading, listing, paragraph, table
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence
 
 
 def comparison_page(simulated: list[ResidualReport], model: str, data: str, pictures: dict[str, Path]) -> str:
@@ -51,7 +51,8 @@ def location_page(simulated: list[ResidualReport], model: str, data: str, pictur
             listing(sentences),
             figure(pictures[name], LOCATION_CAPTION),
         ]
-    return document(f"Where the {model} model fails", data, blocks)
+    told = paragraph(all_records_sentence([item.location for item in simulated]), "headline")
+    return document(f"Where the {model} model fails", data, [told, *blocks])
 
 
 LOCATION_CAPTION = (

@@ -15,6 +15,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.session import in_session
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import Folding, fold_periods
+from lumbar.tissue.diagnosis.residuals.causes import Cause, causes_sentence, rank_causes
 from lumbar.tissue.diagnosis.residuals.compare import Comparison, compare_record, settling_samples
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
     cycle_view,
@@ -58,8 +59,12 @@ def locate(
         If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
     """
     residual = residual_of(record, simulated, floor, floor_from)
+    return _location(record, residual, rank_causes([residual]))
+
+
+def _location(record: Record, residual: Residual, causes: Sequence[Cause]) -> Location:
     found = [view(residual) for view in VIEWS]
-    return Location(record.name, residual, {view.name: view for view in found})
+    return Location(record.name, residual, {view.name: view for view in found}, tuple(causes))
 
 
 def residual_of(
@@ -91,12 +96,15 @@ class Location:
     residual: Residual
     views: dict[str, View]
     """By name, in the order in which they are told."""
+    causes: tuple[Cause, ...]
+    """Of the error of all records that were looked at together, by how well they are told from each other."""
 
     @property
     def ranking(self) -> list[View]:
-        """Views by the share of the explainable error they account for, the largest first."""
+        """Views in the order of `causes`, then by the share of the explainable error they account for."""
+        order = {cause.name: place for place, cause in enumerate(self.causes)}
         ranked = [self.views[name] for name in _RANKED]
-        return sorted(ranked, key=lambda view: -view.share)
+        return sorted(ranked, key=lambda view: (order.get(view.name, len(order)), -view.share))
 
     @property
     def is_noise(self) -> bool:
@@ -110,20 +118,24 @@ class Location:
         return min(view.p_value for view in counted) * len(counted) >= SIGNIFICANT
 
     @property
+    def is_all_but_noise(self) -> bool:
+        """Whether the error hardly exceeds the noise floor."""
+        floor = self.residual.floor
+        return floor is not None and self.residual.variance < (_ALL_BUT_NOISE * floor.rms) ** 2
+
+    @property
     def headline(self) -> str:
         """The main finding in one sentence."""
         residual = self.residual
         if self.is_noise:
             return f"{self.record}: no view shows more than noise would."
-        if residual.floor is not None and residual.variance < (_ALL_BUT_NOISE * residual.floor.rms) ** 2:
+        if self.is_all_but_noise:
             return (
                 f"{self.record}: the error is all but noise, {np.sqrt(residual.variance):.3g} {residual.unit} beside a floor of "
                 f"{residual.floor.rms:.3g} {residual.unit}; the views that stand out concern the rest."
             )
         listed = [f"{view.name} ({percent(view.share)})" for view in self.ranking if view.share >= 0.005]
-        told = (
-            f"most of it is seen along {', then '.join(listed[:3])}" if listed else "no view accounts for it"
-        )
+        told = f"it is seen along {', '.join(listed[:3])}" if listed else "no view accounts for it"
         offset = residual.share(float(np.mean(residual.values)) ** 2)
         if offset > 0.05:
             told += f"; a constant offset of {np.mean(residual.values):+.3g} {residual.unit} is {percent(offset)} of it"
@@ -181,12 +193,18 @@ def residual_reports(
     `simulate` goes from a record to the model's free run, shape (samples,). `floor` is the noise floor of the record
     named `floor_from`; `seed` is that of the intervals.
     """
-    found = []
+    sources = ["" if record.name == floor_from else floor_from for record in records]
+    simulated = [simulate(record) for record in records]
+    residuals = [
+        residual_of(*item, floor, source)
+        for item, source in zip(zip(records, simulated, strict=True), sources, strict=True)
+    ]
+    causes, found = rank_causes(residuals), []
     for number, record in enumerate(track(records, "records compared and located")):
-        values = simulate(record)
-        source = "" if record.name == floor_from else floor_from
-        comparison = compare_record(record, values, floor, source, seed=seed + number)
-        found.append(ResidualReport(record, values, comparison, locate(record, values, floor, source)))
+        values = simulated[number]
+        comparison = compare_record(record, values, floor, sources[number], seed=seed + number)
+        location = _location(record, residuals[number], causes)
+        found.append(ResidualReport(record, values, comparison, location))
     return found
 
 
@@ -199,6 +217,13 @@ class ResidualReport:
     """Shape (samples,): free run."""
     comparison: Comparison
     location: Location
+
+
+def all_records_sentence(locations: Sequence[Location]) -> str:
+    """Say of all records that were looked at together what their error comes from, as far as that is told from the rest."""
+    if all(item.is_noise or item.is_all_but_noise for item in locations):
+        return "All records: what is left is noise, or all but noise."
+    return causes_sentence(locations[0].causes, len(locations), locations[0].residual.base_words)
 
 
 def least_explained(simulated: list[ResidualReport]) -> ResidualReport:

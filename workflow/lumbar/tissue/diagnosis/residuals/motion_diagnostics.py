@@ -6,7 +6,7 @@ import numpy as np
 
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, only, percent, probability
 
-_DEPTHS = 20
+DEPTHS = 20
 _POSITIONS, _SPEEDS = 12, 5
 _FEWEST_SAMPLES = 5
 SIGNIFICANT_Z = 3.0
@@ -27,9 +27,9 @@ def depth_view(residual: Residual) -> View:
 
     Columns ``position``, ``mean``, ``deviation`` (under noise), and ``advancing``, ``retracting`` means.
     """
-    edges = spread_edges(residual.position, _DEPTHS)
+    edges = spread_edges(residual.position, DEPTHS)
     count = len(edges) - 1
-    groups = np.clip(np.searchsorted(edges, residual.position, side="right") - 1, 0, count - 1)
+    groups = binned(residual.position, edges)
     number = np.bincount(groups, minlength=count)
     groups = np.where(number[groups] >= _FEWEST_SAMPLES, groups, -1)
     average = residual.averages(groups, count)
@@ -84,12 +84,9 @@ def map_view(residual: Residual) -> View:
     Columns ``position_low``, ``position_high``, ``velocity_low``, ``velocity_high``, ``mean``, ``z_score`` (mean over
     its deviation under noise) and ``count``; bins with fewer than five samples hold NaN.
     """
-    position_edges = _symmetric_edges(residual.position, _POSITIONS // 2)
-    velocity_edges = _symmetric_edges(residual.velocity, _SPEEDS)
+    position_edges, velocity_edges = map_edges(residual.position, residual.velocity)
     columns, rows = len(position_edges) - 1, len(velocity_edges) - 1
-    column = np.clip(np.searchsorted(position_edges, residual.position, side="right") - 1, 0, columns - 1)
-    row = np.clip(np.searchsorted(velocity_edges, residual.velocity, side="right") - 1, 0, rows - 1)
-    cell = row * columns + column
+    cell = binned(residual.velocity, velocity_edges) * columns + binned(residual.position, position_edges)
     number = np.bincount(cell, minlength=rows * columns)
     groups = np.where(number[cell] >= _FEWEST_SAMPLES, cell, -1)
     average = residual.averages(groups, rows * columns)
@@ -124,6 +121,16 @@ def map_view(residual: Residual) -> View:
             "time or faster dynamics."
         )
     return View("position and velocity", average.significant_share, average.p_value, sentence, table, numbers)
+
+
+def map_edges(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of the map's cells along position and along velocity."""
+    return _symmetric_edges(position, _POSITIONS // 2), _symmetric_edges(velocity, _SPEEDS)
+
+
+def binned(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Number of the bin of each value; what lies beyond the edges is in the outer bins."""
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 
 def no_cell_stands_out(view: View) -> bool:

@@ -8,6 +8,8 @@ Limits follow from the noise's spectrum and the function's own, so they hold for
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lumbar.tissue.diagnosis.residuals.residual import (
@@ -108,17 +110,28 @@ def linear_view(residual: Residual) -> View:
 
 def _linear_columns(residual: Residual) -> np.ndarray:
     """Orthonormal columns of position, velocity and relaxed positions, their means taken off; (samples, columns)."""
+    stacked = linear_columns(residual, relaxation_times([residual]))
+    return _orthonormal(stacked / np.maximum(np.sqrt(np.mean(stacked**2, axis=0)), 1e-300))
+
+
+def relaxation_times(residuals: Sequence[Residual]) -> np.ndarray:
+    """Time constants (s) that span linear dynamics on all records."""
+    step = max(item.sampling_time for item in residuals)
+    shortest = min(item.time[-1] - item.time[0] for item in residuals)
+    return np.geomspace(2 * step, max(shortest, 20 * step) / 5, _RELAXATIONS)
+
+
+def linear_columns(residual: Residual, times: np.ndarray) -> np.ndarray:
+    """Position, velocity and relaxed positions (time constants in s), their means taken off; shape (samples, columns)."""
     from scipy.signal import lfilter
 
     step, position = residual.sampling_time, residual.position
-    longest = max(residual.time[-1] - residual.time[0], 20 * step) / 5
     columns = [position, residual.velocity]
-    for time_constant in np.geomspace(2 * step, longest, _RELAXATIONS):
+    for time_constant in times:
         decay = np.exp(-step / time_constant)
         columns.append(lfilter([1 - decay], [1, -decay], position - position[0]) + position[0])
     stacked = np.column_stack(columns)
-    stacked -= stacked.mean(axis=0)
-    return _orthonormal(stacked / np.maximum(np.sqrt(np.mean(stacked**2, axis=0)), 1e-300))
+    return stacked - stacked.mean(axis=0)
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:

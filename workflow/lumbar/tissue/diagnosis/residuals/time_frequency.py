@@ -32,7 +32,7 @@ def time_view(residual: Residual) -> View:
 
     Columns ``start``, ``stop`` (s), ``rms``, ``mean`` and ``deviation`` of the mean under noise.
     """
-    edges = _edges(residual)
+    edges = time_edges(residual)
     groups = np.searchsorted(edges, np.arange(len(residual.values)), side="right") - 1
     count = len(edges)
     average = residual.averages(groups, count)
@@ -92,7 +92,7 @@ def _word(residual: Residual, count: int) -> str:
     return word if count == 1 else f"{word}s"
 
 
-def _edges(residual: Residual) -> np.ndarray:
+def time_edges(residual: Residual) -> np.ndarray:
     """First samples of the windows: whole periods counted from the end, or equal windows."""
     size = len(residual.values)
     if residual.folding is None:

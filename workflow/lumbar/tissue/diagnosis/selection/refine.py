@@ -6,6 +6,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
@@ -109,7 +110,7 @@ def refine(
         For an unknown effect, for one that needs channels which the records do not have, and for one that the training
         record does not excite.
     NumericalError
-        If a fit does not converge, or an effect makes the model worse on the record it is fitted to.
+        If a fit with effects does not converge, or an effect makes the model worse on the record it is fitted to.
     """
     chosen = {effect.name: effect for effect in choose(effects, settings.candidates)}
     if settings.forward:
@@ -158,12 +159,23 @@ def _added_in_turn(
         # Forms were chosen one by one; with all effects in place another form of one may fit better.
         best = exchange(path[-1], chosen, experiment)
         path[-1] = best if set(best.effects) == set(chosen) else path[-1]
-    if not path[-1].fit.converged:
+    if chosen and not path[-1].fit.converged:
         raise NumericalError(
             f"{first.fit.structure.base.name} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "
             "the data may not excite what is asked"
         )
     return experiment, path
+
+
+def not_converged(model: Candidate, experiment: Experiment) -> Finding:
+    """Say that a base's parameters are no result; what it leaves can be looked at all the same."""
+    sentence = (
+        f"The fit of {model_name(model.fit)} to {experiment.training.name} did not converge: its parameters are where the "
+        "optimiser stopped and no result."
+    )
+    return Finding(
+        "not_converged", sentence, model.train_rms, experiment.output_unit, experiment.training.name
+    )
 
 
 def _with_channels(chosen: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:

@@ -202,6 +202,18 @@ def headline(diagnosis: Verdict) -> str:
     return f"Something is missing from the {base} model and no effect of the catalogue explains it{tail}."
 
 
+def noise_sentence(experiment: Experiment) -> str:
+    """Say how large the noise is and what that is taken from, or that it is unknown."""
+    floor = experiment.floor
+    if floor is None:
+        return "No record repeats, so the noise floor is unknown and completeness cannot be judged."
+    alike = "; they are alike to the last digit, and so much the digits leave open" if floor.exact else ""
+    return (
+        f"Noise floor: {floor.rms:.3g} {experiment.output_unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} "
+        f"periods of {floor.period:g} s{alike}."
+    )
+
+
 def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
     unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
@@ -211,18 +223,8 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
             f"The fit of {effects_text(diagnosis.selected)} did not converge: its parameters are where the optimiser "
             "stopped and no result."
         )
-    if floor is None:
-        lines.append("No record repeats, so the noise floor is unknown and completeness cannot be judged.")
-    else:
-        lines.append(
-            f"Noise floor: {floor.rms:.3g} {unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} periods of "
-            f"{floor.period:g} s"
-            + (
-                "; they are alike to the last digit, and so much the digits leave open."
-                if floor.exact
-                else "."
-            )
-        )
+    lines.append(noise_sentence(diagnosis.experiment))
+    if floor is not None:
         lines += [
             f"Beside noise the periods differ by {words} (RMS {rms:.3g} {unit})."
             for words, rms in floor.structured
