@@ -26,9 +26,14 @@ def table(project, jumps):
             "com": com,
             "plane": plane,
         }
-        row |= {"sign": THESIS.sign, "time": THESIS.time, "mass": THESIS.mass}
+        row |= vars(THESIS)
         row |= {"mean_area_after_1": 2.0, "mean_area_after_4": jumps if here else 2.0}
-        row |= {"jumped_knots": 8 if here else 0, "largest_jump": 3.7 if here else 1.0}
+        row |= {
+            "jumped_knots": 8 if here else 0,
+            "largest_jump": 3.7 if here else 1.0,
+            "first_jump": 0.015,
+            "last_jump": 0.022,
+        }
         rows += [
             row | {"method": "exact", "mean_area": 2.0},
             row | {"method": "thesis", "mean_area": 2.1 if here else 2.0},
@@ -54,7 +59,10 @@ def test_cells_of_the_basin_that_jumps_move_and_no_others(project):
     assert (cells[["after_1_percent", "exact_percent"]] == 0).all(axis=None)
     jumps, sizes, more = made.notes
     assert "In 1 of 24 basins" in jumps
-    assert "expert 23 kg, pelvis, lateral bending: 8 knots, by up to 3.7, mean area +5.0 %" in jumps
+    assert (
+        "expert 23 kg, pelvis, lateral bending: 8 knots between 0.015 T and 0.022 T, by up to 3.7, mean area +5.0 %"
+        in jumps
+    )
     assert "lateral bending: 7.5 % published, 0.0 exact, 0.0 after 1 alternation, 5.0 after 2" in sizes
     assert "by 95 percentage points: the alternation does not converge" in more
 

@@ -188,6 +188,7 @@ def test_half_a_milliradian_decides_where_the_level_jumps():
     found = alternate(loops, **{**SETTINGS, "knots": 101})
     assert (found.jumps != 1).sum(axis=0).tolist() == [0, 0, 0, 0, 1, 1]
     assert (found.jumps.max(axis=0)[4:] > 2.5).all()
+    assert np.isnan(found.jump_range[:, :4]).all() and (found.jump_range[:, 4:] < 0.2).all()
     first, second = (item.mean_area for item in (found.after[0], found.funnels))
     assert np.ptp(first) < 0.002 * first.min()
     assert (second[4:] > 1.01 * first[4:]).all()

@@ -76,6 +76,8 @@ COLUMNS = {
     "alternations means that the second solved nothing",
     "jumped_knots": "knots of the thesis's method at which a further alternation than the first changed ρ",
     "largest_jump": "by what factor, at most",
+    "first_jump": "first of these knots as t/T",
+    "last_jump": "last of them as t/T",
     "mean_area_after_1": "average cross-section of the thesis's method in rad²/s after one alternation: as if none of these "
     "knots had jumped",
     "mean_area_after_4": "the same after four",
@@ -86,7 +88,7 @@ COLUMNS = {
 CHECK_COLUMNS = {
     "simulation": ("simulated_starts", "exits", "exits_high", "control_exits"),
     "thesis_method": (
-        *("violation_share", "unsolved_share", "jumped_knots", "largest_jump"),
+        *("violation_share", "unsolved_share", "jumped_knots", "largest_jump", "first_jump", "last_jump"),
         *("mean_area_after_1", "mean_area_after_4", "euler_error"),
     ),
     "sum_of_squares": ("sos_margin_difference", "sos_taylor_difference", "sos_taylor_optimism"),

@@ -108,6 +108,7 @@ def thesis(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
     checks |= {
         "jumped_knots": (found.jumps != 1).sum(axis=0),
         "largest_jump": found.jumps.max(axis=0),
+        **dict(zip(("first_jump", "last_jump"), found.jump_range, strict=True)),
         **areas,
     }
     return MethodResult(

@@ -108,10 +108,14 @@ def _alternation_converges(results: Results) -> Finding:
     more, fewer = (100 * (rows[f"mean_area_after_{n}"] / rows.mean_area - 1) for n in (4, 1))
     jumping = int((rows.jumped_knots > 0).sum())
     text = (
-        f"with one alternation mean areas change by {fewer.min():+.1f} to {fewer.max():+.1f} %, with four by {more.min():+.1f} to "
+        f"with one mean areas change by {fewer.min():+.1f} to {fewer.max():+.1f} %, with four by {more.min():+.1f} to "
         f"{more.max():+.1f} %; in {jumping} of {len(rows)} basins ρ jumps at {int(rows.jumped_knots.sum())} knots in all"
     )
-    return Finding(text, bool(more.abs().max() <= 1), "knots that have a multiplier again grow alone; which they are hangs on the tolerance of a solver")
+    return Finding(
+        text,
+        bool(more.abs().max() <= 1),
+        "knots that have a multiplier again grow alone; which they are hangs on the tolerance of a solver",
+    )
 
 
 def _exact_is_invariant(results: Results) -> Finding:

@@ -86,8 +86,9 @@ def jumps_sentence(areas: pd.DataFrame) -> str:
     if moved.empty:
         return f"In none of {len(areas)} basins a further alternation than the first has a multiplier at any knot"
     each = "; ".join(
-        f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane.replace('_', ' ')}: {row.jumped_knots} knots, by up to "
-        f"{row.largest_jump:.2g}, mean area {100 * (row.mean_area / row.mean_area_after_1 - 1):+.1f} %"
+        f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane.replace('_', ' ')}: {row.jumped_knots} knots between "
+        f"{row.first_jump:.3f} T and {row.last_jump:.3f} T, by up to {row.largest_jump:.2g}, "
+        f"mean area {100 * (row.mean_area / row.mean_area_after_1 - 1):+.1f} %"
         for row in moved.itertuples()
     )
     return (

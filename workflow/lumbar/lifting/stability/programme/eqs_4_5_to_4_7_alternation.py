@@ -185,6 +185,13 @@ class Alternation:
         """ρ divided by that after the first alternation, shape (knots, pendulums): 1 where no further one was solved."""
         return self.funnels.level / self.after[0].level
 
+    @property
+    def jump_range(self) -> np.ndarray:
+        """First and last of the knots that jump as t/T, shape (2, pendulums); NaN where none does."""
+        there, phase = self.jumps != 1, np.linspace(0.0, 1.0, len(self.jumps))
+        ends = [there.argmax(axis=0), len(phase) - 1 - there[::-1].argmax(axis=0)]
+        return np.where(there.any(axis=0), phase[np.array(ends)], np.nan)
+
 
 def alternate(
     loops: ClosedLoops,
