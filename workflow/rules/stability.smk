@@ -46,6 +46,7 @@ if study.has("stability"):
             extended=[f"<results>/stability/{lift}/extended.csv" for lift in study.lifts],
             failures=[f"<results>/stability/{lift}/failures.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
+            others=[f"<results>/lifting/{lift}/other_pendulums.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             published=source("resources/thesis/table_4_1.csv"),
         output:

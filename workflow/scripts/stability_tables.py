@@ -31,8 +31,10 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
 
     facts = [read_json(path) for path in input.facts]
     lifts = [
-        LiftStates(pd.read_csv(states), {**known, "experience": labels[known["subject"]]})
-        for states, known in zip(input.states, facts, strict=True)
+        LiftStates(
+            pd.read_csv(states), {**known, "experience": labels[known["subject"]]}, pd.read_csv(others)
+        )
+        for states, others, known in zip(input.states, input.others, facts, strict=True)
     ]
     boa, failures, grid = (
         join_rows([pd.read_csv(path, dtype=DTYPES if name == "boa" else None) for path in input[name]])

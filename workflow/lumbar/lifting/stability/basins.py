@@ -55,6 +55,10 @@ COLUMNS = {
     "initial_area": "cross-section at t = 0 in rad²/s",
     "minimum_area": "smallest cross-section in rad²/s",
     "final_area": "cross-section at T in rad²/s: the goal set",
+    "angle_range_rad": "range of θ0, largest less smallest",
+    "velocity_range_rad_s": "range of θ̇0",
+    "angle_reach_rad": "largest |θ − θ0| in any cross-section (exact method)",
+    "velocity_reach_rad_s": "largest |θ̇ − θ̇0| in any (exact method)",
     "liouville_area": "area in rad²/s of all states at t = 0 that reach the goal set of the configuration, "
     "A_goal·exp∫(b + K2)/I dt: no basin of that goal is larger",
     "simulated_starts": "simulated starts, half on the boundary at t = 0, half inside",
@@ -114,6 +118,8 @@ FUNNEL_COLUMNS = (
 )
 """Columns of ``funnel.csv``; ``wording`` is ``study`` for the headline's pendulums, ``thesis`` for those of `THESIS`."""
 
+RANGES, REACHES = ("angle_range_rad", "velocity_range_rad_s"), ("angle_reach_rad", "velocity_reach_rad_s")
+"""Columns of how far a movement ranges and how far a basin reaches from it, angle before velocity."""
 DTYPES = dict.fromkeys(("simulated_starts", "exits", "control_exits", "jumped_knots"), "Int64")
 """Types that pandas cannot tell from a ``boa.csv``: counts with empty cells."""
 
@@ -197,6 +203,8 @@ def basin_rows(
         "initial_area": funnels.initial_area,
         "minimum_area": funnels.minimum_area,
         "final_area": funnels.area[-1],
+        **dict(zip(RANGES, np.transpose([item.ranges for item in trajectories]), strict=True)),
+        **(dict(zip(REACHES, funnels.reach.T, strict=True)) if funnels.method == "exact" else {}),
         "liouville_area": reachable_area(loops, settings.goal_level),
         **result.checks,
     }
@@ -316,7 +324,7 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Ta
         definitions=COLUMNS,
         data=data,
         notes=(*_shares(boa), checks_note(settings)),
-        may_be_empty=frozenset(optional),
+        may_be_empty=frozenset({*optional, *REACHES}),
         headers=AREA_HEADERS,
         first=("subject", "box_mass_kg", "com", "plane", "duration_s", *list(AREA_HEADERS)[:4]),
         first_rows=tuple(drawn.to_numpy().nonzero()[0]),

@@ -9,6 +9,7 @@ import pandas as pd
 
 from lumbar.lifting.stability.comparison.percent_differences import comparison_names
 from lumbar.lifting.stability.comparison.table_4_1_grid import comparison_cells
+from lumbar.lifting.stability.comparison.tuning_criterion import WITHIN, is_met, reach_ratios, span
 from lumbar.publishing.reproduction.claim import Claim, Finding, Results
 from lumbar.settings.stability import GROUPS
 
@@ -126,6 +127,21 @@ def _exact_is_invariant(results: Results) -> Finding:
     return Finding(f"{exits} exits in {starts} simulated starts", exits == 0, "fixed V, exact ρ(t)")
 
 
+def _basins_like_states(results: Results) -> Finding:
+    """Judge the thesis's criterion for Q and R on the exact basins of every wording."""
+    rows, words, met = results["boa"][results["boa"].method == "exact"], [], []
+    for (sign, time), own in rows.groupby(["sign", "time"], sort=False):
+        ratios = reach_ratios(own)
+        if all(found.size for found in ratios.values()):
+            met.append(all(map(is_met, ratios.values())))
+            spans = ", ".join(f"{span(found)} times in {state}" for state, found in ratios.items())
+            words.append(f"{sign}, {time} time: {spans}")
+    if not met:
+        return Finding(None, None, "no basin about a movement could be computed")
+    remark = "Q, R and Qf are the study's, the thesis gives none; table_4_1_controls has such as meet it"
+    return Finding("; ".join(words), all(met), remark)
+
+
 def _expands_backward(results: Results) -> Finding:
     rows = results["boa"][results["boa"].method == "exact"]
     if rows.empty:
@@ -170,6 +186,10 @@ def sentences(synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
               "four change no average area by more than 1 %", areas, _alternation_converges),
         Claim("exact_is_invariant", "4.2.5", "Simulation confirms that the basins reach the goal", "proposed as future work",
               "no simulated start leaves the exact funnel", areas, _exact_is_invariant),
+        Claim("basins_like_states", "4.2.3.2, 4.2.5",
+              "Q and R are such that basins are of the order of magnitude of the states", "Figure 4.3",
+              f"every basin reaches at most {WITHIN:g} times as far from the trajectory as its movement ranges, and a "
+              "tenth at least, in angle and velocity", areas, _basins_like_states),
         Claim("expands_backward", "4.2.4", "The basin expands away from the goal set", "Figure 4.3",
               "initial area above final area for every basin", areas, _expands_backward),
     ]  # fmt: skip

@@ -57,10 +57,10 @@ class Study:
         """The study's own convention: its lifts are made by the same settings."""
         return headline(self.settings, self.lifts[0].facts)
 
-    def trajectories(self, mass=None) -> list[Trajectory]:
-        """Sound trajectories of the headline, of all lifts; `mass` changes their masses (of the facts)."""
+    def trajectories(self, mass=None, convention: Convention | None = None) -> list[Trajectory]:
+        """Sound trajectories of all lifts, of the headline unless said; `mass` changes their masses (of the facts)."""
         lifts = self.lifts if mass is None else [replace(lift, facts=mass(lift.facts)) for lift in self.lifts]
-        return [item for lift in lifts for item in lift.trajectories(headline(self.settings, lift.facts))[0]]
+        return [item for lift in lifts for item in lift.trajectories(convention or self.headline)[0]]
 
     def areas(self, method: str, convention: Convention) -> pd.DataFrame:
         """Rows of `boa` of one method and convention."""

@@ -26,6 +26,7 @@ from lumbar.lifting.stability.comparison.table_4_1_grid import (
     grid_differences,
     survival_sentence,
 )
+from lumbar.lifting.stability.comparison.tuning_criterion import tuned_weights
 from lumbar.lifting.stability.model.failures import failures_frame, join_rows
 from lumbar.lifting.stability.model.trajectories import OPTIONS, PLANES, THESIS, Convention
 from lumbar.tables.table import Table
@@ -53,12 +54,21 @@ def tables_4_1(
     groups = study.settings.compare.groups
     varied, failed = variants(study)
     missing = join_rows([*([] if failures is None else [failures]), failures_frame(failed)])
-    own = study.areas("exact", study.headline)
+    own, thesis = (study.areas("exact", convention) for convention in (study.headline, THESIS))
+    tuned = {
+        "criterion": tuned_weights(study.trajectories(), study.headline.sign, own, study.settings),
+        "thesis_criterion": tuned_weights(
+            study.trajectories(convention=THESIS), THESIS.sign, thesis, study.settings
+        ),
+    }
+    found = [item for item in tuned.values() if item is not None]
+    missing = join_rows([missing, failures_frame([failure for item in found for failure in item.failures])])
     areas = {
-        "thesis": (study.areas("exact", THESIS), "mean_area"),
+        "thesis": (thesis, "mean_area"),
         "headline": (own, "mean_area"),
         "thesis_method": (study.areas("thesis", THESIS), "mean_area"),
         **{name: (frame, "mean_area") for name, frame in varied.items()},
+        **{name: (item.areas if item else own[:0], "mean_area") for name, item in tuned.items()},
         "initial": (own, "initial_area"),
         "minimum": (own, "minimum_area"),
     }
@@ -68,7 +78,7 @@ def tables_4_1(
     }
     grid = grid_differences(study.grid, groups)
     table = _first_table(study, differences, grid, missing)
-    return table, controls_table(study, differences, own, grid), grid, missing
+    return table, controls_table(study, differences, own, grid, tuned), grid, missing
 
 
 def _first_table(

@@ -25,12 +25,18 @@ from lumbar.lifting.stability.comparison.percent_differences import (
     number_or_none,
     regulator_sentence,
 )
-from lumbar.lifting.stability.comparison.table_4_1_grid import MOVEMENT_SHARE, comparison_cells
+from lumbar.lifting.stability.comparison.table_4_1_grid import (
+    MOVEMENT_SHARE,
+    change_sentence,
+    comparison_cells,
+    single_changes,
+)
+from lumbar.lifting.stability.comparison.tuning_criterion import TunedWeights
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels, integrate_backward
 from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops, regulate, weights_of
 from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import PLANES, Failure, Trajectory, at_rest
+from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, Failure, Trajectory, at_rest
 from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
 from lumbar.tables.table import Table
 
@@ -55,6 +61,7 @@ CHANGES = {
     **{f"{name}/": f"{name} divided" for name in ("Q", "R", "b")},
     **{f"{name}*": f"{name} multiplied" for name in ("Q", "R", "b")},
     **{name: f"Taylor degree {degree}" for name, degree in TAYLOR.items()},
+    "criterion": "Q, R and Qf by the thesis's criterion",
 }
 
 
@@ -195,6 +202,20 @@ _COLUMNS = {
     "highest_percent": ("Highest (%)", "largest under them"),
     "grid_lowest_percent": ("Lowest of the grid (%)", "smallest over the grid's conventions"),
     "grid_highest_percent": ("Highest of the grid (%)", "largest over them"),
+    "criterion_percent": (
+        "By the criterion (%)",
+        "the headline with Q, R and Qf by the thesis's criterion: basins of the order of magnitude of the states (note)",
+    ),
+    "turned_by": ("Turned by", "choices that, made otherwise alone, turn the headline's sign"),
+    "thesis_percent": ("Thesis's wording (%)", ""),
+    "thesis_criterion_percent": (
+        "Thesis's, by the criterion (%)",
+        "the thesis's wording with Q, R and Qf by its criterion (note)",
+    ),
+    "thesis_turned_by": (
+        "Thesis's, turned by",
+        "choices that, made otherwise alone, turn the sign in the thesis's wording",
+    ),
     "exponents": (
         "",
         "maximum Lyapunov exponents of the movements compared in 1/s, before and after, where trials repeat often enough; "
@@ -206,11 +227,15 @@ _COLUMNS = {
         "null control",
     ),
 }
-"""Header, where it has one, and definition of every column; two definitions depend on the study."""
+"""Header, where it has one, and definition of every column; three definitions are made of others."""
 
 
 def controls_table(
-    study: Study, differences: dict[str, list[dict]], areas: pd.DataFrame, grid: pd.DataFrame
+    study: Study,
+    differences: dict[str, list[dict]],
+    areas: pd.DataFrame,
+    grid: pd.DataFrame,
+    tuned: Mapping[str, TunedWeights | None],
 ) -> Table:
     """Return what stands behind the headline: a row per comparison, centre of mass and plane.
 
@@ -222,10 +247,15 @@ def controls_table(
         Of the headline.
     grid : pandas.DataFrame
         Of `grid_differences`.
+    tuned : mapping of str to TunedWeights
+        Weights by the thesis's criterion: ``criterion`` of the headline, ``thesis_criterion`` of its own wording.
     """
     import pandas as pd
 
     settings = study.settings
+    bases = {"headline": study.headline, "thesis": THESIS}
+    changes = {name: single_changes(grid, base) for name, base in bases.items()}
+    turned = {name: _turned_by(found) for name, found in changes.items()}
     sides = list(comparisons(areas, study.people, settings.compare.groups))
     trajectories = study.trajectories()
     of_grid = comparison_cells(grid)
@@ -239,13 +269,16 @@ def controls_table(
             percents = {name: number_or_none(found[index][plane]) for name, found in differences.items()}
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
             entry |= _controls(percents, cells)
+            for column, name in (("turned_by", "headline"), ("thesis_turned_by", "thesis")):
+                entry[column] = turned[name].get((*key, plane), "")
             entry["exponents"] = exponents[key]
             entry["verdict"] = _verdict(row["status"], percents, cells, _interval(areas, sides, row, plane))
             rows.append(entry)
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
-    frame = frame.astype(dict.fromkeys(numbers, float))
+    frame = frame.astype(dict.fromkeys(numbers, float))[list(_COLUMNS)]
     own = {
+        "thesis_percent": f"percent difference in the thesis's wording ({THESIS}), exact method",
         "comparison": comparison_definition(settings),
         "percent": f"percent difference, headline ({headline_words(settings)})",
     }
@@ -254,10 +287,50 @@ def controls_table(
         frame=frame,
         definitions={name: definition for name, (_, definition) in _COLUMNS.items()} | own,
         data=study.data,
-        notes=(_what_varies(settings), regulator_sentence(settings)),
+        notes=(
+            _what_varies(settings),
+            change_sentence("the headline", changes["headline"]),
+            change_sentence("the thesis's wording", changes["thesis"]),
+            *(
+                _tuned_sentence(name, found, differences)
+                for name, found in tuned.items()
+                if found is not None
+            ),
+            regulator_sentence(settings),
+        ),
         decimals=dict.fromkeys(numbers, 2),
-        may_be_empty=frozenset(numbers),
+        may_be_empty=frozenset({*numbers, "turned_by", "thesis_turned_by"}),
         headers={name: header for name, (header, _) in _COLUMNS.items() if header},
+    )
+
+
+def _turned_by(changes: pd.DataFrame) -> dict[tuple[str, ...], str]:
+    """Name, by difference, the choices that turn its sign."""
+    turned = changes[changes["percent"] * changes["changed"] < 0]
+    words: dict[tuple[str, ...], list[str]] = {}
+    for row in turned.itertuples():
+        words.setdefault((row.comparison, row.com, row.plane), []).append(row.choice)
+    return {where: ", ".join(dict.fromkeys(choices)) for where, choices in words.items()}
+
+
+def _tuned_sentence(name: str, tuned: TunedWeights, differences: Mapping[str, list[dict]]) -> str:
+    """Say what the thesis's criterion asks of Q, R and Qf, and what becomes of the differences."""
+    base, words = {
+        "criterion": ("headline", "the headline"),
+        "thesis_criterion": ("thesis", "the thesis's wording"),
+    }[name]
+    pairs = [
+        (row[plane], other[plane])
+        for row, other in zip(differences[base], differences[name], strict=True)
+        for plane in PLANES
+    ]
+    before, after = np.array(pairs, dtype=float)[np.isfinite(np.array(pairs, dtype=float)).all(axis=1)].T
+    text = f"The thesis's criterion, basins of the order of magnitude of the states, in {words}: {tuned}"
+    if not before.size:
+        return text
+    return (
+        f"{text}. With them {int((before * after < 0).sum())} of {before.size} differences turn their sign, and they move by at "
+        f"most {np.abs(after - before).max():.2f} points"
     )
 
 
@@ -272,6 +345,7 @@ def _controls(percents: dict[str, float | None], cells: np.ndarray) -> dict[str,
         "movement_share": None if null is None or not percent else (percent - null) / percent,
         "initial_percent": percents["initial"],
         "minimum_percent": percents["minimum"],
+        **{f"{name}_percent": percents[name] for name in ("criterion", "thesis", "thesis_criterion")},
         "lowest_percent": min(spread, default=None),
         "highest_percent": max(spread, default=None),
         "grid_lowest_percent": cells.min() if cells.size else None,
@@ -361,6 +435,7 @@ def _what_varies(settings: StabilitySettings) -> str:
     return (
         f"Lowest and highest: one at a time, Q, R or b divided or multiplied by {factor:g}, everybody's body mass "
         f"±{100 * BODY_MASS_SHARE:g} %, the box shared the other way (whole or by mass), the sine's Taylor polynomials of "
-        "degree 3, 5 and 7. The grid varies sign, time, mass and pivot; neither varies the segment table (see "
-        "spread.csv of a lift) nor two things of this list at once"
+        "degree 3, 5 and 7, and Q, R and Qf by the thesis's criterion. The grid varies sign, time, mass and pivot, and in the "
+        "thesis's wording and the headline each choice alone, ends of the segments and start of the deposit among them; neither "
+        "varies the segment table (see spread.csv of a lift) nor two things of this list at once"
     )

@@ -52,7 +52,7 @@ COLUMNS = {
         "whether the trunk's segments end inside the body (inner) or at the markers (skin)",
     ),
     "deposit_start": (
-        "Start",
+        "Start of deposit",
         "start of the deposit: descent of the box, or wrist_minimum, the wrists' last least speed before it",
     ),
     "percent": ("Difference (%)", "difference of the average cross-sections in percent, exact method"),
@@ -133,6 +133,42 @@ def cells_under(grid: pd.DataFrame, convention: Convention) -> pd.DataFrame:
     """Return the cells of `comparison_cells` under one convention."""
     cells, chosen = comparison_cells(grid), vars(convention)
     return cells[(cells[list(chosen)] == list(chosen.values())).all(axis=1)]
+
+
+def single_changes(grid: pd.DataFrame, base: Convention) -> pd.DataFrame:
+    """Return what one choice changes in a convention that the grid holds with all its neighbours.
+
+    Columns ``comparison, com, plane, choice, percent`` (in `base`) and ``changed``, the percentage with that choice alone made
+    otherwise.
+    """
+    import pandas as pd
+
+    names, cells = ["comparison", "com", "plane"], comparison_cells(grid)
+    parts = dict(iter(cells.groupby(list(CHOICES))))
+    own, *others = (
+        parts.get(tuple(vars(item).values()), cells[:0])[[*names, "percent"]]
+        for item in (base, *base.neighbours)
+    )
+    frames = []
+    for convention, other in zip(base.neighbours, others, strict=True):
+        choice = next(name for name in CHOICES if getattr(convention, name) != getattr(base, name))
+        both = own.merge(other.rename(columns={"percent": "changed"}), on=names)
+        frames.append(both.assign(choice=COLUMNS[choice][0].lower()))
+    return pd.concat(frames, ignore_index=True)
+
+
+def change_sentence(name: str, changes: pd.DataFrame) -> str:
+    """Say which choices move the differences of `single_changes`, how far, and which most."""
+    words = []
+    for choice, rows in changes.groupby("choice", sort=False):
+        moved = rows["changed"] - rows["percent"]
+        most = rows.loc[moved.abs().idxmax()]
+        where = f"{most.comparison}, {most.com}, {most.plane}".replace("_", " ")
+        turned = int((rows["changed"] * rows["percent"] < 0).sum())
+        words.append(
+            f"{choice} turns {turned} of {len(rows)} signs, at most {moved.abs().max():.2f} points ({where})"
+        )
+    return f"One choice changed alone in {name}: {'; '.join(words)}" if words else ""
 
 
 def survivors(grid: pd.DataFrame) -> tuple[list[tuple], list[tuple]]:

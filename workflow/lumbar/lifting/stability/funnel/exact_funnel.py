@@ -158,6 +158,12 @@ class Funnels:
         """Smallest cross-section in rad²/s, shape (pendulums,)."""
         return self.area.min(axis=0)
 
+    @property
+    def reach(self) -> np.ndarray:
+        """Largest |θ − θ0| and |θ̇ − θ̇0| in any cross-section, √(ρ(S⁻¹)ᵢᵢ) in rad and rad/s, shape (pendulums, 2)."""
+        squares = self.level[..., None] * self.cost[..., [2, 0]] / determinant(self.cost)[..., None]
+        return np.sqrt(squares.max(axis=0))
+
 
 @dataclass(frozen=True)
 class FunnelVariants:

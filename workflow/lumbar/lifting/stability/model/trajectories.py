@@ -72,6 +72,11 @@ class Trajectory:
         """Seconds from the first to the last sample."""
         return float(self.time[-1] - self.time[0])
 
+    @property
+    def ranges(self) -> np.ndarray:
+        """Ranges of θ0 and θ̇0 in rad and rad/s, shape (2,)."""
+        return np.array([np.ptp(self.angle), np.ptp(self.angular_velocity)])
+
 
 def in_unit_time(trajectory: Trajectory) -> Trajectory:
     """Return the same path played in one second, as the thesis has it ("to non-dimensionalize time", section 4.2.3.1).
