@@ -30,7 +30,7 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
         states, facts[chosen], settings.pendulum.mass, settings.pendulum.time
     )
     who = f"{person}, {pendulum.sign}, {pendulum.time} time"
-    comparison = comparison_figure(trajectories, settings, who)
+    comparison = comparison_figure(trajectories, funnels, settings, who)
     save(comparison, stem(output.basin_comparison), data, who=person)
 
 

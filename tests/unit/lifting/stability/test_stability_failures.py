@@ -129,7 +129,11 @@ def test_a_lift_without_any_basin_is_still_compared_by_name(published):
     assert grid["status"].str.contains("length_m: 0.02").any()
     funnels = basins_of_lift([], FAST, seed=1).funnels
     assert funnels.empty
-    for figure in (figure_4_3(funnels, FAST), figure_4_4(funnels, FAST), comparison_figure([], FAST)):
+    for figure in (
+        figure_4_3(funnels, FAST),
+        figure_4_4(funnels, FAST),
+        comparison_figure([], funnels, FAST),
+    ):
         assert "no basin" in str([text.get_text() for axis in figure.axes for text in axis.texts])
 
 

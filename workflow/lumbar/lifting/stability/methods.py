@@ -132,8 +132,3 @@ def headline_methods(settings: StabilitySettings) -> list[str]:
 def thesis_methods(settings: StabilitySettings) -> list[str]:
     """Names of the methods that a configuration asks for on the pendulums of the thesis's wording; the exact one always."""
     return ["exact", *(["thesis"] if "thesis_method" in settings.checks else [])]
-
-
-def chosen_methods(settings: StabilitySettings) -> list[str]:
-    """Names of all methods a configuration asks for."""
-    return list(dict.fromkeys([*headline_methods(settings), *thesis_methods(settings)]))

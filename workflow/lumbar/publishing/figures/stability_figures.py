@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage
-from lumbar.lifting.stability.methods import METHODS, chosen_methods
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, normal_axes
+from lumbar.lifting.stability.methods import METHODS, thesis_methods
+from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops, normal_axes
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import THESIS, Convention, Trajectory
 from lumbar.publishing.figures.style import (
@@ -54,12 +54,14 @@ def shown_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
     return max(chosen or candidates, key=lambda index: (facts[index]["box_mass_kg"], -index))
 
 
-def ellipses(rows: pd.DataFrame, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def ellipses(
+    rows: pd.DataFrame, level: np.ndarray, circle: np.ndarray = _CIRCLE
+) -> tuple[np.ndarray, np.ndarray]:
     """Return angle and angular velocity on {x̄ᵀSx̄ = level} about the reference, shapes (rows, points)."""
     s11, s12, s22 = (rows[name].to_numpy()[:, None] for name in ("s11", "s12", "s22"))
     determinant = s11 * s22 - s12**2
     root = np.sqrt(np.asarray(level))[:, None]
-    first, second = np.cos(_CIRCLE), np.sin(_CIRCLE)
+    first, second = np.cos(circle), np.sin(circle)
     error = root * np.sqrt(s22 / determinant) * first
     velocity = root * (second / np.sqrt(s22) - s12 / np.sqrt(s22 * determinant) * first)
     angle, speed = (rows[name].to_numpy()[:, None] for name in ("theta0_rad", "thetadot0_rad_s"))
@@ -238,10 +240,18 @@ _FINE_CIRCLE = np.linspace(0.0, 2 * np.pi, 241)
 
 
 @house_style
-def comparison_figure(trajectories: list[Trajectory], settings: StabilitySettings, who: str = "") -> Figure:
-    """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates; of one lift's trajectories."""
+def comparison_figure(
+    trajectories: list[Trajectory], funnels: pd.DataFrame, settings: StabilitySettings, who: str = ""
+) -> Figure:
+    """Draw the sections at t = 0 of the abdomen's basins in both planes, in error coordinates; of one lift's trajectories.
+
+    Those in ``funnel.csv`` are taken from there; the thesis's method and the best V are computed on the same pendulums.
+    """
     figure, axes = new_figure(DOUBLE_COLUMN, 3.4, ncols=2, sharex=True, sharey=True)
-    drawn = _sections([item for item in trajectories if item.com == "abdomen"], settings)
+    abdomen = [item for item in trajectories if item.com == "abdomen"]
+    drawn = _sections(
+        abdomen, funnels[(funnels["wording"] == "study") & (funnels["com"] == "abdomen")], settings
+    )
     for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
         if "exact" in drawn.get(plane, {}):
             _draw(axis, drawn[plane])
@@ -253,26 +263,36 @@ def comparison_figure(trajectories: list[Trajectory], settings: StabilitySetting
     return figure
 
 
-def _sections(shown: list[Trajectory], settings: StabilitySettings) -> dict[str, dict[str, np.ndarray]]:
+def _sections(
+    shown: list[Trajectory], known: pd.DataFrame, settings: StabilitySettings
+) -> dict[str, dict[str, np.ndarray]]:
     """Edges of all sections at t = 0, shape (2, points), by plane and method, with the goal set and all that reach it."""
+    found: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in shown}
+    for (plane, method), rows in known.groupby(["plane", "method"]):
+        first, last = _centred(rows.iloc[[0, -1]])
+        found[plane] |= {method: first, **({"goal": last} if method == "exact" else {})}
+    sound = [item for item in shown if "exact" in found[item.plane]]
     # A picture needs no more knots than the other variants, and no proof.
     fewer = replace(settings, knots=settings.limits.knots, checks=())
-    found: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in shown}
-    for name in (*chosen_methods(settings), "best"):
-        computed = []
-        for attempt in attempts(shown, name, []):
+    for attempt in attempts(sound, "states that reach the goal", []):
+        with attempt as items:
+            loops = close_loops(items, settings.pendulum.sign, fewer)
+            goal = np.stack([found[item.plane]["goal"] for item in items], axis=1)
+            for item, reached in zip(items, np.moveaxis(preimage(loops, goal), 1, 0), strict=True):
+                found[item.plane]["reached"] = reached
+    for name in (*thesis_methods(settings)[1:], "best"):
+        for attempt in attempts(sound, name, []):
             with attempt as items:
-                computed.append((items, *_funnels(items, name, fewer)))
-        for items, loops, funnels in computed:
-            first = _section(funnels, 0)
-            for index, item in enumerate(items):
-                found[item.plane][name] = first[:, index]
-            if name == "exact":
-                goal = _section(funnels, -1)
-                reached = preimage(loops, goal)
+                first = _section(_funnels(items, name, fewer), 0)
                 for index, item in enumerate(items):
-                    found[item.plane] |= {"goal": goal[:, index], "reached": reached[:, index]}
+                    found[item.plane][name] = first[:, index]
     return found
+
+
+def _centred(rows: pd.DataFrame) -> np.ndarray:
+    """Edges of sections about the trajectory, shape (rows, 2, points)."""
+    about = rows.assign(theta0_rad=0.0, thetadot0_rad_s=0.0)
+    return np.stack(ellipses(about, about["rho"].to_numpy(), _FINE_CIRCLE), axis=1)
 
 
 def _draw(axis, sections: dict[str, np.ndarray]) -> None:
@@ -300,13 +320,11 @@ def _enclosed(edge: np.ndarray) -> float:
     return 0.5 * abs(float(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))))
 
 
-def _funnels(
-    trajectories: list[Trajectory], name: str, settings: StabilitySettings
-) -> tuple[ClosedLoops, Funnels]:
+def _funnels(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> Funnels:
     loops = close_loops(trajectories, settings.pendulum.sign, settings)
     if name == "best":
-        return loops, best_of_family(loops, settings.goal_level, settings.lyapunov_shares).exact
-    return loops, METHODS[name](loops, settings).funnels
+        return best_of_family(loops, settings.goal_level, settings.lyapunov_shares).exact
+    return METHODS[name](loops, settings).funnels
 
 
 def _section(funnels: Funnels, knot: int) -> np.ndarray:
