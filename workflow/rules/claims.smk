@@ -61,12 +61,42 @@ rule workflow_figure:
         "../scripts/workflow_figure.py"
 
 
+if "table_3_1_experiments" in {artefact.id for artefact in ARTEFACTS}:
+
+    rule compare_with_print:
+        input:
+            bandwidth="<results>/surgeon/bandwidth.json",
+            printed=source("resources/thesis/table_3_1.csv"),
+            here="<results>/tables/table_3_1.csv",
+        output:
+            **published("table_3_1_experiments"),
+        log:
+            "<logs>/compare_with_print.log",
+        benchmark:
+            "<benchmarks>/compare_with_print.tsv"
+        group:
+            "claims"
+        conda:
+            CONDA
+        resources:
+            **job_size(peak_mb=150, seconds=3),
+        params:
+            code=library_code("compare_with_print.py"),
+            settings=part(settings, "signals", "tissue", "twin.tissue", "twin.seed", "seed"),
+            data=DATA,
+        message:
+            "Table 3.1 against the print: experiments on the synthetic tissue"
+        script:
+            "../scripts/compare_with_print.py"
+
+
 # What the claims are judged on, by the chapter that makes it. A study without a chapter has no such result, and its
 # claims are said to be untestable.
 EVIDENCE = {
     "bandwidth": ("surgeon", "surgeon/bandwidth.json"),
     "multisine": ("signals", "signals/multisine.json"),
     "table_3_1": ("tissue", "tables/table_3_1.csv"),
+    "table_3_1_experiments": ("tissue", "tables/table_3_1_experiments.csv"),
     "models": ("tissue", "tissue/models.json"),
     "survey": ("survey", "survey/survey.json"),
     "table_3_2": ("survey", "tables/table_3_2.csv"),
@@ -75,6 +105,8 @@ EVIDENCE = {
     "boa": ("stability", "stability/boa.csv"),
 }
 EVIDENCE = {name: path for name, (chapter, path) in EVIDENCE.items() if study.has(chapter)}
+if not study.synthetic:
+    EVIDENCE.pop("table_3_1_experiments", None)
 
 
 rule examine_claims:

@@ -84,6 +84,21 @@ class SyntheticTissueSettings:
         default=0.14,
         within="[0, 1)",
     )
+    noise_N: float | None = key(
+        "Standard deviation of that noise, the same on every record, in place of its share; null takes the share.",
+        default=None,
+        unit="N",
+        ge=0,
+    )
+    noise_correlation_s: float = key(
+        "Correlation time of that noise, which is then a slow disturbance; 0 makes it white.",
+        default=0.0,
+        unit="s",
+        within="[0, 100]",
+    )
+    delay_s: float = key(
+        "Time by which the recorded force lags the position.", default=0.0, unit="s", within="[0, 1]"
+    )
 
 
 @settings

@@ -18,6 +18,9 @@ NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"
 LIFTED = {"lifting", "population"}
 """Chapters that begin with the recorded lifts."""
 
+OF_TWIN = {"table_3_1_experiments"}
+"""Artefacts for which recordings are made anew: only of the synthetic twin."""
+
 
 @dataclass(frozen=True)
 class Artefact:

@@ -16,7 +16,7 @@ from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import YamlFile, read_yaml
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
-from lumbar.study.artefacts import LIFTED, NEEDS, read_artefacts
+from lumbar.study.artefacts import LIFTED, NEEDS, OF_TWIN, read_artefacts
 from lumbar.study.consistency import check_consistency
 from lumbar.study.study import TWIN, RecordedLift, Study
 from lumbar.study.validation import Origins, overlay, validate
@@ -63,7 +63,9 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
                 record_set=[entry.name for entry in settings.improvement.record_sets],
             )
             for row in read_artefacts(root / "config" / "artefacts.tsv")
-            if row.chapter in chapters and (not row.check or row.check in settings.stability.checks)
+            if row.chapter in chapters
+            and (not row.check or row.check in settings.stability.checks)
+            and (settings.data == "twin" or row.id not in OF_TWIN)
         ],
         data_root=_data_root(settings, root, problems, origins),
         lifts=lifts if LIFTED & set(chapters) else {},

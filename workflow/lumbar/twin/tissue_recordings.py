@@ -64,26 +64,49 @@ def tissue_force(
 
 
 def tissue_test(
-    time: np.ndarray, position: np.ndarray, tissue: SyntheticTissueSettings, rng: np.random.Generator
+    time: np.ndarray, position: np.ndarray, tissue: SyntheticTissueSettings, seed: int, number: int
 ) -> np.ndarray:
-    """Return the recorded force: that of the tissue and white noise of the load cell.
+    """Return the recorded force: that of the tissue and noise of the load cell.
 
     Parameters
     ----------
     time, position : numpy.ndarray, shape (samples,)
         Command of the testing machine, seconds and millimetres.
+    seed, number : int
+        Seed of the twin and number of the recording: every recording has noise of its own.
 
     Returns
     -------
     numpy.ndarray, shape (samples,)
-        Newton; noise makes up the share ``noise_variance_share`` of the variance.
+        Newton; noise has the standard deviation ``noise_N`` or makes up the share ``noise_variance_share`` of the variance.
     """
+    rng = np.random.default_rng([seed, _STREAM, number])
     force = tissue_force(
         time, position, tissue.k1_N_per_mm, tissue.k2_N_per_mm, tissue.relaxation_s, tissue.cubic_N_per_mm3
     )
-    share = tissue.noise_variance_share
-    noise = math.sqrt(share / (1.0 - share)) * force.std()
-    return force + noise * rng.standard_normal(len(force))
+    if tissue.delay_s:
+        force = np.interp(time - tissue.delay_s, time, force)
+    noise = tissue.noise_N
+    if noise is None:
+        noise = noise_deviation(force, tissue.noise_variance_share)
+    white = rng.standard_normal(len(force))
+    if tissue.noise_correlation_s:
+        decay = math.exp(-(time[1] - time[0]) / tissue.noise_correlation_s)
+        return force + noise * _correlated(white, decay, rng.standard_normal())
+    return force + noise * white
+
+
+def noise_deviation(force: np.ndarray, share: float) -> float:
+    """Return the standard deviation of noise that makes up a share of the variance of what is recorded."""
+    return math.sqrt(share / (1.0 - share)) * float(force.std())
+
+
+def _correlated(white: np.ndarray, decay: float, before: float) -> np.ndarray:
+    """First-order autoregression of variance 1 that is `before` one sample earlier."""
+    from scipy.signal import lfilter
+
+    found, _ = lfilter([math.sqrt(1.0 - decay**2)], [1.0, -decay], white, zi=[decay * before])
+    return found
 
 
 def play(
@@ -115,7 +138,7 @@ def play(
     if rows[0] != ["time_s", "position_mm"]:
         raise InputError(f"{signal}: header {','.join(rows[0])}; a signal has time_s,position_mm")
     time, position = np.array(rows[1:], dtype=float).T
-    force = tissue_test(time, position, tissue, np.random.default_rng([seed, _STREAM, number]))
+    force = tissue_test(time, position, tissue, seed, number)
     lines = [f"{t},{x},{f:.6g}" for (t, x), f in zip(rows[1:], force, strict=True)]
     write_text(recording, "\n".join(["time_s,position_mm,force_N", *lines]) + "\n")
 

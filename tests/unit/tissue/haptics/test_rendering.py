@@ -17,7 +17,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.reference_response import reference_push
-from lumbar.tissue.haptics.closed_loop import SampledModel
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.device_table import with_device
 from lumbar.tissue.haptics.judgement import analyse, judge, judge_fmu
 from lumbar.tissue.haptics.passivity import lowest_rates
@@ -321,3 +321,18 @@ def test_the_simulated_loops_do_what_the_analysis_says():
     for name in ("Maxwell", "KB"):
         assert fast[name].analysis.stable
         assert not fast[name].run.oscillates
+
+
+def test_a_model_that_is_held_answers_as_its_long_polynomials_do():
+    """Over 40 steps between two samples of its own, behind a delay of 60: the powers of z⁻⁴⁰ alone are looked at."""
+    short = np.array([1.0, -1.1, 0.5, -0.2])
+    numerator, denominator = np.zeros(142), np.zeros(121)
+    numerator[60:101:40], denominator[::40] = (2.0, -1.0), short
+    model = SampledModel("held", numerator, denominator, 2.5e-4)
+    back = np.exp(-1j * all_angles(50))
+    expected = np.polyval(numerator[::-1], back) / np.polyval(denominator[::-1], back)
+    np.testing.assert_allclose(model.response(all_angles(50)), expected, rtol=1e-10)
+    assert model.stable and (np.abs(np.roots(denominator)) < 1).all()
+    assert np.abs(np.roots(short)).max() == pytest.approx(np.abs(np.roots(denominator)).max() ** 40, rel=1e-3)
+    denominator[::40] = 1.0, -2.1, 1.2, 0.0
+    assert not SampledModel("held", numerator, denominator, 2.5e-4).stable

@@ -10,6 +10,7 @@ import pandas as pd
 
 from lumbar.lifting.stability.comparison.percent_differences import comparison_names
 from lumbar.publishing.reproduction.claim import Claim, Finding, Results
+from lumbar.publishing.reproduction.printed_metrics import agreeing, impossible_mru
 from lumbar.settings.stability import GROUPS
 
 Criterion = tuple[str, Callable[..., bool]]
@@ -57,7 +58,7 @@ TABLE_3_1: dict[str, tuple[str, Criterion, bool]] = {
 
 def table_3_1_claims(thesis: pd.DataFrame) -> list[Claim]:
     """Every number of Table 3.1; of α, whose size depends on a scaling the thesis does not state, nothing is judged."""
-    claims = []
+    claims = [_mru_claim(thesis)]
     for row in thesis.itertuples(index=False):
         name, words = f"table_3_1.{row.trained_on}.{row.model}", f"{row.model} trained on {row.trained_on}"
         where = {"trained_on": row.trained_on, "model": row.model, "estimator": "arx"}
@@ -70,6 +71,21 @@ def table_3_1_claims(thesis: pd.DataFrame) -> list[Claim]:
         cell = _Cell(where, "alpha", _SCALED, _SCALED)
         claims.append(_claim(f"{name}.alpha", f"{words}: ridge coefficient α", float(row.alpha), _NONE, cell))
     return claims
+
+
+def _mru_claim(thesis: pd.DataFrame) -> Claim:
+    """The print against itself: no data are needed to see that its MRU are not those of its equations."""
+    below = impossible_mru(thesis)
+    said = "; ".join(f"{row} {value:g} %, at least {least:.2g} %" for row, (value, least) in below.items())
+    return Claim(
+        "mru_equations",
+        "3.2.3.1, Table 3.1",
+        "The printed relative uncertainties are those of Eqs 3.15 and 3.16",
+        "Table 3.1",
+        "no printed value is below the least that condition number, NMSE and samples beside it allow",
+        ("table_3_1",),
+        lambda results: Finding(said or "none below", not below, "of the print alone"),
+    )
 
 
 def table_3_2_claims(thesis: pd.DataFrame) -> list[Claim]:
@@ -129,6 +145,16 @@ class _Cell:
         return None if missing else float(table.iloc[0][self.column])
 
 
+def _explained(cell: _Cell, agrees: Callable[..., bool], experiments: pd.DataFrame | None) -> str:
+    """In which experiments a number that is not met here is met, where there are experiments on it."""
+    if experiments is None or cell.column not in set(experiments.quantity):
+        return ""
+    met = agreeing(experiments, cell.column, cell.where["trained_on"], cell.where["model"], agrees)
+    met = {name: value for name, value in met.items() if name.startswith("here")} or met
+    said = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in met.items())
+    return f"met in the experiments: {said}" if met else "met in none of the experiments"
+
+
 def _claim(
     name: str, statement: str, thesis: float | str, criterion: Criterion, cell: _Cell, built: bool = False
 ) -> Claim:
@@ -140,7 +166,12 @@ def _claim(
         found = cell.value(results[table])
         if found is None:
             return Finding(None, None, cell.absent)
-        return Finding(found, None, cell.untested) if cell.untested else Finding(found, agrees(thesis, found))
+        if cell.untested:
+            return Finding(found, None, cell.untested)
+        met = agrees(thesis, found)
+        return Finding(
+            found, met, "" if met else _explained(cell, agrees, results.get(f"{table}_experiments"))
+        )
 
     location = f"Table {table.removeprefix('table_').replace('_', '.')}"
     return Claim(name, location, statement, thesis, words, (table,), judge, built)
