@@ -2,12 +2,14 @@
 
 import runpy
 import shutil
+from fnmatch import fnmatch
 
 import pandas as pd
 import pytest
 import yaml
 
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION
+from run.project_files import project_files
 
 
 @pytest.fixture(scope="module")
@@ -94,3 +96,13 @@ def test_update_takes_the_present_numbers(check, folders):
     assert call(check, folders, "--update") == 0
     shutil.copy(folders[1] / "tables" / "t.csv", folders[1] / "copy.csv")
     assert call(check, folders) == 0
+
+
+def test_a_push_that_touches_what_a_run_is_made_of_is_compared(project):
+    workflow = yaml.safe_load((project / ".github" / "workflows" / "results.yml").read_text(encoding="utf-8"))
+    triggers = workflow[True]  # the key "on", as YAML 1.1 reads it
+    told = {"README.md", "LICENSE", "CITATION.cff"}
+    made_of = [name for name in project_files(project) if name not in told]
+    assert triggers["push"] == triggers["pull_request"]
+    for name in (*made_of, "tests/reference/tolerances.yaml"):
+        assert any(fnmatch(name, path) for path in triggers["push"]["paths"]), name

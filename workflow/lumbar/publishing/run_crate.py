@@ -96,8 +96,9 @@ def metadata(run: Run, contents: Mapping[str, bytes]) -> dict:
     Files of the project are records of their own where they are inputs or tell how to use the rest; the others belong
     to the record of their folder.
     """
-    published = sorted(name for name in contents if name.startswith("resources/"))
-    told = [name for name in ("README.md", "LICENSE", "CITATION.cff", "envs/lock.txt") if name in contents]
+    guides = ("README.md", "LICENSE", "CITATION.cff", "envs/lock.txt", "resources/README.md")
+    told = [name for name in guides if name in contents]
+    published = sorted(name for name in contents if name.startswith("resources/") and name not in told)
     folders = _folders(contents)
     files = [*told, run.configuration, *published, *sorted(run.outputs)]
     recordings = [_recording(name, digest, run.source) for digest, name in run.recordings]

@@ -22,6 +22,20 @@ from lumbar.tissue.models.fitted_model import FittedModel
 
 _WITHIN = 1e-3
 """Share of a sample within which an instant counts as reached, as in ``sampled_force.c``."""
+_HEADERS = {
+    "model": "Model",
+    "rate_Hz": "Rate (Hz)",
+    "lag_ms": "Lag (ms)",
+    "fit_error": "Fit off record",
+    "sampling": "Own sampling",
+    "average": "Average",
+    "late_sample": "Newest left out",
+    "limit": "Limit",
+    "all": "File off fit",
+    "file_error": "File off record",
+    "file_error_fmi2": "Read as FMI 2.0",
+}
+_PLAIN = {"model", "rate_Hz", "lag_ms"}
 _DIGITS = 6
 """After the point: less is rounding where a step changes nothing."""
 _DEFINITIONS = {
@@ -67,10 +81,11 @@ def runtime_error_table(
         data=data,
         definitions=_DEFINITIONS,
         notes=(
-            f"Record {record.name}; changes and errors in {unit}, each step added to those left of it. Changes are not sums of "
-            "one another: a record's noise adds to the errors, never to the changes.",
+            f"Record {record.name}. Each step is added to those left of it; as RMS values the changes need not add up. The "
+            "record's noise is in what is off the record, not in the changes.",
         ),
-        decimals={"rate_Hz": 0, "lag_ms": 1, **dict.fromkeys(list(_DEFINITIONS)[3:], 3)},
+        headers={name: words if name in _PLAIN else f"{words} ({unit})" for name, words in _HEADERS.items()},
+        decimals={"rate_Hz": 0, "lag_ms": 1, **dict.fromkeys(set(_HEADERS) - _PLAIN, 3)},
     )
 
 
