@@ -4,6 +4,7 @@ import filecmp
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.signals import SignalsSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import BootstrapSettings, TissueSettings
+from lumbar.twin.examples import example_records
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +104,37 @@ def test_a_diagnosis_names_prints_and_goes_on(diagnosis, records):
     assert diagnosis.add("coulomb_friction").effects == ("coulomb_friction",)
     assert refined.remove("coulomb_friction").effects == ()
     assert [row["model"] for row in refined.rows()] == ["KB", "KB+coulomb_friction"]
+
+
+def test_a_ladder_says_what_is_gained_and_what_is_left():
+    """Over the base alone, over the effect that is there, over one that is not, and where the noise is unknown."""
+    refined = lumbar.refine(example_records(), ["coulomb_friction"])
+    before, after = (item.test_rms for item in refined.path)
+    base, friction, noise, verdict = str(refined).splitlines()
+    assert friction.startswith("+ coulomb_friction: ")
+    assert friction.endswith(f"({100 * (after / before - 1):+.0f} %)")
+    assert noise.startswith("Noise floor: ") and "noise as far as can be told" in verdict
+    assert "do not speak for" not in verdict
+    assert "These records do not speak for drift: " in str(refined.add("drift"))
+    bare = str(refined.remove("coulomb_friction")).splitlines()
+    assert bare[0] == base and "something is missing: what is left is " in bare[-1]
+    unknown = replace(refined, experiment=replace(refined.experiment, floor=None))
+    assert "whether something is still missing cannot be said." in str(unknown)
+
+
+def test_a_base_that_did_not_converge_is_looked_at_and_called_so(records, monkeypatch):
+    """Its parameters are no result; an effect beside it would rest on them, and is refused."""
+    from lumbar.tissue.diagnosis.selection import refine
+
+    def stopped(*arguments):
+        experiment, base = choose_base(*arguments)
+        return experiment, replace(base, fit=replace(base.fit, converged=False))
+
+    choose_base = refine.choose_base
+    monkeypatch.setattr(refine, "choose_base", stopped)
+    bare = lumbar.refine(records, [])
+    sentence = "The fit of KB to multisine did not converge: "
+    assert sentence in str(bare) and sentence in str(bare.locate())
 
 
 def test_any_model_is_compared_with_records(diagnosis, records):
