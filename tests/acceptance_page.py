@@ -8,13 +8,7 @@ from lumbar.base.files import write_text
 
 
 def write_section(page: Path, name: str, lines: Sequence[str]) -> None:
-    """Replace what stands between ``<!-- NAME -->`` and ``<!-- end of NAME -->``.
-
-    Raises
-    ------
-    ValueError
-        If the page has no such section.
-    """
+    """Replace what stands between ``<!-- NAME -->`` and ``<!-- end of NAME -->``."""
     start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
     text = page.read_text(encoding="utf-8")
     pattern = re.compile(f"{re.escape(start)}.*{re.escape(end)}", re.DOTALL)

@@ -12,17 +12,7 @@ from lumbar.base.files import write_json
 
 
 class AcceptanceRun:
-    """One run of a suite; ends the process where the command line is wrong or the recordings are not there.
-
-    Parameters
-    ----------
-    description : str
-        For ``--help``.
-    suite : str
-        Name of the suite's folder in tests/.
-    recordings : str
-        Name of the folder of recordings.
-    """
+    """One run of a suite (a folder of tests/); ends the process where the command line is wrong or the recordings are missing."""
 
     def __init__(self, description: str, suite: str, recordings: str):
         parser = argparse.ArgumentParser(

@@ -26,16 +26,9 @@ RIGHT = ("right", "tied")
 
 
 def surprise(name: str, judgement: str, why: str, recorded: str) -> str:
-    """Words for an answer that is better or worse than recorded; empty where it is as recorded.
+    """Words for an answer to a case that is better or worse than recorded; empty where it is as recorded.
 
-    Parameters
-    ----------
-    name : str
-        Of the case.
-    judgement, why : str
-        A key of `JUDGEMENTS`, and the reason.
-    recorded : str
-        Today's judgement and reason, where it is not right; empty where it is.
+    `judgement` is a key of `JUDGEMENTS`, `recorded` today's judgement and reason where it is not right, empty where it is.
     """
     known = recorded.split(":")[0]
     if judgement in RIGHT:
@@ -58,23 +51,15 @@ def absent(folder: Path, suite: str) -> str:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a diagnosis said of one set of records.
-
-    Attributes
-    ----------
-    document : dict
-        Content of ``diagnosis.json``, and under ``settled`` whether a tie comes with an experiment that settles it;
-        empty where no result was reached.
-    refusal, crash : str
-        Words of an error that the library means to raise, and of one that it does not.
-    seconds : float
-        Wall clock of reading and diagnosing.
-    """
+    """What a diagnosis said of one set of records."""
 
     document: dict = field(default_factory=dict)
+    """``diagnosis.json``, and under ``settled`` whether a tie comes with an experiment that settles it; empty without result."""
     refusal: str = ""
     crash: str = ""
+    """Words of an error that the library means to raise, and of one that it does not."""
     seconds: float = 0.0
+    """Wall clock of reading and diagnosing."""
 
     @property
     def verdict(self) -> str:

@@ -41,18 +41,7 @@ SERVER.set_forkserver_preload(
 
 
 def run(folder: Path, arguments: Sequence[str], environment: dict[str, str], output: Path) -> int:
-    """Run Snakemake in a folder; return its status.
-
-    Parameters
-    ----------
-    folder : Path
-    arguments : sequence of str
-        Its own.
-    environment : dict of str to str
-        All variables of it and its jobs.
-    output : Path
-        File to which all that it and its jobs say is added.
-    """
+    """Run Snakemake in a folder with all its variables; what it and its jobs say is added to a file. Return its status."""
     forkserver.ensure_running()
     address = forkserver._forkserver._forkserver_address
     process = SERVER.Process(target=_snakemake, args=(folder, list(arguments), environment, output, address))

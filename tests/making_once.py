@@ -16,19 +16,9 @@ class MadeOnce:
     root: Path
 
     def __call__(self, name: str, make: Callable[[Path], Any]) -> tuple[Path, Any]:
-        """Return the folder ``root/name``, filled by `make`, and what `make` returned.
+        """Return the folder ``root/name``, filled by `make`, and what `make` returned, which can be pickled.
 
-        Parameters
-        ----------
-        name : str
-            Tells one thing from another.
-        make : callable
-            Takes the empty folder; what it returns can be pickled.
-
-        Raises
-        ------
-        AssertionError
-            In every worker where `make` failed in one: it is not tried again.
+        Where `make` failed in one worker, all fail: it is not tried again.
         """
         folder, outcome = self.root / name, self.root / f"{name}.outcome"
         with FileLock(self.root / f"{name}.lock"):

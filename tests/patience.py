@@ -11,13 +11,7 @@ PATIENCE_S = 900
 
 
 def seen(look: Callable[[], Seen], every_s: float = 0.02) -> Seen:
-    """Return what `look` returns as soon as that is true.
-
-    Raises
-    ------
-    TimeoutError
-        After `PATIENCE_S`.
-    """
+    """Return what `look` returns as soon as that is true."""
     end = time.monotonic() + PATIENCE_S
     while not (found := look()):
         if time.monotonic() > end:

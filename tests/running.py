@@ -58,17 +58,7 @@ def copy_project(folder: Path) -> Path:
 def snakemake(
     folder: Path, *arguments: str, env: dict[str, str] | None = None, program: str = FORKING
 ) -> Run:
-    """Call Snakemake in a project folder and return its status and output.
-
-    Parameters
-    ----------
-    folder : Path
-    *arguments : str
-        Snakemake's.
-    env : dict of str to str, optional
-        Variables beside the inherited ones.
-    program : {PLAIN, FORKING}
-    """
+    """Call Snakemake in a project folder, with variables beside the inherited ones; `program` is `PLAIN` or `FORKING`."""
     environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED} | (env or {})
     with tempfile.TemporaryDirectory() as name:
         output = Path(name) / "output"

@@ -19,19 +19,9 @@ def draw_group(
     scale: float = 1.0,
     skewed: bool = False,
 ) -> PersonMeans:
-    """Draw a group whose values have the variance scale², of which `correlation` is between people.
+    """Draw a group whose values have the variance scale², of which `correlation` (intraclass) is between people.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    persons : int
-    trials : int or str
-        Of each person, or `UNEQUAL`.
-    correlation : float
-        Intraclass correlation.
-    mean, scale : float
-    skewed : bool
-        People spread as exponential variables do (skewness 2) instead of normally.
+    `trials` of each person, or `UNEQUAL`; `skewed`: people spread as exponential variables do (skewness 2), not normally.
     """
     counts = rng.integers(1, 6, persons) if trials == UNEQUAL else [trials] * persons
     people = (rng.exponential(1, persons) - 1) if skewed else rng.normal(0, 1, persons)

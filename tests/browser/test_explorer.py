@@ -268,6 +268,7 @@ def made(project, *targets: str) -> list[dict]:
     return [json.loads(Path(project, file).read_text(encoding="utf-8"))["models"] for file in files]
 
 
+@pytest.mark.nightly
 def test_from_a_blind_experiment_to_the_workflow(new_page, served):
     project, (tissue, again, own) = served
     page, other, mine = new_page(tissue), new_page(again), new_page(own, ready="#choose")

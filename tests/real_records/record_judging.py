@@ -51,15 +51,7 @@ def expectations() -> dict[str, Expectation]:
 
 
 def judge(expected: Expectation, best: float, answer: Answer) -> tuple[str, str]:
-    """Judgement of an answer (`answers.JUDGEMENTS`) and the reason in a few words.
-
-    Parameters
-    ----------
-    expected : Expectation
-    best : float
-        Error of the best published model, in the unit of the answer.
-    answer : Answer
-    """
+    """Judgement of an answer (`answers.JUDGEMENTS`) and why; `best` is the best published model's error, in its unit."""
     if answer.crash or answer.refusal:
         return ("crash", answer.crash) if answer.crash else ("refused", answer.refusal)
     if answer.verdict == "adequate":

@@ -41,19 +41,12 @@ class Movement:
 
 
 def compare(reference: pd.DataFrame, found: pd.DataFrame, table: str, settings: dict) -> list[Movement]:
-    """Return every cell that differs, with its tolerance.
+    """Return every cell of a table that differs between then and now, with its tolerance.
 
-    Parameters
-    ----------
-    reference, found : pandas.DataFrame
-        The same table then and now.
-    table : str
-        Name, for the messages.
-    settings : dict
-        ``keys``: columns that name a row; ``relative`` and ``absolute``: tolerances by column, ``default`` for the
-        others. A number may move by ``absolute + relative * |reference|``. ``columns``: what the reference keeps
-        beside the keys, where that is not everything. ``rows``: a list of tolerances of their own, each for the rows
-        whose keys are as in ``where``.
+    Of the settings, ``keys`` are columns that name a row; ``relative`` and ``absolute`` tolerances by column, ``default`` for
+    the others: a number may move by ``absolute + relative * |reference|``. ``columns`` is what the reference keeps beside the
+    keys, where that is not everything, ``rows`` a list of tolerances of their own, each for the rows whose keys are as in
+    ``where``.
     """
     keys = settings["keys"]
     missing = [column for column in reference.columns if column not in found.columns]

@@ -186,24 +186,15 @@ _CHANGES: list[Callable[[bytes, np.random.Generator, bool], bytes]] = [
 
 @dataclass
 class Outcome:
-    """What became of many files.
-
-    Attributes
-    ----------
-    read, refused : Counter
-        Files by ending.
-    failures : list of str
-        Files that raised another error than `InputError`, or took longer than `LONGEST_S`.
-    longest_s : float
-    largest_MB : float
-        Memory of the process at its largest.
-    """
+    """What became of many files, counted by ending."""
 
     read: Counter = field(default_factory=Counter)
     refused: Counter = field(default_factory=Counter)
     failures: list[str] = field(default_factory=list)
+    """Files that raised another error than `InputError`, or took longer than `LONGEST_S`."""
     longest_s: float = 0.0
     largest_MB: float = 0.0
+    """Memory of the process at its largest."""
 
 
 def read_changed(folder: Path, count: int, seed: int) -> Outcome:

@@ -16,25 +16,17 @@ PERIOD, PERIODS = 8.0, 8
 
 @dataclass(frozen=True, eq=False)
 class PendulumExperiment:
-    """Records of one pendulum and the truth about them.
-
-    Attributes
-    ----------
-    records : dict of str to dict of str to numpy.ndarray
-        Columns (`time_s`, `angle_rad`, `moment_Nm` and further ones) of every record by its name.
-    effect, variant : str
-        What is hidden; empty where nothing is.
-    noise_rms : float
-        N·m.
-    truth : dict of str to float
-        Parameters of what is hidden, where they have a name of their own: mass and distance of a box, mass of the body.
-    """
+    """Records of one pendulum and the truth about them."""
 
     records: dict[str, dict[str, np.ndarray]]
+    """Columns (`time_s`, `angle_rad`, `moment_Nm` and further ones) of every record by its name."""
     effect: str
     variant: str
+    """What is hidden; empty where nothing is."""
     noise_rms: float
+    """N·m."""
     truth: dict[str, float]
+    """Parameters of what is hidden, where they have a name of their own: mass and distance of a box, mass of the body."""
 
 
 @dataclass
@@ -54,20 +46,11 @@ class _Hidden:
 def make_pendulum_experiment(
     effect: str, seed: int, strength: float = 8.0, columns: bool = True, periodic: bool = True
 ) -> PendulumExperiment:
-    """Make one experiment.
+    """Make one experiment with one of `EFFECTS`, or none where empty.
 
-    Parameters
-    ----------
-    effect : str
-        One of `EFFECTS`, or empty for none.
-    seed : int
-    strength : float
-        RMS that the best pendulum without the effect leaves of the first record, over the noise; where nothing is
-        hidden, the share of the noise in the moment is drawn.
-    columns : bool
-        Whether box, length or pivot are measured, where the effect is theirs.
-    periodic : bool
-        Whether the first record repeats, so that it shows its noise floor.
+    `strength` is the RMS that the best pendulum without the effect leaves of the first record, over the noise; where nothing is
+    hidden, the share of the noise in the moment is drawn. `columns`: box, length or pivot are measured, where the effect is
+    theirs. `periodic`: the first record repeats, so that it shows its noise floor.
     """
     draw = np.random.default_rng([seed, EFFECTS.index(effect) if effect else 99, columns, periodic])
     body = {

@@ -3,10 +3,13 @@
 from collections.abc import Mapping
 
 import numpy as np
+from c_programs import CModel
 
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.export_model import ExportModel, select_models
+from lumbar.tissue.fmu.build.package import export_fmus
+from lumbar.tissue.fmu.check.fmu_check import check_fmus
 from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.form import Effect
 from study_settings import changed
@@ -95,3 +98,14 @@ def random_motion(samples: int, seed: int) -> np.ndarray:
     rest = np.repeat(generator.random(samples // 50 + 1) < 0.2, 50)[:samples]
     held = np.maximum.accumulate(np.where(rest, 0, np.arange(samples)))
     return 0.5 + walk[held]
+
+
+def held_to_its_simulation(model: ExportModel, folder, cache) -> None:
+    """C code sample by sample against the effects' own simulation; then both FMUs through fmpy."""
+    walk = np.cumsum(np.random.default_rng(3).standard_normal(800)) * 0.1
+    expected = model.dynamics.response(walk)
+    found = CModel(model, folder / "c", cache).response(walk)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    export_fmus([model], folder, "own", TARGET, cache)
+    for check in check_fmus([model], folder, 200, seed=5):
+        assert check.largest_output > 0.1

@@ -151,19 +151,10 @@ def tissue_record(
     size: float = 0.0,
     quiet: float = 0.02,
 ) -> Record:
-    """One record.
+    """One record, of `MOTIONS`, `EFFECTS`, `NOISES` and `FAULTS`; no fault where empty.
 
-    Parameters
-    ----------
-    kind, effect, noise, fault : str
-        Of `MOTIONS`, `EFFECTS`, `NOISES` and `FAULTS`; no fault where empty.
-    seed : int
-    seconds, rate, highest : float
-        Duration, sampling rate (Hz) and highest frequency of the motion (Hz).
-    size : float
-        Of the fault: mm RMS, mm, s RMS, ratio of the clocks less one, or share of the samples.
-    quiet : float
-        Noise of the force, in its RMS.
+    `highest` frequency of the motion and `rate` are in Hz; `size` is the fault's: mm RMS, mm, s RMS, ratio of the clocks less
+    one, or share of the samples; `quiet` the noise of the force, in its RMS.
     """
     rng = np.random.default_rng(seed)
     count = round(seconds * rate)

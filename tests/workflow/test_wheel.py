@@ -96,6 +96,7 @@ def test_the_wheel_is_what_runs(lumbar, installed):
     assert (installed / f"lumbar-{version}.dist-info").is_dir()
 
 
+@pytest.mark.nightly
 def test_tissue_tests_become_models_a_diagnosis_and_fmus(lumbar, installed):
     from lumbar.settings.twin import SyntheticTissueSettings
     from lumbar.twin.tissue_recordings import play

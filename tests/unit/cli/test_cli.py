@@ -11,6 +11,7 @@ from html import unescape
 import numpy as np
 import pytest
 import yaml
+from column_files import write_columns
 from pendulum_experiments import make_pendulum_experiment
 
 from lumbar.cli.command import COMMANDS
@@ -29,10 +30,7 @@ def tissue(tmp_path_factory):
         position = np.cumsum(random.normal(size=len(time)))
         position = lfilter(*_low_pass(), position - position.mean())
         force = lfilter([1.9, -1.2], [1, -0.45], position) + random.normal(scale=0.01, size=len(time))
-        rows = np.column_stack([time, position, force])
-        np.savetxt(
-            folder / f"{name}.csv", rows, "%.8f", ",", header="time_s,position_mm,force_N", comments=""
-        )
+        write_columns(folder / f"{name}.csv", "%.8f", time_s=time, position_mm=position, force_N=force)
     return folder
 
 
@@ -136,9 +134,8 @@ def test_bandwidth_finds_the_edge_of_a_known_spectrum(run, tmp_path):
         band = (frequency > 0) & (frequency < 2)
         random = np.random.default_rng(trial)
         spectrum[band] = random.normal(size=band.sum()) + 1j * random.normal(size=band.sum())
-        rows = np.column_stack([np.arange(samples) / 100, 100 * np.fft.irfft(spectrum)])
         path = tmp_path / f"surgeon_{trial}_trial_1.csv"
-        np.savetxt(path, rows, "%.6f", ",", header="time_s,z_mm", comments="")
+        write_columns(path, "%.6f", time_s=np.arange(samples) / 100, z_mm=100 * np.fft.irfft(spectrum))
     status, _, _ = run("bandwidth", tmp_path, "--output", tmp_path / "out")
     assert status == 0
     bandwidth = json.loads((tmp_path / "out" / "bandwidth.json").read_text())
@@ -338,9 +335,7 @@ def test_the_package_runs_as_a_module():
 def write(folder, records, decimals=5):
     folder.mkdir(exist_ok=True)
     for name, columns in records.items():
-        table = np.column_stack(list(columns.values()))
-        header = ",".join(columns)
-        np.savetxt(folder / f"{name}.csv", table, f"%.{decimals}f", ",", header=header, comments="")
+        write_columns(folder / f"{name}.csv", f"%.{decimals}f", **columns)
     return folder
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from column_files import write_records
 from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
@@ -24,15 +25,13 @@ from lumbar.twin.examples import example_records
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Write tests of a tissue with dry friction: a periodic record and two others."""
-    folder = tmp_path_factory.mktemp("records")
+    records = []
     for name, periods, seed in (("multisine", 8, 1), ("noise", 3, 2), ("other", 3, 3)):
         z = 0.4 * multisine(periods, 500, range(1, 20), seed)
         speed = np.gradient(z, 0.01)
         force = relaxing_force(z) + 0.6 * np.tanh(speed / 0.3) + 0.02 * noise(len(z), seed)
-        rows = np.column_stack([0.01 * np.arange(len(z)), z, force])
-        head = "time_s,position_mm,force_N"
-        np.savetxt(folder / f"{name}.csv", rows, "%.9g", ",", header=head, comments="")
-    return folder
+        records.append(record(z, force, name))
+    return write_records(tmp_path_factory.mktemp("records"), records, "%.9g")
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from column_files import write_columns
 
 import lumbar
 from lumbar.base.errors import InputError
@@ -139,10 +140,8 @@ def files(tmp_path_factory):
     """Folder of two recordings as a machine may write them."""
     folder = tmp_path_factory.mktemp("files")
     for record in example_records():
-        table = np.column_stack([1e3 * record.time, record["input"] / 1e3, record["output"]])
-        np.savetxt(
-            folder / f"{record.name}.csv", table, delimiter=",", header="t [ms],pos [m],F [N]", comments=""
-        )
+        values = {"t [ms]": 1e3 * record.time, "pos [m]": record["input"] / 1e3, "F [N]": record["output"]}
+        write_columns(folder / f"{record.name}.csv", **values)
     return folder
 
 
@@ -152,14 +151,8 @@ def study(tmp_path, project, files):
     (tmp_path / "data").mkdir()
     (tmp_path / "config").mkdir()
     (tmp_path / "config" / "artefacts.tsv").symlink_to(project / "config" / "artefacts.tsv")
-    rows = np.column_stack([0.01 * np.arange(300), np.arange(300) % 7, np.arange(300) % 5])
-    np.savetxt(
-        tmp_path / "data" / "multisine.csv",
-        rows,
-        delimiter=",",
-        header="time_s,position_mm,force_N",
-        comments="",
-    )
+    n = np.arange(300)
+    write_columns(tmp_path / "data" / "multisine.csv", time_s=0.01 * n, position_mm=n % 7, force_N=n % 5)
 
     def load(text: str | None = None):
         path = tmp_path / "study.yaml"

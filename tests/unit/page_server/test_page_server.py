@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 import pytest
 from asking import ask, ended, serving
+from column_files import write_records
 
 import lumbar
 from lumbar.base.errors import InputError
@@ -215,10 +216,7 @@ def test_a_taken_port_is_named(served, explored):
 
 
 def test_the_server_ends_while_it_computes(tmp_path):
-    for record in example_records():
-        table = np.column_stack([record.time, record["input"], record["output"]])
-        header = "time_s,position_mm,force_N"
-        np.savetxt(tmp_path / f"{record.name}.csv", table, delimiter=",", header=header, comments="")
+    write_records(tmp_path, example_records())
     before = sorted(tmp_path.iterdir())
     command = [sys.executable, "-m", "lumbar", "explore", str(tmp_path), "--port", "0", "--no-browser"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from column_files import write_columns
 from periodic_records import multisine, noise, record, relaxing_force
 from scipy.io import savemat
 
@@ -144,8 +145,7 @@ def test_values_that_are_all_equal_are_refused(tmp_path):
     time = np.arange(300) * 0.01
     for name, cells in (("position", (0 * time, time)), ("force", (np.sin(time), 0 * time))):
         path = tmp_path / f"{name}.csv"
-        table = np.column_stack([time, *cells])
-        np.savetxt(path, table, delimiter=",", header="time_s,position_mm,force_N", comments="")
+        write_columns(path, time_s=time, position_mm=cells[0], force_N=cells[1])
         with pytest.raises(InputError, match="constant"):
             lumbar.read(path)
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from column_files import write_columns, write_records
 from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
-from lumbar import cli
 from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
 from lumbar.records.stretches import check_clipping, flat_tops
@@ -41,22 +41,7 @@ def record_of(position, force, name: str = "a") -> Record:
 
 
 def write(folder, **records) -> None:
-    folder.mkdir(exist_ok=True)
-    for name, (position, force) in records.items():
-        rows = np.column_stack([np.arange(len(position)) * STEP, position, force])
-        np.savetxt(
-            folder / f"{name}.csv", rows, "%.6f", ",", header="time_s,position_mm,force_N", comments=""
-        )
-
-
-@pytest.fixture
-def run(capsys):
-    def call(*arguments):
-        status = cli.main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return call
+    write_records(folder, [record_of(*signals, name) for name, signals in records.items()], "%.6f")
 
 
 GOOD = motion(40.0)
@@ -288,9 +273,9 @@ def test_a_motion_that_needs_its_rate_keeps_it_and_only_what_is_too_long_is_cut(
 def test_a_large_table_is_read_as_every_small_one(tmp_path, monkeypatch):
     from lumbar.records import columns
 
-    rows = np.column_stack([np.arange(500) * 0.01, noise(500, 1) * 1e-3, noise(500, 2) * 1e5])
     path = tmp_path / "table.csv"
-    np.savetxt(path, rows, delimiter=",", header="time_s,position_mm,force_N", comments="", fmt="%.17g")
+    position, force = noise(500, 1) * 1e-3, noise(500, 2) * 1e5
+    write_columns(path, time_s=np.arange(500) * 0.01, position_mm=position, force_N=force)
     careful = lumbar.read(path)["table"]
     monkeypatch.setattr(columns, "_LARGE", 0)
     monkeypatch.setattr(columns, "_WORTH_IT", 0)

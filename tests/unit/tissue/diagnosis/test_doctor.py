@@ -5,7 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from periodic_records import STEP, multisine, noise, record, relaxing_force
+from column_files import write_records
+from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.base.errors import InputError
@@ -174,12 +175,7 @@ def test_the_further_record_is_better_than_the_one_at_hand(examined):
 
 @pytest.fixture(scope="module")
 def folder(records, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("doctor")
-    for item in records:
-        rows = np.column_stack([STEP * np.arange(len(item)), item["input"], item["output"]])
-        head = "time_s,position_mm,force_N"
-        np.savetxt(folder / f"{item.name}.csv", rows, "%.9g", ",", header=head, comments="")
-    return folder
+    return write_records(tmp_path_factory.mktemp("doctor"), records, "%.9g")
 
 
 def test_the_command_prints_and_writes_what_the_verb_does(run, folder, tmp_path):

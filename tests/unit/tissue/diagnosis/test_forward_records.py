@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import yaml
+from column_files import write_columns
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
@@ -184,19 +185,16 @@ def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path
     folder = tmp_path / "records"
     folder.mkdir()
     for record in records:
-        table = np.stack([record.time, record["input"], record["output"]], axis=1)
-        np.savetxt(
-            folder / f"{record.name}.csv",
-            table,
-            delimiter=",",
-            header="time_s,force_N,position_mm",
-            comments="",
-        )
+        values = {"time_s": record.time, "force_N": record["input"], "position_mm": record["output"]}
+        write_columns(folder / f"{record.name}.csv", **values)
     columns = {
         "input": {"column": "force_N", "unit": "N", "quantity": "force"},
         "output": {"column": "position_mm", "unit": "mm", "quantity": "position"},
     }
-    study = {"tissue": {"layout": {"columns": columns}}, "improvement": {"propose_law": False}}
+    study = {
+        "tissue": {"layout": {"columns": columns}},
+        "improvement": {"propose_law": False, "most_effects": 1},
+    }
     path = tmp_path / "study.yaml"
     path.write_text(yaml.safe_dump(study))
     command = ["diagnose", str(folder), "--train", "train", "--base", "KV-mass", "--config", str(path)]

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from column_files import write_records
 from scipy.signal import lfilter
 
 import lumbar
@@ -113,18 +114,6 @@ FEW = (
 
 def terms(*names: str):
     return tuple(item for item in library() if item.name in names)
-
-
-def saved(made: list[Record], folder):
-    """Write records as files into a new folder."""
-    folder = folder / "tests"
-    folder.mkdir()
-    for one in made:
-        rows = np.column_stack([one.time, one["input"], one["output"]])
-        np.savetxt(
-            folder / f"{one.name}.csv", rows, "%.8f", ",", header="time_s,position_mm,force_N", comments=""
-        )
-    return folder
 
 
 def error(found, position: np.ndarray, added) -> float:
@@ -260,7 +249,12 @@ def test_of_noise_no_surface_explains_a_share():
 
 
 def test_the_command_says_that_nothing_is_missing(run, tmp_path):
-    status, out, _ = run("propose", saved(records(nothing), tmp_path), "--output", tmp_path / "law.yaml")
+    status, out, _ = run(
+        "propose",
+        write_records(tmp_path / "tests", records(nothing), "%.8f"),
+        "--output",
+        tmp_path / "law.yaml",
+    )
     assert status == 0
     assert out.startswith("No law is needed")
     assert not (tmp_path / "law.yaml").exists()
@@ -269,7 +263,7 @@ def test_the_command_says_that_nothing_is_missing(run, tmp_path):
 def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
     found = ProposedLaw(needle, TISSUE, "needle tests")
     monkeypatch.setattr("lumbar.interface.diagnosis.propose", lambda *_, **__: found)
-    folder = saved(records(depth_friction), tmp_path)
+    folder = write_records(tmp_path / "tests", records(depth_friction), "%.8f")
     status, out, _ = run("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
     assert status == 0
     assert "max(z, 0)*tanh(v/v_s)" in out

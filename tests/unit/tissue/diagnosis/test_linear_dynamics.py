@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from column_files import write_columns
 from numpy.testing import assert_allclose
 from periodic_records import noise, record
 from scipy.io import loadmat
@@ -351,8 +352,7 @@ def test_the_lines_of_yaml_turn_the_records_round(tmp_path, wrong):
     force = drive(7)
     position = lsim(COMPLIANCES["kelvin_voigt"], force, TIME)[1]
     file = tmp_path / "record.csv"
-    table = np.stack([TIME, 2 * force, position + 2], axis=1)
-    np.savetxt(file, table, delimiter=",", header="t [s],u: force,z", comments="")
+    write_columns(file, **{"t [s]": TIME, "u: force": 2 * force, "z": position + 2})
     record = read_record(file, wrong)
     told = found((record["input"], record["output"]), layout=wrong).sentence
     lines = yaml.safe_load(told[told.index("\ntissue:") :])["tissue"]["layout"]["columns"]

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from column_files import write_columns
 from fine_tissue import FINE, branch, sampled, sines
 from numpy.testing import assert_allclose
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
@@ -249,14 +250,7 @@ def located(designed, kind: str, tmp_path, capsys) -> dict[str, dict]:
     force += SIGMA * np.random.default_rng(4).standard_normal(len(z))
     records = tmp_path / "records"
     records.mkdir()
-    np.savetxt(
-        records / "multisine.csv",
-        np.column_stack([time, z, force]),
-        "%.6f",
-        ",",
-        header="time_s,position_mm,force_N",
-        comments="",
-    )
+    write_columns(records / "multisine.csv", "%.6f", time_s=time, position_mm=z, force_N=force)
     capsys.readouterr()
     assert cli.main(["locate", str(records), "--output", str(tmp_path / "out")]) == 0
     with (tmp_path / "out" / "location.csv").open(encoding="utf-8") as stream:

@@ -33,18 +33,16 @@ def test_the_names_that_others_rely_on():
     assert set(TISSUE) == NAMES
 
 
-@pytest.mark.parametrize("effect", TISSUE.values(), ids=lambda effect: effect.name)
-def test_every_effect_is_described(effect):
-    assert effect.mechanism.endswith(".")
-    assert effect.source
-    assert effect.experiment
-    assert len({form.name for form in effect.forms}) == len(effect.forms)
-    for form in effect.forms:
-        assert form.equation
-        assert form.effect == effect.name
-        parameters = [*form.linear, *form.nonlinear]
-        assert len({item.name for item in parameters}) == len(parameters)
-        assert all(item.unit for item in parameters)
+@pytest.mark.parametrize("system", CATALOGUES)
+def test_every_effect_is_described(system):
+    for name, effect in CATALOGUES[system].items():
+        assert effect.mechanism.endswith(".") and effect.source and effect.experiment, name
+        assert len({form.name for form in effect.forms}) == len(effect.forms)
+        for form in effect.forms:
+            assert form.equation and form.effect == name
+            parameters = [*form.linear, *form.nonlinear]
+            assert len({item.name for item in parameters}) == len(parameters)
+            assert all(item.unit for item in parameters)
 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.key)

@@ -76,17 +76,6 @@ def test_the_names_that_others_rely_on():
         catalogue_of("HO")
 
 
-@pytest.mark.parametrize("effect", PENDULUM.values(), ids=lambda effect: effect.name)
-def test_every_effect_is_described(effect):
-    assert effect.mechanism.endswith(".")
-    assert effect.source
-    assert effect.experiment
-    for form in effect.forms:
-        assert form.equation
-        assert form.effect == effect.name
-        assert all(item.unit for item in (*form.linear, *form.nonlinear))
-
-
 @SIGNS
 def test_the_base_is_the_rigid_pendulum(name, sign):
     assert_alike(simulated("", [], sign=sign), newton(name == "hanging"))

@@ -5,10 +5,10 @@ from html import unescape
 
 import numpy as np
 import pytest
-from c_programs import ON_LINUX, CModel
+from c_programs import ON_LINUX
 from effect_entries import entry_of_effects
 from periodic_records import multisine, noise, record, relaxing_force
-from runtime_models import SETTINGS, TARGET, models_json, selected
+from runtime_models import SETTINGS, held_to_its_simulation, models_json, selected
 
 from lumbar.base.errors import InputError
 from lumbar.publishing.pages.diagnosis_page import diagnosis_page
@@ -17,8 +17,6 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model
 from lumbar.tissue.effects.catalogue import catalogue_with
-from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.fmu.check.fmu_check import check_fmus
 from lumbar.tissue.models.fitted_model import FittedModel
 from study_settings import changed
 
@@ -108,13 +106,7 @@ def test_an_equation_in_yaml_becomes_an_fmu(text, name, linear, nonlinear, zig_c
     entry = entry_of_effects("KB", {f"{name}/equation": (linear, nonlinear)}, catalogue)
     chosen = changed(SETTINGS, models=[entry["name"]], moving_average_ms=0)
     (model,) = selected(models_json(entry), chosen, catalogue)
-    walk = np.cumsum(np.random.default_rng(3).standard_normal(800)) * 0.1
-    expected = model.dynamics.response(walk)
-    found = CModel(model, tmp_path / "c", zig_cache).response(walk)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    export_fmus([model], tmp_path, "own", TARGET, zig_cache)
-    for check in check_fmus([model], tmp_path, 200, seed=5):
-        assert check.largest_output > 0.1
+    held_to_its_simulation(model, tmp_path, zig_cache)
 
 
 def test_a_state_in_yaml_is_the_catalogues_own(tmp_path):

@@ -5,9 +5,17 @@ import re
 
 import numpy as np
 import pytest
-from c_programs import ON_LINUX, CModel
+from c_programs import ON_LINUX
 from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry, entry_of_effects, parameter
-from runtime_models import SETTINGS, TARGET, exported, models_json, random_motion, selected
+from runtime_models import (
+    SETTINGS,
+    TARGET,
+    exported,
+    held_to_its_simulation,
+    models_json,
+    random_motion,
+    selected,
+)
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.effects import catalogue
@@ -300,17 +308,6 @@ def exported_with(catalogue, *effects, **settings):
     content = models_json({**entry_of_effects("KB", added, catalogue), "name": "KB+own"})
     chosen = changed(SETTINGS, models=["KB+own"], moving_average_ms=0, **settings)
     return selected(content, chosen, catalogue)[0]
-
-
-def held_to_its_simulation(model, folder, cache) -> None:
-    """C code sample by sample against the file's own simulation; then both FMUs through fmpy."""
-    walk = np.cumsum(np.random.default_rng(3).standard_normal(800)) * 0.1
-    expected = model.dynamics.response(walk)
-    found = CModel(model, folder / "c", cache).response(walk)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    export_fmus([model], folder, "own", TARGET, cache)
-    for check in check_fmus([model], folder, 200, seed=5):
-        assert check.largest_output > 0.1
 
 
 @ON_LINUX
