@@ -72,7 +72,7 @@ def outline_figure() -> Figure:
         axis.add_patch(FancyBboxPatch(corner, _WIDTH, 2 * half[name], **look))
         for number, (line, style) in enumerate(_lines(name)):
             place = y + half[name] - _LINE * (number + 0.8)
-            axis.text(x, place, line, **({"ha": "center", "va": "center", "fontsize": 7.5} | style))
+            _write(axis, x, place, line, **style)
     for source, target in _FLOW:
         (x, y, *_), (to_x, to_y, *_) = _THESIS[source], _THESIS[target]
         arrow(axis, (x, y - half[source]), (to_x, to_y + half[target]))
@@ -97,8 +97,8 @@ def article_figure() -> Figure:
         axis.axis("off")
         frame = {"boxstyle": "round,pad=0,rounding_size=0.1", "facecolor": "none", "edgecolor": INK}
         axis.add_patch(FancyBboxPatch((0.05, 0.05), 2.75, 2.3, **frame))
-        axis.text(1.42, 2.12, title, ha="center", va="center", fontsize=9, fontweight="bold")
-        axis.text(1.42, 1.72, words, ha="center", va="center", fontsize=7)
+        _write(axis, 1.42, 2.12, title, fontsize=9, fontweight="bold")
+        _write(axis, 1.42, 1.72, words, fontsize=7)
         draw(axis)
         if number:
             arrow(axis, (-0.38, 1.2), (0.05, 1.2))
@@ -111,34 +111,34 @@ def _draw_signal(axis) -> None:
     period = one_period(lines, amplitudes, schroeder_phases(amplitudes), 256)
     axis.plot(np.linspace(0.3, 2.55, 256), 0.78 + 0.45 * period / np.abs(period).max(), color=INK)
     arrow(axis, (0.3, 0.2), (2.6, 0.2))
-    axis.text(2.62, 0.28, "t", ha="right", va="bottom", fontsize=8)
-    axis.text(0.28, 1.28, "x", ha="right", va="center", fontsize=8)
+    _write(axis, 2.6, 0.32, "t")
+    _write(axis, 0.22, 1.28, "x")
 
 
 def _draw_system(axis) -> None:
     """Draw the Kelvin–Boltzmann model between position and force."""
-    axis.text(0.35, 0.75, "x(t)", ha="center", va="center", fontsize=8)
-    arrow(axis, (0.6, 0.75), (0.95, 0.75))
     inner = axis.inset_axes([0.3, 0.04, 0.34, 0.58])
     width, height = network_size(KB.network)
     inner.set(xlim=(-width / 2 - 0.1, width / 2 + 0.3), ylim=(-height, 0.0), aspect="equal")
     inner.axis("off")
     draw_network(inner, KB.network, 0.0, 0.0)
-    arrow(axis, (1.9, 0.75), (2.25, 0.75))
-    axis.text(2.5, 0.75, "f(t)", ha="center", va="center", fontsize=8)
+    for words, place, start in (("x(t)", 0.35, 0.6), ("f(t)", 2.5, 1.9)):
+        _write(axis, place, 0.75, words)
+        arrow(axis, (start, 0.75), (start + 0.35, 0.75))
 
 
 def _draw_simulation(axis) -> None:
     """Draw the loop of model, haptic device and hand."""
+    box = {"boxstyle": "square,pad=0.5", "facecolor": "white", "edgecolor": INK}
     for x, words in ((0.75, "model"), (2.05, "haptic\ndevice,\nhand")):
-        axis.text(
-            *(x, 0.75, words),
-            ha="center",
-            va="center",
-            fontsize=7,
-            bbox={"boxstyle": "square,pad=0.5", "facecolor": "white", "edgecolor": INK},
-        )
-    arrow(axis, (1.1, 0.9), (1.68, 0.9), "#D55E00")
-    axis.text(1.39, 0.98, "force", ha="center", va="bottom", fontsize=7, color="#D55E00")
-    arrow(axis, (1.68, 0.6), (1.1, 0.6))
-    axis.text(1.39, 0.52, "position", ha="center", va="top", fontsize=7)
+        _write(axis, x, 0.75, words, bbox=box)
+    for start, stop, height, words, color in (
+        (1.1, 1.68, 0.9, "force", "#D55E00"),
+        (1.68, 1.1, 0.6, "position", INK),
+    ):
+        arrow(axis, (start, height), (stop, height), color)
+        _write(axis, 1.39, 1.05 if height > 0.75 else 0.45, words, color=color)
+
+
+def _write(axis, x: float, y: float, words: str, **look) -> None:
+    axis.text(x, y, words, **({"ha": "center", "va": "center", "fontsize": 7.5} | look))

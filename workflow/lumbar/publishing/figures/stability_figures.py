@@ -253,7 +253,7 @@ def comparison_figure(
         abdomen, funnels[(funnels["wording"] == "study") & (funnels["com"] == "abdomen")], settings
     )
     for axis, (plane, title) in zip(axes, PLANE_TITLES.items(), strict=True):
-        if "exact" in drawn.get(plane, {}):
+        if "reached" in drawn.get(plane, {}):
             _draw(axis, drawn[plane])
         else:
             say_instead(axis, NO_BASIN)
