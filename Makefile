@@ -39,7 +39,7 @@ TEST := python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
 test: environment ## the tests, but for those of the next target
 	$(TEST)
 
-test-statistical: environment ## rates over many draws, and the default study whole, on one core and on two
+test-statistical: environment ## rates over many draws, the default study whole, on one core and on two, ways through the whole program
 	$(TEST) -m "statistical or nightly"
 
 test-portable: environment ## tests, results and verdicts under other processors' kernels, threads, Pythons, packages: hours

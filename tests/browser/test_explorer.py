@@ -336,10 +336,10 @@ def give_own(page, folder: Path) -> None:
     assert "missing coulomb friction" in page.locator(".headline").first.inner_text()
 
 
-@pytest.fixture
-def own(tmp_path):
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
     """Address of the page for own recordings, served where there is no project."""
-    with serving(tmp_path, 1) as (address,):
+    with serving(tmp_path_factory.mktemp("own"), 1) as (address,):
         yield address
 
 

@@ -1,7 +1,5 @@
 """The loop as the pages show it, compare, locate, refine and export: its commands run, in their order, on a folder of records."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

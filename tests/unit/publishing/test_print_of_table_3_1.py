@@ -1,7 +1,5 @@
 """Table 3.1 against the print: what its own equations allow, and experiments on the twin."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

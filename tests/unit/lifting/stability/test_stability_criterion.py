@@ -1,7 +1,5 @@
 """What one choice changes in Table 4.1, and the thesis's criterion for Q and R: against weights typed in, and by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

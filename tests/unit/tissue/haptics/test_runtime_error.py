@@ -1,7 +1,5 @@
 """Files that run as the thesis's simulator did, against its loop written out; what a runtime's steps cost, in closed form."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import fmpy
