@@ -285,7 +285,13 @@ def _sections(
             with attempt as items:
                 first = _section(_funnels(items, name, fewer), 0)
                 for index, item in enumerate(items):
+<<<<<<< HEAD
                     found[item.plane][name] = first[:, index]
+=======
+                    found[item.plane] |= {"goal": goal[:, index], "reached": reached[:, index]}
+                    if item.ranges.all():
+                        found[item.plane]["times"] = funnels.reach[index] / item.ranges
+>>>>>>> 83cb4a33 (The figure of methods says how far a basin reaches, against how far its movement ranges)
     return found
 
 
@@ -310,6 +316,10 @@ def _draw(axis, sections: dict[str, np.ndarray]) -> None:
         limit(-extent, extent)
     share = 100 * _enclosed(sections["exact"]) / _enclosed(sections["reached"])
     words = f"exact: {share:.2g} % of all that reach the goal"
+    if "times" in sections:
+        words += "\nreaches {:.0f} × as far as θ0 ranges, {:.0f} × as $\\dot\\theta_0$".format(
+            *sections["times"]
+        )
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     axis.text(0.98, 0.96, words, transform=axis.transAxes, ha="right", va="top", fontsize=6, bbox=white)
 
