@@ -270,7 +270,9 @@ def _sections(
     found: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in shown}
     for (plane, method), rows in known.groupby(["plane", "method"]):
         first, last = _centred(rows.iloc[[0, -1]])
-        found[plane] |= {method: first, **({"goal": last} if method == "exact" else {})}
+        found[plane] |= {method: first}
+        if method == "exact":
+            found[plane] |= {"goal": last, "times": _times_the_range(rows)}
     sound = [item for item in shown if "exact" in found[item.plane]]
     # A picture needs no more knots than the other variants, and no proof.
     fewer = replace(settings, knots=settings.limits.knots, checks=())
@@ -285,14 +287,15 @@ def _sections(
             with attempt as items:
                 first = _section(_funnels(items, name, fewer), 0)
                 for index, item in enumerate(items):
-<<<<<<< HEAD
                     found[item.plane][name] = first[:, index]
-=======
-                    found[item.plane] |= {"goal": goal[:, index], "reached": reached[:, index]}
-                    if item.ranges.all():
-                        found[item.plane]["times"] = funnels.reach[index] / item.ranges
->>>>>>> 83cb4a33 (The figure of methods says how far a basin reaches, against how far its movement ranges)
     return found
+
+
+def _times_the_range(rows: pd.DataFrame) -> np.ndarray:
+    """How many times as far as each state ranges a funnel reaches from its trajectory, shape (2,)."""
+    cost, level = rows[["s11", "s12", "s22"]].to_numpy()[:, None], rows[["rho"]].to_numpy()
+    funnels = Funnels("exact", rows["time_s"].to_numpy()[-1:], cost, level)
+    return funnels.reach[0] / np.ptp(rows[["theta0_rad", "thetadot0_rad_s"]].to_numpy(), axis=0)
 
 
 def _centred(rows: pd.DataFrame) -> np.ndarray:
@@ -316,10 +319,7 @@ def _draw(axis, sections: dict[str, np.ndarray]) -> None:
         limit(-extent, extent)
     share = 100 * _enclosed(sections["exact"]) / _enclosed(sections["reached"])
     words = f"exact: {share:.2g} % of all that reach the goal"
-    if "times" in sections:
-        words += "\nreaches {:.0f} × as far as θ0 ranges, {:.0f} × as $\\dot\\theta_0$".format(
-            *sections["times"]
-        )
+    words += "\nreaches {:.0f} × as far as θ0 ranges, {:.0f} × as $\\dot\\theta_0$".format(*sections["times"])
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     axis.text(0.98, 0.96, words, transform=axis.transAxes, ha="right", va="top", fontsize=6, bbox=white)
 
