@@ -147,10 +147,13 @@ def table_3_1_experiments(
         data=data,
         notes=(*_agreement(frame), *_bound_in_words(printed), _force_in_words(frame)),
         may_be_empty=frozenset(("here", *EXPERIMENTS, "closest")),
+        headers={"equal_peaks_correlated": "Both"},
+        first=(*frame.columns[:5], *_FIRST, "closest"),
         first_rows=tuple(shown.to_numpy().nonzero()[0]),
     )
 
 
+_FIRST = ("noisier", "correlated", "equal_peaks", "equal_peaks_correlated")
 _QUANTITIES = (
     "order",
     "condition_number",
