@@ -58,12 +58,12 @@ def basins(
     abdomen, flexion_extension, inverted, real time: 1.065 rad²/s on average, 1.621 at first
     pelvis, lateral_bending, inverted, real time: 1.374 rad²/s on average, 2.101 at first
     pelvis, flexion_extension, inverted, real time: 1.338 rad²/s on average, 1.978 at first
-    thorax, lateral_bending, hanging, unit time: 0.2745 rad²/s on average, 0.4887 at first
-    thorax, flexion_extension, hanging, unit time: 0.2734 rad²/s on average, 0.4861 at first
-    abdomen, lateral_bending, hanging, unit time: 0.6901 rad²/s on average, 1.47 at first
-    abdomen, flexion_extension, hanging, unit time: 0.6885 rad²/s on average, 1.466 at first
-    pelvis, lateral_bending, hanging, unit time: 0.8897 rad²/s on average, 1.928 at first
-    pelvis, flexion_extension, hanging, unit time: 0.889 rad²/s on average, 1.925 at first
+    thorax, lateral_bending, hanging, unit time: 0.2661 rad²/s on average, 0.4697 at first
+    thorax, flexion_extension, hanging, unit time: 0.266 rad²/s on average, 0.4696 at first
+    abdomen, lateral_bending, hanging, unit time: 0.6729 rad²/s on average, 1.43 at first
+    abdomen, flexion_extension, hanging, unit time: 0.6716 rad²/s on average, 1.427 at first
+    pelvis, lateral_bending, hanging, unit time: 0.8726 rad²/s on average, 1.889 at first
+    pelvis, flexion_extension, hanging, unit time: 0.8676 rad²/s on average, 1.876 at first
     """
     from lumbar.lifting.stability.model.trajectories import LiftStates
 
