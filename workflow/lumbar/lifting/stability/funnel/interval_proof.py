@@ -13,14 +13,15 @@ With x̄ = N(t)·z the boundary is |z| = 1, and states stay inside where g = ½�
 with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I. Torque limits and an uncertain mass (`saturation`) add to g, for both
 extreme masses, r = m/m_true,
 
-    (1/Q)·sin φ·(r·y − x)
-    x = x0 + xc·cos φ + xs·sin φ    (u0 − K·x̄ − b·(θ̇0 + ω))/I, wanted torque less drag
-    d = d0 + dc·cos φ + ds·sin φ    b·(θ̇0 + ω)/I
-    y = clip(x + d, ±U/I) − d
+    (1/Q)·sin φ·(y − w + (r − 1)·(y − d)),   y = clip(w, ±U/I)
+    w = w0 + wc·cos φ + ws·sin φ    (u0 − K·x̄)/I, wanted torque
+    d = d0 + dc·cos φ + ds·sin φ    b·(θ̇0 + ω)/I, drag
+
+where y − w falls with w, so that its bounds are those of its ends: 0 where no limit binds.
 
 Time is cut into pieces and the circle into arcs; on each box g is bounded by the mean-value form in interval
 arithmetic: g in the middle of the box plus its derivatives over the box times half its extent. The clipped torque has no
-derivative at ±U; the form holds with its generalised one, which lies between 0 and 1 times that of x + d (Clarke,
+derivative at ±U; the form holds with its generalised one, which lies between 0 and 1 times that of w (Clarke,
 Optimization and Nonsmooth Analysis, 1990, theorem 2.3.7). Arcs that are not proved are halved, pieces of time with an arc
 that resists are halved too; what resists to the end is not proved, and its share is reported.
 """
@@ -39,13 +40,13 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, normal_
 
 
 def saturation_coefficients(curves: dict, gravity: Interval, drag: Interval) -> dict[str, Interval]:
-    """Coefficients of x and d and 1/Q; `curves` holds values and derivatives by name."""
+    """Coefficients of w and d and 1/Q; `curves` holds values and derivatives by name."""
     angle, velocity, acceleration, _ = curves["angle"]
     a, p, q, k1, k2 = (curves[name][0] for name in ("A", "P", "Q", "k1", "k2"))
     return {
-        "x0": acceleration + gravity * angle.sin(),
-        "xc": -(k1 * a + k2 * p),
-        "xs": -(k2 * q),
+        "w0": acceleration + gravity * angle.sin() + drag * velocity,
+        "wc": drag * p - (k1 * a + k2 * p),
+        "ws": (drag - k2) * q,
         "d0": drag * velocity,
         "dc": drag * p,
         "ds": drag * q,
@@ -59,9 +60,9 @@ def saturation_coefficient_rates(curves: dict, gravity: Interval, drag: Interval
     (a, a1, *_), (p, p1, *_), (q, q1, *_) = curves["A"], curves["P"], curves["Q"]
     (k1, k1_rate, *_), (k2, k2_rate, *_) = curves["k1"], curves["k2"]
     return {
-        "x0": jerk + gravity * angle.cos() * velocity,
-        "xc": -(k1_rate * a + k1 * a1 + k2_rate * p + k2 * p1),
-        "xs": -(k2_rate * q + k2 * q1),
+        "w0": jerk + gravity * angle.cos() * velocity + drag * acceleration,
+        "wc": drag * p1 - (k1_rate * a + k1 * a1 + k2_rate * p + k2 * p1),
+        "ws": (drag - k2) * q1 - k2_rate * q,
         "d0": drag * acceleration,
         "dc": drag * p1,
         "ds": drag * q1,
@@ -70,47 +71,48 @@ def saturation_coefficient_rates(curves: dict, gravity: Interval, drag: Interval
 
 
 def saturation_part(at: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
-    """(1/Q)·sin φ·(r·y − x)."""
-    x, d = _wanted_torque(at, c, s)
-    return at["inverse_q"] * s * _missing(x, d, torque, ratio)
+    """(1/Q)·sin φ·(y − w + (r − 1)·(y − d))."""
+    return at["inverse_q"] * s * _missing(*_wanted_torque(at, c, s), torque, ratio)
 
 
 def saturation_part_time(
     over: dict, rates: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float
 ) -> Interval:
     """Generalised time derivative of `saturation_part`."""
-    x, d = _wanted_torque(over, c, s)
-    x_rate, d_rate = _wanted_torque(rates, c, s)
-    change = _missing_rate(x + d, x_rate, d_rate, torque, ratio)
-    return s * (rates["inverse_q"] * _missing(x, d, torque, ratio) + over["inverse_q"] * change)
+    wanted, drag = _wanted_torque(over, c, s)
+    change = _missing_rate(wanted, *_wanted_torque(rates, c, s), torque, ratio)
+    return s * (rates["inverse_q"] * _missing(wanted, drag, torque, ratio) + over["inverse_q"] * change)
 
 
 def saturation_part_arc(over: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
     """Generalised derivative of `saturation_part` along the boundary."""
-    x, d = _wanted_torque(over, c, s)
-    x_turn, d_turn = (over[f"{name}s"] * c - over[f"{name}c"] * s for name in ("x", "d"))
-    change = _missing_rate(x + d, x_turn, d_turn, torque, ratio)
-    return over["inverse_q"] * (c * _missing(x, d, torque, ratio) + s * change)
+    wanted, drag = _wanted_torque(over, c, s)
+    turns = (over[f"{name}s"] * c - over[f"{name}c"] * s for name in "wd")
+    change = _missing_rate(wanted, *turns, torque, ratio)
+    return over["inverse_q"] * (c * _missing(wanted, drag, torque, ratio) + s * change)
 
 
 def _wanted_torque(at: dict, c: Interval, s: Interval) -> tuple[Interval, Interval]:
-    """Return x and d."""
-    return tuple(at[f"{name}0"] + at[f"{name}c"] * c + at[f"{name}s"] * s for name in ("x", "d"))
+    """Return w and d."""
+    return tuple(at[f"{name}0"] + at[f"{name}c"] * c + at[f"{name}s"] * s for name in "wd")
 
 
-def _missing(x: Interval, d: Interval, torque: np.ndarray, ratio: float) -> Interval:
-    """Return r·y − x."""
-    wanted = x + d
-    applied = Interval(np.clip(wanted.low, -torque, torque), np.clip(wanted.high, -torque, torque))
-    return ratio * (applied - d) - x
+def _missing(wanted: Interval, drag: Interval, torque: np.ndarray, ratio: float) -> Interval:
+    """Return y − w + (r − 1)·(y − d)."""
+    low, high = (np.clip(end, -torque, torque) for end in (wanted.low, wanted.high))
+    cut = Interval((Interval(high) - wanted.high).low, (Interval(low) - wanted.low).high)
+    return cut if ratio == 1 else cut + (Interval(ratio) - 1) * (Interval(low, high) - drag)
 
 
-def _missing_rate(wanted: Interval, x: Interval, d: Interval, torque: np.ndarray, ratio: float) -> Interval:
-    """Return the generalised derivative of r·y − x from those of x and d."""
+def _missing_rate(
+    wanted: Interval, rate: Interval, drag_rate: Interval, torque: np.ndarray, ratio: float
+) -> Interval:
+    """Return the generalised derivative of `_missing` from those of w and d."""
     never = (wanted.low > torque) | (wanted.high < -torque)
     always = (wanted.high < torque) & (wanted.low > -torque)
     passed = Interval(np.where(always, 1.0, 0.0), np.where(never, 0.0, 1.0))
-    return ratio * (passed * (x + d) - d) - x
+    cut = Interval(passed.low - 1, passed.high - 1) * rate
+    return cut if ratio == 1 else cut + (Interval(ratio) - 1) * (passed * rate - drag_rate)
 
 
 ARC_OVERLAP = 1e-13
@@ -160,7 +162,7 @@ class IntervalBounds:
         self.whole = _coefficients(whole, *constants)
         if self.ratios:
             for part in (self.centre, self.whole):
-                part["x0"] = part["x0"] - curves.bias[pendulum]
+                part["w0"] = part["w0"] - curves.bias[pendulum]
         self.rates = _coefficient_rates(whole, self.whole, *constants)
 
     def bounds(self, piece: np.ndarray, arcs: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -314,7 +316,7 @@ def interpolants(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = 
         drag=pendulums.damping / pendulums.inertia,
         torque=saturation.torque / pendulums.inertia,
         bias=saturation.bias / pendulums.inertia,
-        ratios=saturation.ratios if saturation.active else (),
+        ratios=tuple(sorted(set(saturation.ratios))) if saturation.active else (),
     )
 
 
