@@ -45,7 +45,7 @@ def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch
     assert len(trajectories) == 6
     for item, limited in product(trajectories, (False, True)):
         loops = close_loops([item], SETTINGS.pendulum.sign, SETTINGS)
-        limit = torque_limit(item, SETTINGS)
+        limit = torque_limit([item], SETTINGS)
         reference = reference_of(loops.pendulums, limit.bias)
 
         def limits(point, state, loops=loops, reference=reference, torque=limit.torque):

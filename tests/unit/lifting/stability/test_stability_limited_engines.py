@@ -154,6 +154,26 @@ def test_no_basin_left_is_named_by_every_engine(saturation):
         certified_funnels(loops, 1e-3, 5, 21, 2e-5, saturation)
 
 
+def test_limits_of_their_own_in_one_batch_are_those_of_each_by_itself():
+    """Areas, certificates and proof of three pendulums at once, and of each alone; the last one's limit never binds."""
+    items = [minimum_jerk(start=start, end=0.0, mass=33.0) for start in (0.2, 0.25, 0.1)]
+    loops = regulate(pendulums_of(items, "inverted", knots=161), WEIGHTS)
+    peak = np.abs(reference_of(loops.pendulums).torque).max(axis=0)
+    saturation = Saturation(peak * [1.3, 1.5, 50.0], bias=np.array([2.0, -3.0, 0.0]))
+    assert str(saturation.of(1)) == str(Saturation(1.5 * peak[1], bias=-3.0))
+    found = saturated_funnels(loops, GOAL, saturation, 0.05)
+    certified, proved = certify(loops, saturation)[0], proved_share(loops, found.with_margin, saturation)
+    for index in range(3):
+        own, limit = loops.select(np.array([index])), saturation.of(index)
+        alone = saturated_funnels(own, GOAL, limit, 0.05)
+        assert found.exact.mean_area[index] == pytest.approx(alone.exact.mean_area[0], rel=1e-9)
+        assert certified.mean_area[index] == pytest.approx(certify(own, limit)[0].mean_area[0], rel=1e-3)
+        assert proved[index] == proved_share(own, alone.with_margin, limit)[0]
+    low = Saturation(peak * [0.5, 0.9, 50.0])
+    reasons = saturated_funnels(loops, GOAL, low).reason
+    assert f"limit is {0.9 * peak[1]:g}" in reasons[1] and not reasons[2]
+
+
 def test_limits_that_differ_between_the_sides_hold_in_every_engine():
     """More torque backward than forward: exact, certified, simulated and proved agree; the nominal funnel is too large."""
     loops, _ = limited("inverted", "torque")

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -196,7 +197,7 @@ def basin_rows(
     """Check the basins of one method and return a row of `COLUMNS` per trajectory."""
     first, funnels = trajectories[0], result.funnels
     name = f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}"
-    stream = [seed, zlib.crc32((name if not saturation.active else f"{name} {saturation}").encode())]
+    stream = [seed, zlib.crc32((name if not saturation.active else f"{name} {saturation.of(0)}").encode())]
     starts = settings.attack.starts
     columns = {
         "mean_area": funnels.mean_area,
@@ -305,16 +306,22 @@ def _shares(boa: pd.DataFrame) -> list[str]:
 
 def checks_note(settings: StabilitySettings) -> str:
     """Say which checks were made; what belongs to another has no column."""
-    others = [check for check in (*CHECK_COLUMNS, "extended") if check not in settings.checks]
+    others = [
+        check for check in (*CHECK_COLUMNS, "extended", "extended_proof") if check not in settings.checks
+    ]
     return f"Checks made (stability.checks): {', '.join(settings.checks) or 'none'}; not chosen: {', '.join(others) or 'none'}"
+
+
+def columns_not_chosen(checks: Iterable[str]) -> set[str]:
+    """Return the columns that belong to checks not among these."""
+    return {name for check, names in CHECK_COLUMNS.items() if check not in checks for name in names}
 
 
 def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
     """Return the areas of all basins and their checks as a published table, without the columns of checks not chosen."""
-    chosen = [check for check in CHECK_COLUMNS if check in settings.checks]
-    left_out = {name for check in CHECK_COLUMNS if check not in chosen for name in CHECK_COLUMNS[check]}
+    left_out = columns_not_chosen(settings.checks)
     shown = [name for name in COLUMNS if name not in left_out]
-    optional = {name for check in chosen for name in CHECK_COLUMNS[check]}
+    optional = set(chain.from_iterable(CHECK_COLUMNS.values()))
     frame = boa[shown].assign(**{name: as_counts(boa[name]) for name in DTYPES if name in shown})
     drawn = (frame["method"] == "exact") & (frame["sign"] == settings.pendulum.sign)
     drawn &= (frame["time"] == settings.pendulum.time) & (frame["mass"] == settings.pendulum.mass)

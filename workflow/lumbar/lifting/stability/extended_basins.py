@@ -1,17 +1,19 @@
 """Beyond the thesis's loop: each basin with limited torque, with an uncertain mass, and with a better V.
 
 By all methods with the study's sign of gravity, limits by the exact one with the other sign too. Every funnel is
-checked by simulation and, where the configuration asks for it, proved between its knots as those of `basins` are.
+checked by simulation and, by a check of its own (``extended_proof``), proved between its knots as those of `basins` are.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.stability.basins import AREA_HEADERS, as_counts, basin_rows, meaningful
+from lumbar.lifting.stability.basins import AREA_HEADERS, as_counts, basin_rows, columns_not_chosen
 from lumbar.lifting.stability.basins import COLUMNS as BASIN_COLUMNS
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
@@ -42,7 +44,6 @@ _SHARED = (
     "proved_area_ratio",
     "sos_margin_difference",
     "sos_taylor_optimism",
-    "violation_share",
 )
 COLUMNS = {
     **{name: BASIN_COLUMNS[name] for name in ("subject", "box_mass_kg", "com", "plane")},
@@ -82,9 +83,9 @@ def torque_range(item: Trajectory, settings: StabilitySettings) -> tuple[float, 
     return -limits.hip_extension_N_m, limits.hip_flexion_N_m
 
 
-def torque_limit(item: Trajectory, settings: StabilitySettings) -> Saturation:
-    """Return `torque_range` as a limit of the loop."""
-    low, high = torque_range(item, settings)
+def torque_limit(trajectories: Sequence[Trajectory], settings: StabilitySettings) -> Saturation:
+    """Return `torque_range` of every pendulum as limits of their loops."""
+    low, high = np.transpose([torque_range(item, settings) for item in trajectories])
     return Saturation(torque=(high - low) / 2, bias=(high + low) / 2)
 
 
@@ -108,27 +109,21 @@ def extended_basins(
     """
     import pandas as pd
 
-    settings = _with_fewer_knots(settings)
+    settings = settings_of_limits(settings)
     published = settings.pendulum.sign
     rows: list[dict] = []
     failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
         methods = headline_methods(settings) if sign == published else ["exact"]
         nominal = NominalLoops(sign, settings)
-        # Limits differ from pendulum to pendulum, everything else is common to all.
-        plans = [
-            (TORQUE_LIMITED, method, torque_limit(item, settings), [item])
-            for method in methods
-            for item in trajectories
-        ]
-        mass = Saturation(mass_share=settings.limits.mass_share)
-        plans += [("uncertain_mass", method, mass, trajectories) for method in methods]
+        plans = list(product((TORQUE_LIMITED, "uncertain_mass"), methods))
         if sign == published:
-            plans.append(("better_v", "exact", Saturation(), trajectories))
-        for *plan, items in plans:
-            for attempt in attempts(items, f"{plan[0]}, {plan[1]}, {sign}", failures):
+            plans.append(("better_v", "exact"))
+        for name, method in plans:
+            compute = limited_rows if name == TORQUE_LIMITED else extended_rows
+            for attempt in attempts(trajectories, f"{name}, {method}, {sign}", failures):
                 with attempt as some:
-                    rows += extended_rows(some, *plan, nominal, settings, seed)
+                    rows += compute(some, name, method, nominal, settings, seed)
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
 
 
@@ -142,31 +137,56 @@ class NominalLoops:
 
     def of(self, trajectories: list[Trajectory]) -> tuple[ClosedLoops, Funnels]:
         """Return the loops of some trajectories and their exact funnels."""
-        key = tuple(item.label for item in trajectories)
-        if key not in self._known:
-            loops = close_loops(trajectories, self.sign, self._settings)
-            self._known[key] = loops, exact_funnels(loops, self._settings.goal_level)
-        return self._known[key]
+        labels = [item.label for item in trajectories]
+        for known, (loops, funnels) in self._known.items():
+            if set(labels) <= set(known):
+                index = np.array([known.index(label) for label in labels])
+                return loops.select(index), funnels.select(index)
+        loops = close_loops(trajectories, self.sign, self._settings)
+        self._known[tuple(labels)] = loops, exact_funnels(loops, self._settings.goal_level)
+        return self._known[tuple(labels)]
+
+
+def limited_rows(
+    trajectories: list[Trajectory],
+    name: str,
+    method: str,
+    nominal: NominalLoops,
+    settings: StabilitySettings,
+    seed: int,
+) -> list[dict]:
+    """Rows of the loops with limited torque; where the limits cannot bind the basin is the nominal one, by the exact method."""
+    loops, funnels = nominal.of(trajectories)
+    saturation = torque_limit(trajectories, settings)
+    bound = binds(loops, funnels.level, saturation)
+    some = [item for item, beyond in zip(trajectories, bound, strict=True) if beyond]
+    found = iter(extended_rows(some, name, method, nominal, settings, seed) if some else [])
+    rows = []
+    for index, item in enumerate(trajectories):
+        low, high = torque_range(item, settings)
+        limits = {"lowest_torque_N_m": low, "highest_torque_N_m": high}
+        if bound[index]:
+            rows.append(next(found) | limits | {"binds": "yes"})
+        elif method == "exact":
+            rows.append(_nominal_row(item, nominal.sign, funnels, index) | limits | {"binds": "no"})
+    return rows
 
 
 def extended_rows(
     trajectories: list[Trajectory],
     name: str,
     method: str,
-    saturation: Saturation,
     nominal: NominalLoops,
     settings: StabilitySettings,
     seed: int,
 ) -> list[dict]:
     """Compute and check the basins of some trajectories in one of the extended loops: a row of `COLUMNS` each."""
     loops, funnels = nominal.of(trajectories)
-    areas = funnels.mean_area
-    limits = {}
-    if name == TORQUE_LIMITED:
-        low, high = (saturation.bias - saturation.torque, saturation.bias + saturation.torque)
-        limits = {"lowest_torque_N_m": low, "highest_torque_N_m": high, "binds": "yes"}
-        if not binds(loops, funnels.level, saturation)[0]:
-            return [_nominal_row(trajectories[0], nominal.sign, funnels, limits)] if method == "exact" else []
+    saturation = {
+        TORQUE_LIMITED: lambda: torque_limit(trajectories, settings),
+        "uncertain_mass": lambda: Saturation(mass_share=settings.limits.mass_share),
+        "better_v": Saturation,
+    }[name]()
     own, result, extra = _result(loops, name, method, saturation, settings)
     found = basin_rows(trajectories, own, result, settings, seed, nominal.sign, saturation)
     return [
@@ -174,22 +194,18 @@ def extended_rows(
             **row,
             "loop": name,
             "method": method,
-            **limits,
-            "area_ratio": meaningful(
-                row["mean_area"] / areas[index].item(), result.resolution.get("mean_area")
-            ),
+            "area_ratio": row["mean_area"] / area,
             **{key: values[index].item() for key, values in extra.items()},
         }
-        for index, row in enumerate(found)
+        for index, (row, area) in enumerate(zip(found, funnels.mean_area.tolist(), strict=True))
     ]
 
 
-def _nominal_row(item: Trajectory, sign: str, funnels: Funnels, limits: dict) -> dict:
+def _nominal_row(item: Trajectory, sign: str, funnels: Funnels, index: int) -> dict:
     """Row of a basin that its limits do not touch: the nominal one."""
     row = {name: getattr(item, name) for name in ("subject", "box_mass_kg", "com", "plane")}
-    row |= {"loop": TORQUE_LIMITED, "method": "exact", "sign": sign}
-    areas = {name: getattr(funnels, name).item() for name in ("mean_area", "initial_area")}
-    return row | areas | {"area_ratio": 1.0} | limits | {"binds": "no"}
+    areas = {name: getattr(funnels, name)[index].item() for name in ("mean_area", "initial_area")}
+    return row | areas | {"loop": TORQUE_LIMITED, "method": "exact", "sign": sign, "area_ratio": 1.0}
 
 
 def _result(
@@ -208,32 +224,35 @@ def _result(
     return best.loops, proved_result(best.loops, best, settings), {"best_share": best.share}
 
 
-def _with_fewer_knots(settings: StabilitySettings) -> StabilitySettings:
-    """Return the settings with the knots of the section ``limits`` for every method."""
-    saturation = settings.limits
-    certified = replace(settings.sum_of_squares, knots=saturation.certified_knots)
-    return replace(settings, knots=saturation.knots, sum_of_squares=certified)
+def settings_of_limits(settings: StabilitySettings) -> StabilitySettings:
+    """Return the settings with the knots of the section ``limits`` for every method, and the proof by its own check."""
+    limits = settings.limits
+    certified = replace(settings.sum_of_squares, knots=limits.certified_knots)
+    checks = tuple(check for check in settings.checks if check != "proof")
+    checks += ("proof",) if "extended_proof" in checks else ()
+    return replace(settings, knots=limits.knots, sum_of_squares=certified, checks=checks)
 
 
 def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
     """Return the extended basins of all lifts as a published table."""
-    saturation = settings.limits
-    optional = set(_SHARED) - {"initial_area"}
+    limits, optional = settings.limits, set(_SHARED) - {"initial_area"}
+    left_out = columns_not_chosen(settings_of_limits(settings).checks)
+    frame = frame[[name for name in COLUMNS if name not in left_out]]
     shown = (frame["com"] == "abdomen") & (frame["method"] == "exact")
     shown &= frame["sign"] == settings.pendulum.sign
     return Table(
         title="Basins of attraction with limited torque, with an uncertain mass, and with a better V.",
-        frame=frame.assign(**{name: as_counts(frame[name]) for name in COUNTS}),
+        frame=frame.assign(**{name: as_counts(frame[name]) for name in COUNTS if name in frame}),
         definitions=COLUMNS,
         data=data,
         notes=(
-            f"Torques about the ankles: the centre of pressure under the pendulum's weight at most {saturation.foot_ahead_m:g} m "
-            f"ahead, {saturation.foot_behind_m:g} m behind and {saturation.feet_half_width_m:g} m beside the pivot; about the "
-            f"hips at most {saturation.hip_extension_N_m:g} N·m backward, {saturation.hip_flexion_N_m:g} forward, "
-            f"{saturation.hip_abduction_N_m:g} to a side",
+            f"Torques about the ankles: the centre of pressure under the pendulum's weight at most {limits.foot_ahead_m:g} m "
+            f"ahead, {limits.foot_behind_m:g} m behind and {limits.feet_half_width_m:g} m beside the pivot; about the "
+            f"hips at most {limits.hip_extension_N_m:g} N·m backward, {limits.hip_flexion_N_m:g} forward, "
+            f"{limits.hip_abduction_N_m:g} to a side",
             _binding(frame),
             "The true mass lies within "
-            f"±{100 * saturation.mass_share:g} % of the nominal one, the pendulum's mass "
+            f"±{100 * limits.mass_share:g} % of the nominal one, the pendulum's mass "
             f"{settings.pendulum.mass.replace('_', ' ')}; λ tried: "
             + ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
         ),

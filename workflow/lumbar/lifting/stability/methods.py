@@ -25,7 +25,13 @@ import numpy as np
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, FunnelVariants, funnel_variants
 from lumbar.lifting.stability.funnel.interval_proof import proved_share
-from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, saturated_funnels
+from lumbar.lifting.stability.funnel.saturation import (
+    UNSATURATED,
+    Saturation,
+    reference_of,
+    require_torque,
+    saturated_funnels,
+)
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
@@ -60,6 +66,7 @@ def exact(
     if not saturation.active:
         found = funnel_variants(loops, settings.goal_level, margin, overstated)
         return proved_result(loops, found, settings)
+    require_torque(loops.pendulums, reference_of(loops.pendulums, saturation.bias), saturation)
     found = saturated_funnels(loops, settings.goal_level, saturation, margin, overstated)
     for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
         if reason:

@@ -234,5 +234,5 @@ def _pushed(
         {name: float(value) for name, value in constants.items()},
         {name: np.ascontiguousarray(values[:, index]) for name, values in columns.items()},
         np.ascontiguousarray(funnels.level[:, index]),
-        bool(binds(loops, funnels.level, torque_limit(item, settings))[index]),
+        bool(binds(loops, funnels.level, torque_limit([item], settings))[index]),
     )

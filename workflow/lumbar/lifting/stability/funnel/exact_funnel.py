@@ -164,6 +164,10 @@ class Funnels:
         squares = self.level[..., None] * self.cost[..., [2, 0]] / determinant(self.cost)[..., None]
         return np.sqrt(squares.max(axis=0))
 
+    def select(self, index: np.ndarray) -> Funnels:
+        """Return those of these pendulums."""
+        return Funnels(self.method, self.duration[index], self.cost[:, index], self.level[:, index])
+
 
 @dataclass(frozen=True)
 class FunnelVariants:
@@ -210,11 +214,7 @@ def funnel_variants(
     """
     pendulums = loops.pendulums
     _require_terminal_set_within_reach(loops, terminal_level)
-    changes = np.unique([(0.0, 0.0), (margin, 0.0), (0.0, negative_control)], axis=0)
-    which = [
-        int(np.flatnonzero((changes == row).all(axis=1))[0])
-        for row in ((0, 0), (margin, 0), (0, negative_control))
-    ]
+    changes, which = distinct_variants(margin, negative_control)
     level = _backward(loops, terminal_level, changes)[:, which]
     semi_axis = normal_axes(loops.cost[::2])[0] * np.sqrt(level[:, 0])
     lost = ~(semi_axis < LARGEST_SEMI_AXIS)
@@ -231,6 +231,13 @@ def funnel_variants(
         replace(exact, method=f"exact, margin {margin:g} 1/s", level=level[:, 1]),
         replace(exact, method="exact, negative control", level=level[:, 2]),
     )
+
+
+def distinct_variants(margin: float, negative_control: float) -> tuple[np.ndarray, list[int]]:
+    """Return margin and negative control of those of the three variants that differ, and which is which."""
+    wanted = [(0.0, 0.0), (margin, 0.0), (0.0, negative_control)]
+    changes = np.unique(wanted, axis=0)
+    return changes, [int(np.flatnonzero((changes == row).all(axis=1))[0]) for row in wanted]
 
 
 def _require_terminal_set_within_reach(loops: ClosedLoops, terminal_level: float) -> None:

@@ -13,6 +13,7 @@ where the goal set is too small for that, there is no basin, and `SaturatedFunne
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial, reduce
 
 import numpy as np
 
@@ -21,14 +22,17 @@ from lumbar.lifting.stability.funnel.exact_funnel import (
     LARGEST_SEMI_AXIS,
     Funnels,
     FunnelVariants,
+    distinct_variants,
     integrate_backward,
 )
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, remainder
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, normal_axes
+from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, NormalForm, normal_axes
 
 SAMPLES = 96
+POSITION = np.linspace(0.0, 2 * np.pi, SAMPLES, endpoint=False)
 SECTORS = 8
 ZOOMS = 4
+OFFSETS = np.linspace(-1.0, 1.0, 9)
 LEAST_LEVEL = 1e-6
 """Share of ρ(T) below which the basin counts as lost."""
 
@@ -37,20 +41,20 @@ LEAST_LEVEL = 1e-6
 class Saturation:
     """What the real loop adds to the nominal one."""
 
-    torque: float = np.inf
-    """U in N·m; infinite for none."""
+    torque: float | np.ndarray = np.inf
+    """U in N·m, one for all pendulums or shape (pendulums,); infinite for none."""
     mass_share: float = 0.0
     """The true mass lies within m·(1 ± this share)."""
-    bias: float = 0.0
-    """Middle of the torques allowed in N·m: |u − bias| ≤ U. Only with a mass that is known."""
+    bias: float | np.ndarray = 0.0
+    """Middle of the torques allowed in N·m: |u − bias| ≤ U; likewise. Only with a mass that is known."""
 
     def __post_init__(self):
-        if self.bias and self.mass_share:
+        if np.any(self.bias) and self.mass_share:
             raise InputError(
                 "torques that are not limited alike to both sides, and an uncertain mass: one at a time"
             )
-        if not self.torque > 0:
-            raise InputError(f"torque limit: {self.torque:g} N·m; it must be positive")
+        if not np.all(np.greater(self.torque, 0)):
+            raise InputError(f"torque limit: {np.min(self.torque):g} N·m; it must be positive")
         if not 0 <= self.mass_share < 1:
             raise InputError(f"uncertain mass: share {self.mass_share:g}; it must lie in [0, 1)")
 
@@ -62,10 +66,15 @@ class Saturation:
         parts += [f"mass ±{100 * self.mass_share:g} %"] if self.mass_share else []
         return ", ".join(parts) or "no limits"
 
+    def of(self, index: int) -> Saturation:
+        """Return that of one pendulum."""
+        torque, bias = (np.ravel(value)[index if np.ndim(value) else 0] for value in (self.torque, self.bias))
+        return Saturation(float(torque), self.mass_share, float(bias))
+
     @property
     def active(self) -> bool:
         """Whether there are any."""
-        return bool(np.isfinite(self.torque) or self.mass_share)
+        return bool(np.isfinite(self.torque).any() or self.mass_share)
 
     @property
     def ratios(self) -> tuple[float, float]:
@@ -100,7 +109,7 @@ class SaturatedFunnels(FunnelVariants):
         return np.array([not text for text in self.reason])
 
 
-def reference_of(pendulums: Pendulums, bias: float = 0.0) -> SaturationReference:
+def reference_of(pendulums: Pendulums, bias: float | np.ndarray = 0.0) -> SaturationReference:
     """Return u0 less the bias and θ̇0 of the cubic spline through the knots of θ0 (Eq. 4.1 solved for u).
 
     The spline is the interpolant about which `interval_proof` proves: its second derivative, and with it the
@@ -133,7 +142,8 @@ def saturated_funnels(
     """
     reference = reference_of(loops.pendulums, saturation.bias)
     floor = np.log(terminal_level * LEAST_LEVEL)
-    margins, shares = np.array([[0.0], [margin], [0.0]]), np.array([[0.0], [0.0], [negative_control]])
+    changes, which = distinct_variants(margin, negative_control)
+    margins, shares = changes[:, :1], changes[:, 1:]
 
     def slope(point, log_level):
         # Below the floor the basin is lost; the rate there must only stay finite.
@@ -143,11 +153,14 @@ def saturated_funnels(
         return np.where(log_level > floor, np.minimum(rate, 1e3), 0.0)
 
     count = len(loops.pendulums.labels)
-    log_level = integrate_backward(loops, np.full((3, count), np.log(terminal_level)), slope)
+    goal = np.full((len(changes), count), np.log(terminal_level))
+    log_level = integrate_backward(loops, goal, slope)[:, which]
     peak = np.abs(reference.torque).max(axis=0)
     semi_axis = (normal_axes(loops.cost[::2])[0] * np.exp(0.5 * log_level[:, 0])).max(axis=0)
     lost = ~(log_level[:, :2] > floor).all(axis=(0, 1))
-    reason = tuple(_reason(peak[index], saturation, lost[index], semi_axis[index]) for index in range(count))
+    reason = tuple(
+        _reason(peak[index], saturation.of(index), lost[index], semi_axis[index]) for index in range(count)
+    )
     variants = [
         Funnels(name, loops.pendulums.duration, loops.cost[::2], np.exp(log_level[:, index]))
         for index, name in enumerate(("exact", f"exact, margin {margin:g} 1/s", "exact, negative control"))
@@ -180,60 +193,71 @@ def require_torque(pendulums: Pendulums, reference: SaturationReference, saturat
     """
     peak = np.abs(reference.torque).max(axis=0)
     if (peak > saturation.torque).any():
-        index = int(peak.argmax())
-        raise NumericalError(f"{pendulums.labels[index]}: {_reason(peak[index], saturation, False, 0.0)}")
+        index = int((peak - saturation.torque).argmax())
+        reason = _reason(peak[index], saturation.of(index), False, 0.0)
+        raise NumericalError(f"{pendulums.labels[index]}: {reason}")
 
 
 def saturated_growth(
     loops: ClosedLoops, point: int, level: np.ndarray, saturation: Saturation, reference: SaturationReference
 ) -> np.ndarray:
     """Return the largest V̇/ρ on V = ρ over all masses, shape as `level`: (..., pendulums)."""
-    position = np.linspace(0.0, 2 * np.pi, SAMPLES, endpoint=False)
-    values = _growth(loops, point, level, saturation, reference, position)
+    boundary = _Boundary(loops, point, level, saturation, reference)
+    values = boundary.growth(POSITION)
     best = values.reshape(*level.shape, SECTORS, -1).argmax(axis=-1)
     best += np.arange(SECTORS) * (SAMPLES // SECTORS)
-    centre, width = position[best], 2 * np.pi / SAMPLES
+    centre, width = POSITION[best], 2 * np.pi / SAMPLES
     result = values.max(axis=-1)
-    offsets = np.linspace(-1.0, 1.0, 9)
     for _ in range(ZOOMS):
-        nearby = centre[..., None] + width * offsets
-        values = _growth(loops, point, level, saturation, reference, nearby.reshape(*level.shape, -1))
-        values = values.reshape(nearby.shape)
+        nearby = centre[..., None] + width * OFFSETS
+        values = boundary.growth(nearby.reshape(*level.shape, -1)).reshape(nearby.shape)
         centre = np.take_along_axis(nearby, values.argmax(axis=-1)[..., None], -1)[..., 0]
         result = np.maximum(result, values.max(axis=(-1, -2)))
         width /= 4
     return result
 
 
-def _growth(loops, point, level, saturation, reference, position) -> np.ndarray:
-    """V̇/ρ at angles φ of the boundary, the largest of both extreme masses, shape (..., pendulums, angles)."""
-    form = loops.form(point)
-    c, s = np.cos(position), np.sin(position)
-    root = np.sqrt(level)[..., None]
-    a, p, q = (axis[:, None] for axis in normal_axes(loops.cost[point]))
-    state = np.broadcast_arrays(root * a * c, root * (p * c + q * s))
-    sine = remainder(form.angle[:, None], state[0])
-    nominal = (
-        -(form.alpha[:, None] * c**2 + 2 * form.beta[:, None] * c * s + form.gamma[:, None] * s**2)
-        - form.coupling[:, None] / root * s * sine
-    )
-    weight = 2 * np.sqrt(loops.cost[point][:, 2])[:, None] / root * s
-    changes = [
-        extra_acceleration(loops, reference, saturation.torque, ratio, point, state)
-        for ratio in sorted(set(saturation.ratios))
-    ]
-    return nominal + np.max([weight * change for change in changes], axis=0)
+class _Boundary:
+    """V̇/ρ on V = ρ at one point of the grid; entries have shape (..., pendulums, 1)."""
+
+    def __init__(self, loops, point, level, saturation, reference):
+        self._form = NormalForm(*(part[:, None] for part in vars(loops.form(point)).values()))
+        root = np.sqrt(level)[..., None]
+        self._axes = [root * axis[:, None] for axis in normal_axes(loops.cost[point])]
+        self._kappa = self._form.coupling / root
+        self._weight = 2 * np.sqrt(loops.cost[point][:, 2])[:, None] / root
+        ratios = sorted(set(saturation.ratios))
+        self._changes = [
+            partial(extra_acceleration, loops, reference, saturation.torque, ratio, point) for ratio in ratios
+        ]
+
+    def growth(self, position: np.ndarray) -> np.ndarray:
+        """Return it at angles φ, the largest of both extreme masses, shape (..., pendulums, angles)."""
+        form, (a, p, q) = self._form, self._axes
+        c, s = np.cos(position), np.sin(position)
+        error = a * c
+        state = error, p * c + q * s
+        quadratic = (form.alpha * c + 2 * form.beta * s) * c + form.gamma * s**2
+        nominal = -quadratic - self._kappa * s * remainder(form.angle, error)
+        first, *others = (self._weight * s * change(state) for change in self._changes)
+        return nominal + reduce(np.maximum, others, first)
 
 
 def extra_acceleration(
-    loops: ClosedLoops, reference: SaturationReference, torque: float, ratio, point: int, state
+    loops: ClosedLoops, reference: SaturationReference, torque, ratio, point: int, state
 ) -> np.ndarray:
-    """Return Δω̇ in rad/s² for m/m_true = `ratio`; each of the two states has shape (..., pendulums, states)."""
+    """Return Δω̇ in rad/s² for m/m_true = `ratio`; each of the two states has shape (..., pendulums, states).
+
+    `torque` is U, a number or of shape (pendulums,).
+    """
     pendulums = loops.pendulums
     k1, k2 = (loops.gains[point][:, entry, None] for entry in (0, 1))
     wanted = reference.torque[point][:, None] - k1 * state[0] - k2 * state[1]
+    torque = np.asarray(torque)[..., None]
+    applied = np.minimum(np.maximum(wanted, -torque), torque)
+    if np.ndim(ratio) == 0 and ratio == 1:
+        return (applied - wanted) / pendulums.inertia[:, None]
     drag = pendulums.damping[:, None] * (reference.velocity[point][:, None] + state[1])
-    applied = np.clip(wanted, -torque, torque)
     return (ratio * (applied - drag) - (wanted - drag)) / pendulums.inertia[:, None]
 
 
@@ -244,6 +268,7 @@ def disturbance_of(loops: ClosedLoops, saturation: Saturation, starts: int, seed
     low, high = saturation.ratios
     ratio = 1 / generator.uniform(1 / high, 1 / low, starts)
     ratio[::4], ratio[1::4] = low, high
+    ratio = ratio if saturation.mass_share else 1.0
 
     def disturbance(point, state):
         return extra_acceleration(loops, reference, saturation.torque, ratio, point, state)

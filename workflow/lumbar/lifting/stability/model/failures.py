@@ -48,7 +48,8 @@ class Attempt:
 
 
 def attempts(trajectories: list[Trajectory], basin: str, failures: list[Failure]) -> Iterator[Attempt]:
-    """Yield an attempt at all trajectories at once and, where one of them has no result, one at each by itself.
+    """Yield an attempt at all trajectories at once; where the error's message begins with the label of one, it is tried by
+    itself and the others together again, else each by itself.
 
     The integration takes as many steps for one basin as for a hundred.
 
@@ -63,17 +64,20 @@ def attempts(trajectories: list[Trajectory], basin: str, failures: list[Failure]
     >>> areas
     {'thorax': 0.5, 'pelvis': 0.5}
     """
-    if not trajectories:
-        return
-    together = Attempt(trajectories)
-    yield together
-    if together.error is None:
-        return
-    for item in trajectories:
-        alone = Attempt([item])
-        yield alone
-        if alone.error is not None:
-            failures.append(Failure.of(item, basin, str(alone.error)))
+    left = list(trajectories)
+    while left:
+        together = Attempt(left)
+        yield together
+        if together.error is None:
+            return
+        named = [item for item in left if str(together.error).startswith(item.label)] or left
+        for item in named:
+            alone = together if len(left) == 1 else Attempt([item])
+            if alone is not together:
+                yield alone
+            if alone.error is not None:
+                failures.append(Failure.of(item, basin, str(alone.error)))
+        left = [item for item in left if not any(item is other for other in named)]
 
 
 def failures_frame(failures: list[Failure]) -> pd.DataFrame:
@@ -111,12 +115,17 @@ def announcement(path: str | os.PathLike) -> str:
 
 
 def failures_table(failures: pd.DataFrame, data: str) -> Table:
-    """Return the basins that could not be computed as a published table."""
-    note = "Every basin was computed" if failures.empty else "These basins are in no other table"
+    """Return the basins that could not be computed as a published table; where none is missing, a row says so."""
+    none = failures.empty
+    if none:
+        row = dict.fromkeys(COLUMNS) | {"basin": "none", "reason": "every basin was computed"}
+        failures = failures_frame([]).astype(object)
+        failures.loc[0] = row
     return Table(
         title="Basins of attraction that could not be computed.",
         frame=failures,
         definitions=COLUMNS,
         data=data,
-        notes=(note,),
+        notes=("Every basin was computed" if none else "These basins are in no other table",),
+        may_be_empty=frozenset(COLUMNS) - {"basin", "reason"} if none else frozenset(),
     )

@@ -144,8 +144,9 @@ def _require_basin(
 ) -> None:
     lost = level < LEAST_LEVEL * terminal_level
     if lost.any():
+        index = int(lost.argmax())
         raise NumericalError(
-            f"{loops.pendulums.labels[int(lost.argmax())]}: {saturation}: no basin of the goal set is left (ρ falls below "
+            f"{loops.pendulums.labels[index]}: {saturation.of(index)}: no basin of the goal set is left (ρ falls below "
             f"{LEAST_LEVEL:g} of its value there)"
         )
 

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
     from lumbar.settings.stability import StabilitySettings
 
+TOLERANCES = (1e-8, 1e-7, 1e-6)
+"""Of gaps and residuals, on a polynomial in units of the ellipse: the first at which the solver says "optimal"; what it calls
+inaccurate is no optimum. The first is Clarabel's own, the last is below `AGREEMENT` by far."""
 AGREEMENT = 1e-4
 """Largest difference of two certified rates in 1/s that both solvers' tolerances explain."""
 
@@ -152,13 +155,15 @@ class RateProgramme:
         _assign(self._v, lyapunov_function(cost, state) / level)
         _assign(self._v_rate, lyapunov_rate(loops, point, pendulum, state, self.degree) / level)
         label = loops.pendulums.labels[pendulum]
-        try:
-            self._problem.solve(solver=cp.CLARABEL)
-        except cp.SolverError as error:
-            raise NumericalError(f"{label}: Eq. 4.6 in cvxpy: {error}") from error
-        if self._problem.status != cp.OPTIMAL:
-            raise NumericalError(f"{label}: Eq. 4.6 in cvxpy ended as {self._problem.status}")
-        return float(self._rate.value)
+        for tolerance in TOLERANCES:
+            limits = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
+            try:
+                self._problem.solve(solver=cp.CLARABEL, **limits)
+            except cp.SolverError as error:
+                raise NumericalError(f"{label}: Eq. 4.6 in cvxpy: {error}") from error
+            if self._problem.status == cp.OPTIMAL:
+                return float(self._rate.value)
+        raise NumericalError(f"{label}: Eq. 4.6 in cvxpy ended as {self._problem.status}")
 
 
 def _assign(parameters: Polynomial, values: Polynomial) -> None:

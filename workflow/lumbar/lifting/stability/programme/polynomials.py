@@ -230,12 +230,13 @@ def saturation_cases(
     return result
 
 
-def _laws(wanted: np.ndarray, torque: float):
+def _laws(wanted: np.ndarray, torque: float | np.ndarray):
     """Yield each law of the saturation and the functions that are not negative where it applies."""
-    if not np.isfinite(torque):
+    if np.isinf(torque).all():
         yield wanted, ()
         return
-    limit = np.broadcast_to([torque, 0.0, 0.0], wanted.shape)
+    limit = np.zeros_like(wanted)
+    limit[:, 0] = torque
     yield wanted, (limit - wanted, limit + wanted)
     yield limit, (wanted - limit,)
     yield -limit, (-limit - wanted,)
