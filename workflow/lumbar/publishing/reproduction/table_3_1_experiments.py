@@ -34,7 +34,7 @@ from lumbar.tissue.identification.metrics import relative_uncertainties
 from lumbar.tissue.identification.ridge import ReducedRegression, ridge_grid
 from lumbar.tissue.models.tissue_models import HO, KB, MW, higher_order_structures
 from lumbar.tissue.signals.excitation import Signal, design_excitation
-from lumbar.twin.tissue_recordings import noise_deviation, tissue_force, tissue_test
+from lumbar.twin.tissue_recordings import noise_deviation, tissue_test
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -207,16 +207,10 @@ def _force(fit_percent: float, mean_residual: float) -> float:
 
 def _reference(settings: StudySettings, band: float) -> tuple[tuple[Signal, ...], Reference]:
     excitation, tissue = design_excitation(band, settings.signals, settings.seed), settings.twin.tissue
-    signal = excitation.signals[0]
-    force = tissue_force(
-        signal.time,
-        signal.position,
-        tissue.k1_N_per_mm,
-        tissue.k2_N_per_mm,
-        tissue.relaxation_s,
-        tissue.cubic_N_per_mm3,
-    )
-    noise = noise_deviation(force, tissue.noise_variance_share) if tissue.noise_N is None else tissue.noise_N
+    signal, noise = excitation.signals[0], tissue.noise_N
+    if noise is None:
+        quiet = tissue_test(signal.time, signal.position, replace(tissue, noise_N=0.0), settings.twin.seed, 0)
+        noise = noise_deviation(quiet, tissue.noise_variance_share)
     return excitation.signals, Reference(excitation.multisine.peak, noise, 1 / signal.rate)
 
 
