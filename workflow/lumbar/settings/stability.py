@@ -272,7 +272,7 @@ class StabilitySettings:
         "the thesis solves them; sum_of_squares: certificates; cvxpy: some of these once more as Eq. 4.6 is written; proof: "
         "interval arithmetic between the knots; extended: limited torque, uncertain mass and a better V; extended_proof: "
         "interval arithmetic for these too, which takes some 30 s of computing per lift.",
-        default=("simulation", "thesis_method", "sum_of_squares", "cvxpy"),
+        default=("simulation", "thesis_method", "sum_of_squares", "cvxpy", "proof", "extended"),
     )
     proof: ProofSettings = section(default_factory=ProofSettings)
     sum_of_squares: SumOfSquaresSettings = section(default_factory=SumOfSquaresSettings)
