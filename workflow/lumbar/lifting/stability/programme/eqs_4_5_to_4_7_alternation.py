@@ -47,6 +47,8 @@ from lumbar.lifting.stability.programme.polynomials import (
     circle_map,
     circle_maximum,
     growth_polynomial,
+    harmonics,
+    harmonics_of_monomials,
     monomials,
 )
 from lumbar.lifting.stability.programme.sum_of_squares import Certificate
@@ -88,6 +90,11 @@ def level_factors(growth: np.ndarray, rate: np.ndarray, multiplier: np.ndarray) 
     largest, least = _least_quotient(above, padded), -_least_quotient(above, -padded)
     return np.where(np.isfinite(largest) & (largest > 0) & (least <= largest), largest, np.nan)
 
+
+_ON_CIRCLE = harmonics_of_monomials(DEGREE + 1).T @ harmonics(
+    DEGREE + 1, np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
+)
+"""From coefficients to values at points of the circle."""
 
 RADII = np.geomspace(0.1, 20.0, 32)
 ANGLES = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
@@ -280,8 +287,11 @@ def _decreased(
     """Step 1: return ρ, decreased until there is a multiplier, and where there is one; elsewhere ρ is kept."""
     result, trial, feasible = level.copy(), level.copy(), np.zeros(level.shape, dtype=bool)
     for _ in range(MOST_DECREASES):
-        largest = circle_maximum(growth_polynomial(form, trial, DEGREE), DEGREE + 1)
-        new = ~feasible & (largest <= frozen / trial)
+        growth, allowed = growth_polynomial(form, trial, DEGREE), frozen / trial
+        # The largest of a few values is enough to say no, and nearly always does.
+        new = ~feasible & (growth @ _ON_CIRCLE <= allowed[..., None]).all(axis=-1)
+        if new.any():
+            new[new] = circle_maximum(growth[new], DEGREE + 1) <= allowed[new]
         result[new], feasible[new] = trial[new], True
         if feasible.all():
             break

@@ -127,9 +127,9 @@ class Certificate:
         return float(found[0]) * scale, found[1:] * scale
 
 
-TOLERANCES = (1e-9, 1e-8, 1e-7)
+TOLERANCES = (1e-8, 1e-7)
 """Of gaps and residuals, on polynomials scaled to a largest harmonic of one; tried in turn until the status is
-"solved". Clarabel's own is the second."""
+"solved". The first is Clarabel's own."""
 
 
 def _products(basis: np.ndarray, factors: np.ndarray, angle: np.ndarray, order: int, unit: int) -> np.ndarray:
