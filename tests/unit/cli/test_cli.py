@@ -256,7 +256,9 @@ def test_lift_and_basin_follow_each_other(run, project, tmp_path):
     facts = json.loads((output / "pendulum.json").read_text())
     assert facts["box_mass_kg"] == 23
     study = tmp_path / "fewer.yaml"
-    study.write_text("stability: {attack: {starts: 20}, thesis_method: {knots: 3}, grid: {knots: 101}}\n")
+    study.write_text(
+        "stability: {checks: [simulation, extended], knots: 253, attack: {starts: 20}, grid: {knots: 101}}\n"
+    )
     status, out, err = run("basin", output / "pendulum.csv", "--output", output, "--config", study)
     assert status == 0, err
     assert (output / "boa.csv").read_text().count("\n") > 6

@@ -168,8 +168,8 @@ def run_basin(options) -> None:
     found = basins(options.states, facts=facts, settings=settings.stability, seed=settings.seed)
     found.save(options.output)
     print(f"{len(found.areas)} basins are in {options.output / 'boa.csv'}")
-    if len(found.failures()):
-        raise NumericalError(announcement(options.output / "failures.csv"))
+    if message := announcement(options.output / "failures.csv"):
+        raise NumericalError(message)
 
 
 BASIN = Command(

@@ -176,6 +176,10 @@ def test_announcement_and_table_name_everything(tmp_path, broken):
     assert "in no other table" in failures_table(failures_frame(broken.failures), "test").to_html()
     failures_frame([]).to_csv(path, index=False)
     assert announcement(path) == ""
+    # That feet and hips hold no basin is no trouble of the computation.
+    limited = replace(broken.failures[0], basin="torque_limited, exact, hanging")
+    failures_frame([limited]).to_csv(path, index=False)
+    assert announcement(path) == ""
     none = failures_table(failures_frame([]), "test")
     assert none.frame["reason"].tolist() == ["every basin was computed"] and "Every basin" in none.to_html()
 

@@ -26,7 +26,7 @@ from lumbar.lifting.stability.methods import (
 )
 from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
-from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.failures import TORQUE_LIMITED, attempts
 from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
 from lumbar.tables.table import Table
 
@@ -63,8 +63,6 @@ COLUMNS = {
 }
 """Columns of ``extended.csv`` with their definitions; a cell is empty where a check belongs to another method."""
 
-TORQUE_LIMITED = "torque_limited"
-"""Loop whose torque is limited, in the column ``loop``."""
 COUNTS = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
 
 
