@@ -43,7 +43,10 @@ def records(tmp_path, monkeypatch):
     ("page", "start", "stop", "folder"),
     [
         ("README.md", "## What is your model missing?", "## From Python", "FOLDER"),
-        ("docs/tissue/tutorial.md", "## 1. ", "## 5. ", "results/thesis/twin/two_hidden_effects"),
+        pytest.param(
+            *("docs/tissue/tutorial.md", "## 1. ", "## 5. ", "results/thesis/twin/two_hidden_effects"),
+            marks=pytest.mark.nightly,
+        ),
     ],
 )
 def test_the_loop_runs_as_it_stands(run, project, records, tmp_path, page, start, stop, folder):
