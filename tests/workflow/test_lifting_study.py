@@ -86,6 +86,7 @@ def test_a_person_whose_file_was_copied_is_all_that_is_lifted_and_computed_anew(
 @pytest.mark.nightly
 def test_a_lift_without_a_deposit_leaves_the_others_their_basins(study):
     """The window of one trial ends while the box is carried: its rows say why they are empty, the run goes on."""
+    (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")
     path = study / "config" / "subjects" / "novice.yaml"
     text = path.read_text(encoding="utf-8")
     trial = "markers: lifting/novice_15kg.c3d,"
