@@ -72,6 +72,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python benchmarks/timings.py
 	python benchmarks/growth.py
 	python benchmarks/stability.py
+	python benchmarks/alternation.py
 	python benchmarks/population.py
 	python benchmarks/runtime.py
 	python benchmarks/browser.py

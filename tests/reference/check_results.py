@@ -51,6 +51,13 @@ def compare(reference: pd.DataFrame, found: pd.DataFrame, table: str, settings: 
     keys = settings["keys"]
     missing = [column for column in reference.columns if column not in found.columns]
     movements = [Movement(table, "-", column, "present", "missing", 0.0, False) for column in missing]
+    movements += [
+        Movement(table, "-", column, "missing", "present", 0.0, False)
+        for column in keys
+        if column not in reference
+    ]
+    if any(movement.column in keys for movement in movements):
+        return movements
     then, now = (frame.set_index(keys) for frame in (reference.drop(columns=missing), found))
     for key in then.index.difference(now.index):
         movements.append(Movement(table, _name(key), "-", "present", "missing", 0.0, False))

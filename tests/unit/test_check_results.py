@@ -81,6 +81,13 @@ def test_areas_of_the_thesis_engine_are_compared_to_the_digits_they_have(project
     assert special["relative"] == {column: RESOLUTION[column] for column in special["relative"]}
 
 
+def test_a_reference_without_a_key_s_column_is_told(check, folders, capsys):
+    frame = pd.read_csv(folders[0] / "t.csv")
+    frame.drop(columns="model").to_csv(folders[0] / "t.csv", index=False)
+    assert call(check, folders) == 1
+    assert "NOT ALLOWED: tables/t.csv [-] model: missing -> present" in capsys.readouterr().out
+
+
 def test_missing_table_and_row_fail(check, folders, capsys):
     path = folders[1] / "tables" / "t.csv"
     pd.read_csv(path).iloc[:1].to_csv(path, index=False)
