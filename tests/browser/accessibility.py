@@ -11,3 +11,10 @@ def serious(page) -> list[tuple[str, str]]:
     return [
         (item["id"], item["nodes"][0]["html"]) for item in found if item["impact"] in ("serious", "critical")
     ]
+
+
+def fits(page, *widths: int) -> None:
+    """Wait until nothing is wider than the page, at each width: pictures follow its size a moment later."""
+    for width in widths:
+        page.set_viewport_size({"width": width, "height": 900})
+        page.wait_for_function("width => document.documentElement.scrollWidth <= width", arg=width)

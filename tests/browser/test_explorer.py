@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from accessibility import serious
+from accessibility import fits, serious
 
 import lumbar
 from running import FORKING, copy_project, snakemake
@@ -217,9 +217,7 @@ def test_keyboard_reaches_every_choice(new_page, saved):
 
 def test_nothing_is_wider_than_the_page(new_page, saved):
     page = new_page(saved)
-    for width in (390, 1280, 1920):
-        page.set_viewport_size({"width": width, "height": 900})
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
+    fits(page, 390, 1280, 1920)
 
 
 @contextmanager
@@ -352,6 +350,6 @@ def test_own_recordings_page_is_for_everybody(new_page, own, scheme):
     )
     page.locator("#files li").wait_for()
     page.locator("#previews .bad").first.wait_for()
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    fits(page, 390)
     assert page.locator("#start").is_disabled()
     assert serious(page) == []

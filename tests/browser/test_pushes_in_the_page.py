@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from accessibility import serious
+from accessibility import fits, serious
 
 from lumbar.interface.lift_page import lift_page
 from lumbar.lifting.stability.extended_basins import torque_limit
@@ -128,9 +128,7 @@ def test_time_is_gone_through_by_keyboard_and_everything_follows(page):
 
 
 def test_nothing_is_wider_than_the_page(page):
-    for width in (390, 1280, 1920):
-        page.set_viewport_size({"width": width, "height": 900})
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
+    fits(page, 390, 1280, 1920)
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
