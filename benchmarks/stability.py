@@ -192,7 +192,7 @@ def limited_loops(trajectories, settings) -> None:
         report(f"{name}: area left, least", cost, "<= 1", bool(cost <= 1 + 1e-9))
         checked_and_proved(name, loops, found, chosen)
         margin = settings.sum_of_squares.margin_1_s
-        funnels, agreement = certified_funnels(loops, goal, 7, 67, margin, chosen)
+        funnels, agreement = certified_funnels(loops, goal, 7, 133, margin, chosen)
         ratio = funnels.mean_area / found.exact.mean_area
         worst = float(np.abs(ratio - 1).max())
         report(f"{name}: certified/exact area less 1, largest size", worst, "<= 1e-2", worst <= 1e-2)
