@@ -121,3 +121,35 @@ def test_the_claim_is_judged_in_both_states(reach, agrees):
     assert claim.judge({"boa": pd.DataFrame([fast])}).agrees is False
     still = {**row, "angle_range_rad": 0.0}
     assert claim.judge({"boa": pd.DataFrame([still])}).agrees is None
+
+
+def judged(name, results):
+    claim = next(item for item in sentences(synthetic=False) if item.id == name)
+    return claim.judge(results).agrees
+
+
+def test_movements_are_asked_for_comparison_by_comparison():
+    """Differences between boxes, large and from the mass, do not decide on those between people."""
+    cells = [
+        {"comparison": comparison, "sign": sign, "mass": mass, "percent": percent, "null_percent": null}
+        for comparison, mass, percent, null in (
+            ("expert_vs_novice", "with_box", 2.0, 0.2),
+            ("decrease_in_mass_expert", "with_box", 20.0, 19.9),
+            ("decrease_in_mass_novice", "with_box", 20.0, 19.9),
+            ("decrease_in_mass_novice", "without_box", 30.0, 0.0),
+        )
+        for sign in ("hanging", "inverted")
+    ]
+    results = {"table_4_1_grid": pd.DataFrame(cells)}
+    assert judged("trajectories_matter", results) is True
+    assert judged("trajectories_matter_with_mass", results) is False
+
+
+def test_the_thesis_s_basins_and_ours_are_two_claims():
+    rows = [
+        {"method": "thesis", "simulated_starts": 200, "exits": 53},
+        {"method": "exact", "simulated_starts": 200, "exits": 0},
+    ]
+    results = {"boa": pd.DataFrame(rows)}
+    assert judged("basins_reach_goal", results) is False
+    assert judged("exact_is_invariant", results) is True

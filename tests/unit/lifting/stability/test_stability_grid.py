@@ -262,6 +262,26 @@ def grid_by_hand(values):
     return pd.DataFrame(rows)
 
 
+def test_a_lighter_box_is_asked_for_where_it_counts():
+    names = ["comparison", "com", "plane", "percent", "null_percent", "movement_share", *vars(THESIS)]
+    counted = dict(
+        zip(
+            names,
+            ["decrease_in_mass_expert", "pelvis", "frontal", 20.0, 19.0, 0.05, *vars(THESIS).values()],
+            strict=True,
+        )
+    )
+    cells = [
+        {**counted, "mass": mass, "percent": percent}
+        for mass, percent in (("with_box", 20.0), ("without_box", -0.1))
+    ]
+    grid = pd.DataFrame(cells)
+    assert survivors(grid) == ([("decrease_in_mass_expert", "pelvis", "frontal")], [])
+    assert "(decrease in mass expert: 1;" in survival_sentence(grid)
+    people = grid.assign(comparison="expert_vs_novice")
+    assert survivors(people) == ([], [])
+
+
 def test_what_survives_the_grid_is_said():
     groups = ("expert", "novice")
     both = grid_differences(grid_by_hand({"hanging": (1.2, 1.05), "inverted": (1.5, 1.0)}), groups)
@@ -275,7 +295,7 @@ def test_what_survives_the_grid_is_said():
     assert "none of them comes from the movement" in survival_sentence(null)
     turned = grid_differences(grid_by_hand({"hanging": (0.9, 1.0), "inverted": (1.5, 1.0)}), groups)
     assert survival_sentence(turned).startswith(
-        "Of 6 differences none keeps its sign under all 2 conventions"
+        "Of 6 differences none keeps its sign under all conventions that can express them (expert vs novice: 2;"
     )
     moved = both[both["comparison"] == "movement_expert_23kg"]
     assert set(moved["percent"].round(6)) == {round(100 * (1.2 / 1.05 - 1), 6), 50.0}

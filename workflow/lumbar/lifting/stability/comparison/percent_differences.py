@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
     from lumbar.settings.stability import StabilitySettings
 
+LIGHTER_BOX = "decrease_in_mass_"
+"""What the comparisons of one lifter's lightest box with the heaviest begin with."""
+
 
 @dataclass(frozen=True)
 class Study:
@@ -94,7 +97,7 @@ def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups
         yield between, (second, max(shared)), (first, max(shared)), "computed"
     for name in (*groups, *others):
         found = masses.get(name, [])
-        comparison = f"decrease_in_mass_{name}"
+        comparison = f"{LIGHTER_BOX}{name}"
         if len(found) > 1:
             yield comparison, (name, found[-1]), (name, found[0]), "computed"
         else:
@@ -160,8 +163,7 @@ def comparison_names(groups: tuple[str, str]) -> dict[str, str]:
     """
     between = {"_vs_".join(GROUPS): "_vs_".join(groups)}
     within = {
-        f"decrease_in_mass_{thesis}": f"decrease_in_mass_{name}"
-        for thesis, name in zip(GROUPS, groups, strict=True)
+        f"{LIGHTER_BOX}{thesis}": f"{LIGHTER_BOX}{name}" for thesis, name in zip(GROUPS, groups, strict=True)
     }
     return between | within
 

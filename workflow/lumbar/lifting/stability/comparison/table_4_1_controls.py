@@ -29,6 +29,7 @@ from lumbar.lifting.stability.comparison.table_4_1_grid import (
     MOVEMENT_SHARE,
     change_sentence,
     comparison_cells,
+    expressing,
     single_changes,
 )
 from lumbar.lifting.stability.comparison.tuning_criterion import TunedWeights
@@ -200,7 +201,10 @@ _COLUMNS = {
     ),
     "lowest_percent": ("Lowest (%)", "smallest under the changes named in the note"),
     "highest_percent": ("Highest (%)", "largest under them"),
-    "grid_lowest_percent": ("Lowest of the grid (%)", "smallest over the grid's conventions"),
+    "grid_lowest_percent": (
+        "Lowest of the grid (%)",
+        "smallest over the grid's conventions that can express the comparison",
+    ),
     "grid_highest_percent": ("Highest of the grid (%)", "largest over them"),
     "criterion_percent": (
         "By the criterion (%)",
@@ -258,7 +262,7 @@ def controls_table(
     turned = {name: _turned_by(found) for name, found in changes.items()}
     sides = list(comparisons(areas, study.people, settings.compare.groups))
     trajectories = study.trajectories()
-    of_grid = comparison_cells(grid)
+    of_grid = expressing(comparison_cells(grid))
     cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
     rows = []
     for plane in PLANES:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.comparison.percent_differences import percent_differences
+from lumbar.lifting.stability.comparison.percent_differences import LIGHTER_BOX, percent_differences
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import attempts
@@ -129,6 +129,11 @@ def comparison_cells(grid: pd.DataFrame) -> pd.DataFrame:
     return grid[~grid["comparison"].str.startswith(f"{MOVEMENT}_") & grid["percent"].notna()]
 
 
+def expressing(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return the cells whose convention can express what is compared: a lighter box needs a mass in which the box counts."""
+    return cells[~cells["comparison"].str.startswith(LIGHTER_BOX) | (cells["mass"] == "with_box")]
+
+
 def cells_under(grid: pd.DataFrame, convention: Convention) -> pd.DataFrame:
     """Return the cells of `comparison_cells` under one convention."""
     cells, chosen = comparison_cells(grid), vars(convention)
@@ -172,12 +177,12 @@ def change_sentence(name: str, changes: pd.DataFrame) -> str:
 
 
 def survivors(grid: pd.DataFrame) -> tuple[list[tuple], list[tuple]]:
-    """Return the differences that keep their sign in all cells, and those that also come from the movement in all.
+    """Return the differences that keep their sign in all cells that express them, and those also from the movement in all.
 
     `grid` is that of `grid_differences`; each difference is named by comparison, COM and plane.
     """
     same_sign, from_movement = [], []
-    for name, cells in comparison_cells(grid).groupby(["comparison", "com", "plane"], sort=False):
+    for name, cells in expressing(comparison_cells(grid)).groupby(["comparison", "com", "plane"], sort=False):
         if (np.sign(cells["percent"]) == np.sign(cells["percent"].iloc[0])).all():
             same_sign.append(name)
             if (cells["movement_share"] >= MOVEMENT_SHARE).all():
@@ -187,16 +192,20 @@ def survivors(grid: pd.DataFrame) -> tuple[list[tuple], list[tuple]]:
 
 def survival_sentence(grid: pd.DataFrame) -> str:
     """Say in one or two sentences which differences survive the whole grid."""
-    cells = comparison_cells(grid)
+    cells = expressing(comparison_cells(grid))
     if cells.empty:
         return "Nothing is compared in this study, so nothing can survive the grid"
     total = cells.groupby(["comparison", "com", "plane"]).ngroups
-    conventions = cells.groupby(list(CHOICES)).ngroups
+    counts = cells.groupby("comparison", sort=False).apply(lambda own: own.groupby(list(CHOICES)).ngroups)
+    conventions = "all conventions that can express them (" + ", ".join(
+        f"{name.replace('_', ' ')}: {count}" for name, count in counts.items()
+    )
+    conventions += "; a lighter box those in whose mass it counts)"
     same_sign, from_movement = survivors(grid)
     if not same_sign:
-        return f"Of {total} differences none keeps its sign under all {conventions} conventions: each hangs on the one chosen"
+        return f"Of {total} differences none keeps its sign under {conventions}: each hangs on the one chosen"
     kept = _name_differences(same_sign, grid)
-    text = f"Of {total} differences {len(same_sign)} keep their sign under all {conventions} conventions ({kept})"
+    text = f"Of {total} differences {len(same_sign)} keep their sign under {conventions}: {kept}"
     if not from_movement:
         return f"{text}; none of them comes from the movement, by half or more, under all of them"
     return f"{text}; {_name_differences(from_movement, grid)} come from the movement, by half or more, under all of them"
