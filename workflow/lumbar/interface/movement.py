@@ -58,10 +58,10 @@ def measure_movement(
     >>> from lumbar.twin.examples import example_lift
     >>> lift = lumbar.lift("lift.c3d", example_lift("lift.c3d"), box_mass_kg=15)
     >>> print(lumbar.measure_movement(lift))
-    margin_of_stability: 0.0035 m (higher is safer)
-    smallest_impulse: 1.1 N·s (higher is safer)
-    lumbar_flexion_peak: 14.8 ° (lower is safer)
-    l5s1_moment_peak: 133 N·m (lower is safer)
+    l5s1_moment_peak_carried: 160 N·m (lower is safer; from lift-off to release, or as far of it as was recorded)
+    lumbar_flexion_peak_carried: 32.5 ° (lower is safer; from lift-off to release, or as far of it as was recorded)
+    margin_of_stability: 0.0035 m (higher is safer; from the start of the deposit to the release)
+    smallest_impulse: 1.1 N·s (higher is safer; from the start of the deposit to the release)
     """
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
@@ -124,13 +124,13 @@ class Measures(Result):
         yield "movement_course.csv", self.instants.assign(data=self.data)
 
     def __str__(self) -> str:
-        from lumbar.lifting.measures.registry import MEASURES
+        from lumbar.lifting.measures.registry import MEASURES, WINDOWS
 
         named = self.values[self.values["measure"].map(lambda name: MEASURES[name].headline)]
         lines = [
             f"{row.measure}: none ({row.reason})"
             if row.reason
-            else f"{row.measure}: {row.value:.3g} {row.unit} ({row.safer} is safer)"
+            else f"{row.measure}: {row.value:.3g} {row.unit} ({row.safer} is safer; {WINDOWS[MEASURES[row.measure].phase]})"
             for row in named.drop_duplicates("measure").itertuples()
         ]
         return "\n".join([*lines, *self.course.notes])

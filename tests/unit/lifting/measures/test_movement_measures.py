@@ -178,7 +178,7 @@ def test_a_foot_without_a_toe_marker_has_the_length_of_its_stature(lifts, found)
     assert value(toeless, "margin_of_stability") == pytest.approx(marked, abs=0.01)
 
 
-def test_without_a_deposit_there_is_no_measure_and_a_hidden_heel_takes_only_what_needs_it():
+def test_without_a_deposit_there_is_what_the_lift_so_far_carried_and_a_hidden_heel_takes_only_what_needs_it():
     recording, subject = synthetic("expert_23kg")
     early = recording.time < 5.0
     cut = replace(
@@ -187,8 +187,12 @@ def test_without_a_deposit_there_is_no_measure_and_a_hidden_heel_takes_only_what
         positions={name: points[early] for name, points in recording.positions.items()},
     )
     rows = measure_movement(lift_of(cut, subject, 23.0)).values
-    assert rows["value"].isna().all()
-    assert rows["reason"].str.contains("the deposit is not known").all()
+    whole = rows["measure"].str.endswith("_carried")
+    assert rows.loc[~whole, "value"].isna().all()
+    assert rows.loc[~whole, "reason"].str.contains("the deposit is not known").all()
+    complete = measure_movement(lift_of(recording, subject, 23.0)).values
+    peaks = [found.loc[whole, "value"].to_numpy() for found in (rows, complete)]
+    assert peaks[0] == pytest.approx(peaks[1], rel=0.02) and (peaks[0] > [150, 25]).all()
     hidden = dict(recording.positions)
     hidden["L_HEEL"] = np.where(
         (recording.time > 6.2)[:, None] & (recording.time < 6.7)[:, None], np.nan, hidden["L_HEEL"]

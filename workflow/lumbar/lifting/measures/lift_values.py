@@ -14,11 +14,13 @@ from lumbar.base.files import write_csv, write_text
 from lumbar.lifting.measures.registry import (
     AT_RELEASE,
     CARRIED,
+    DEPOSIT,
     FARTHEST,
     INTEGRAL,
     LARGEST,
     MEASURES,
     SMALLEST,
+    WINDOWS,
     Measure,
 )
 from lumbar.tables.table import SYNTHETIC_TWIN, Table
@@ -67,7 +69,7 @@ def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tup
         return np.nan, course.missing[column]
     within = _within(course, facts, measure.phase)
     if not within.any():
-        return np.nan, facts["no_deposit"] or "the box is never held"
+        return np.nan, facts["no_deposit"] if measure.phase == DEPOSIT else "the box is never held"
     time, values = (course.frame.loc[within, name].to_numpy(dtype=float) for name in ("time_s", column))
     if not np.isfinite(values).all():
         return np.nan, _gap(course, column, within)
@@ -86,10 +88,9 @@ def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tup
 
 def _within(course: Course, facts: Mapping, phase: str) -> np.ndarray:
     """Which instants belong to a phase of the lift, shape (n,)."""
-    if facts["no_deposit"]:
-        return np.zeros(len(course.frame), dtype=bool)
-    carried = course.frame["load_held"] == 1
-    return (carried if phase == CARRIED else course.frame["phase"] == "deposit").to_numpy()
+    if phase == CARRIED:
+        return (course.frame["load_held"] == 1).to_numpy()
+    return (course.frame["phase"] == "deposit").to_numpy() & (not facts["no_deposit"])
 
 
 def _gap(course: Course, column: str, within: np.ndarray) -> str:
@@ -167,7 +168,8 @@ def measures_page(values: pd.DataFrame, data: str) -> Table:
     counts = cells.groupby("column")["lift"].nunique()
     definitions = {**_FIXED, **{name: f"mean of {counts[name]} lifts" for name in names}}
     notes = [
-        f"{value_in_words(measure.name)} ({measure.symbol}): {measure.meaning}. Source: {measure.source}"
+        f"{value_in_words(measure.name)} ({measure.symbol}), {WINDOWS[measure.phase]}: {measure.meaning}. "
+        f"Source: {measure.source}"
         for measure in MEASURES.values()
     ]
     absent = values[values["reason"] != ""]
@@ -176,7 +178,7 @@ def measures_page(values: pd.DataFrame, data: str) -> Table:
         for row in absent.drop_duplicates(["lift", "measure", "reason"]).itertuples()
     ]
     return Table(
-        "Measures of the lifts that see their movement, over the deposit unless said.",
+        "Measures of the lifts that see their movement: of the whole lift, then of the deposit.",
         pd.DataFrame(rows, columns=[*_FIXED, *names]),
         definitions,
         data,

@@ -10,8 +10,12 @@ from lumbar.lifting.measures.balance import ANKLE_SOURCE
 ALL, SAGITTAL, FRONTAL = "all", "flexion_extension", "lateral_bending"
 """All directions, or one of the planes of `lumbar.lifting.movement.pendulum_states.PLANES`."""
 HIGHER, LOWER = "higher", "lower"
-DEPOSIT, CARRIED = "deposit", "carried"
-"""From the start of the deposit to the release; from lift-off to release."""
+CARRIED, DEPOSIT = "carried", "deposit"
+WINDOWS = {
+    CARRIED: "from lift-off to release, or as far of it as was recorded",
+    DEPOSIT: "from the start of the deposit to the release",
+}
+"""Phases of a lift that a number may be of."""
 SMALLEST, LARGEST, FARTHEST, AT_RELEASE, INTEGRAL = (
     "smallest",
     "largest",
@@ -42,7 +46,7 @@ class Measure:
     how: str
     """One of the words above."""
     phase: str = DEPOSIT
-    """{"deposit", "carried"}."""
+    """One of `WINDOWS`."""
     headline: bool = False
     """Whether it is among those that a summary names."""
 
@@ -67,6 +71,30 @@ def _planes(stem: str, unit: str) -> dict[str, str]:
 MEASURES = {
     measure.name: measure
     for measure in (
+        Measure(
+            "l5s1_moment_peak_carried",
+            "M_c",
+            "N·m",
+            LOWER,
+            "Largest resultant net moment about L5/S1 over the whole lift",
+            f"{DYNAMICS}; {PLAMONDON}",
+            {ALL: "l5s1_moment_N_m"},
+            LARGEST,
+            phase=CARRIED,
+            headline=True,
+        ),
+        Measure(
+            "lumbar_flexion_peak_carried",
+            "β_c",
+            "°",
+            LOWER,
+            "Largest flexion between thorax and pelvis beyond that of standing upright, over the whole lift",
+            PLAMONDON,
+            {SAGITTAL: "lumbar_flexion_deg"},
+            LARGEST,
+            phase=CARRIED,
+            headline=True,
+        ),
         Measure(
             "margin_of_stability",
             "b",
@@ -140,7 +168,6 @@ MEASURES = {
             PLAMONDON,
             {SAGITTAL: "lumbar_flexion_deg"},
             LARGEST,
-            headline=True,
         ),
         Measure(
             "lumbar_flexion_release",
@@ -161,7 +188,6 @@ MEASURES = {
             DYNAMICS,
             {ALL: "l5s1_moment_N_m", SAGITTAL: "l5s1_extension_N_m", FRONTAL: "l5s1_lateral_N_m"},
             FARTHEST,
-            headline=True,
         ),
         Measure(
             "l5s1_moment_per_kg",
@@ -192,17 +218,6 @@ MEASURES = {
             f"{DYNAMICS}; cumulative load: Coenen et al., Occup. Environ. Med. 71 (2014) 332-337",
             {ALL: "l5s1_moment_N_m"},
             INTEGRAL,
-        ),
-        Measure(
-            "l5s1_moment_peak_carried",
-            "M_c",
-            "N·m",
-            LOWER,
-            "Largest resultant net moment about L5/S1 from lift-off to release",
-            f"{DYNAMICS}; {PLAMONDON}",
-            {ALL: "l5s1_moment_N_m"},
-            LARGEST,
-            phase=CARRIED,
         ),
     )
 }

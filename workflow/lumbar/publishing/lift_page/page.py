@@ -11,7 +11,7 @@ import numpy as np
 
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
-from lumbar.lifting.measures.registry import DEPOSIT, MEASURES
+from lumbar.lifting.measures.registry import MEASURES, WINDOWS
 from lumbar.lifting.movement.lift_tables import points_of
 from lumbar.lifting.stability.model.trajectories import LiftStates
 from lumbar.publishing.explorer.one_file import Drawn, beside, embedded_pictures, one_file
@@ -199,9 +199,7 @@ class LiftPage:
                 "reason": row.reason,
                 "safer": row.safer,
                 "meaning": MEASURES[row.measure].meaning,
-                "phase": "over the deposit"
-                if MEASURES[row.measure].phase == DEPOSIT
-                else "while the box is held",
+                "phase": WINDOWS[MEASURES[row.measure].phase],
             }
             for row in values.itertuples()
             if MEASURES[row.measure].headline and (words := row.measure.replace("_", " "))
