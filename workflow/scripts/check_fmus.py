@@ -17,7 +17,8 @@ def main(input, output, settings: RuntimeSettings, seed: int, data: str):
     from lumbar.tissue.fmu.check.fmu_check import check_fmus, check_table, push
     from lumbar.tissue.models.fitted_model import read_models
 
-    fitted = read_models(read_json(input.models), catalogues_with(input.effects))
+    content = read_json(input.models)
+    fitted = read_models(content, catalogues_with(input.effects, content))
     models = select_models(fitted, settings)
     folder = Path(input.fmus[0]).parent
     table = check_table(check_fmus(models, folder, settings.check_samples, seed), data, seed)

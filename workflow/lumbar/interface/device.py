@@ -28,7 +28,7 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
     ----------
     path : path
     effect_files : iterable of path, optional
-        Files with effects of your own that the models have.
+        Files with effects of your own that the models have and the file does not carry: those in Python.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def _read(path: Path, effect_files) -> tuple[list[FittedModel], str]:
     from lumbar.tissue.models.fitted_model import read_models
 
     content = read_json(path)
-    models = read_models(content, catalogues_with(list(effect_files)))
+    models = read_models(content, catalogues_with(list(effect_files), content))
     return models, content.get("data") or path.name
 
 

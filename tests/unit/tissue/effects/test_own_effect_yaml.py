@@ -1,5 +1,6 @@
 """An effect of a user's own in a few lines of YAML: from equation to diagnosis, page and FMU; and what is refused."""
 
+import json
 import re
 from html import unescape
 
@@ -16,8 +17,8 @@ from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model
-from lumbar.tissue.effects.catalogue import catalogue_with
-from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.effects.catalogue import catalogue_with, catalogues_with
+from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
 from study_settings import changed
 
 RIBS = """
@@ -232,7 +233,13 @@ def test_the_page_names_all_signals_functions_and_keys(project):
     from lumbar.tissue.models.parameter import SCALES
 
     page = (project / "docs" / "tissue" / "own_effect.md").read_text(encoding="utf-8")
-    keys = {*notation._EFFECT_KEYS, *notation._FORM_KEYS, *notation._NONLINEAR_KEYS, "sign"} - {"name"}
+    keys = {
+        *notation._EFFECT_KEYS,
+        *notation._FORM_KEYS,
+        *notation._STATE_KEYS,
+        *notation._NONLINEAR_KEYS,
+        "sign",
+    } - {"name"}
     for name in (*SIGNALS, *OPERANDS, *SCALES, *keys):
         assert re.search(rf"`{name}[`:(]", page), name
 
@@ -241,3 +248,119 @@ def test_the_pages_example_is_read(project, tmp_path):
     page = (project / "docs" / "tissue" / "own_effect.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
     assert catalogue_with([written(tmp_path, example)])["own_friction"].forms[0].state
+
+
+CREEP = """
+name: own_creep
+mechanism: A spring behind a dashpot that follows the tool.
+equation: k*(z - q)
+state: {q: {rate: "(z - q)/tau", start: z}}
+parameters:
+  k: {name: stiffness, unit: "{y}/{x}"}
+  tau: {name: creep_time, unit: s, start: [0.05, 0.5], scale: time}
+"""
+"""A Maxwell branch by its dashpot's position, which is at rest where the tool is first."""
+FOLLOWED = """
+name: own_chain
+mechanism: Two branches in a row.
+equation: k*(z - q)
+state:
+  q: {rate: "(p - q)/tau", start: z}
+  p: {rate: "(z - p)/(tau*(1 + p**2))", start: "z*exp(-tau)"}
+parameters:
+  k: {name: stiffness, unit: "{y}/{x}"}
+  tau: {name: creep_time, unit: s, start: [0.05, 0.5], scale: time}
+"""
+"""Two states, one of which is not linear."""
+
+
+def test_a_state_begins_where_the_file_says(tmp_path):
+    """Creep at rest where the tool is first: the closed form of a Maxwell branch, under a motion in straight lines."""
+    from lumbar.tissue.models.motion import Motion
+
+    catalogue = catalogue_with([written(tmp_path, CREEP)])
+    own, branch = catalogue["own_creep"].forms[0], catalogue["second_relaxation"].forms[0]
+    position = 2.0 + np.cumsum(np.random.default_rng(5).standard_normal(500)) * 0.1
+    motion = Motion(np.arange(500) * 0.01, position, 0.01, smooth=False)
+    (found,), (expected,) = (form.columns(motion, np.array([0.2])) for form in (own, branch))
+    assert found[0] == 0.0
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+    assert own.text.endswith("q(0) = z")
+    assert own.latex.endswith(r"q(0) = z")
+
+
+@ON_LINUX
+@pytest.mark.parametrize(("text", "name"), [(CREEP, "own_creep"), (FOLLOWED, "own_chain")])
+def test_an_fmu_with_a_start_begins_at_rest(text, name, zig_cache, tmp_path):
+    catalogue = catalogue_with([written(tmp_path, text)])
+    entry = entry_of_effects("KB", {f"{name}/equation": ([0.6], [0.3])}, catalogue)
+    chosen = changed(SETTINGS, models=[entry["name"]], moving_average_ms=0)
+    (model,) = selected(models_json(entry), chosen, catalogue)
+    held_to_its_simulation(model, tmp_path, zig_cache)
+    held = model.dynamics.response(np.full(50, 3.0))
+    if name == "own_creep":
+        np.testing.assert_allclose(held, held[0], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ("v", "state.q.start: v is not known at the start"),
+        ("q", "state.q.start: q is not known at the start"),
+        ("k*z", "state.q.start: k is linear"),
+        ("log(z)", "state.q.start: 'log"),
+        ("1/z", "equation: is .*must be finite"),
+        ("3", "line 5: state.q.start: 3; a text is needed"),
+        ("z, stop: 0", "line 5: state.q.stop: unknown key; allowed are rate, start"),
+    ],
+)
+def test_what_cannot_be_a_start_is_refused(start, words, tmp_path):
+    with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
+        catalogue_with([written(tmp_path, CREEP.replace("start: z}", f"start: {start}}}"))])
+
+
+def carrying(folder) -> dict:
+    """Content of a file of one model with an effect of the user's own."""
+    catalogue = catalogue_with([written(folder, DAHL)])
+    entry = entry_of_effects("KB", {"own_friction/equation": ([0.6], [0.3])}, catalogue)
+    models = read_models(models_json(entry), {"tissue": catalogue})
+    return json.loads(json.dumps(models_document(models, "drawn")))
+
+
+def test_a_file_of_models_carries_the_effects_of_ones_own(tmp_path):
+    content = carrying(tmp_path)
+    assert list(content["effects"]) == ["own_friction"]
+    (model,) = read_models(content, catalogues_with([], content))
+    assert models_document([model], "drawn") == content
+    assert read_models(content, catalogues_with([tmp_path / "own.yaml"], content)) == [model]
+
+
+def test_what_it_carries_is_checked_as_a_file_is(tmp_path):
+    content = carrying(tmp_path)
+    own = content["effects"]["own_friction"]
+    for changes, words in (
+        ({"equation": "Fc*r*__import__('os')"}, "effects.own_friction: equation: "),
+        ({"by_hand": "play"}, "effects.own_friction: by_hand: unknown key"),
+        ({"equation": "Fc*r/z"}, "effects.own_friction: equation: is .*must be finite"),
+        ({"name": "delay"}, "effects.own_friction: .*name: own_friction"),
+        (
+            {"constants": {"c": {"value": 10**400, "unit": "1"}}},
+            "constants.c.value: .*a finite number is needed",
+        ),
+    ):
+        changed_content = {**content, "effects": {"own_friction": {**own, **changes}}}
+        with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
+            catalogues_with([], changed_content)
+    with pytest.raises(InputError, match=r"effects\.delay: not the effect that has this name"):
+        catalogues_with([], {"effects": {"delay": {**own, "name": "delay"}}})
+    with pytest.raises(InputError, match=r"effects: \['own_friction'\]"):
+        catalogues_with([], {"effects": ["own_friction"]})
+
+
+def test_a_file_changed_after_the_fit_is_not_mixed_with_it(tmp_path):
+    content = carrying(tmp_path)
+    other = written(tmp_path, DAHL.replace("1 - r*sign(v)", "1 - 2*r*sign(v)"))
+    with pytest.raises(
+        InputError, match=r"own_friction: not the effect .*leave the effect's file out, or fit"
+    ):
+        catalogues_with([other], content)

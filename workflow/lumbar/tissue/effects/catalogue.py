@@ -131,10 +131,19 @@ def _under_gravity(effect: Effect, gravity_m_s2: float) -> Effect:
     )
 
 
-def catalogues_with(files: Collection[str | Path]) -> dict[str, dict[str, Effect]]:
-    """Return the catalogue of every system with the effects of a user's files, as `catalogue_with`."""
+def catalogues_with(files: Collection[str | Path], content: object = None) -> dict[str, dict[str, Effect]]:
+    """Return the catalogue of every system with the effects of a user's files and those that a file of models carries.
+
+    Raises
+    ------
+    InputError
+        As `catalogue_with` and `lumbar.tissue.effects.notation.carried_effects`.
+    """
+    from lumbar.tissue.effects.notation import carried_effects
+
     bases = {base.system: base.name for base in BASES.values()}
-    return {system: catalogue_with(files, base) for system, base in bases.items()}
+    found = {system: catalogue_with(files, base) for system, base in bases.items()}
+    return {system: {**carried_effects(content, known), **known} for system, known in found.items()}
 
 
 def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:

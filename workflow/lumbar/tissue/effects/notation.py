@@ -6,9 +6,11 @@ are code; a user's cannot.
 
 from __future__ import annotations
 
-import math
 import re
+import sys
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -30,6 +32,7 @@ _EFFECT_KEYS = ("name", "mechanism", "source", "experiment", *_EFFECT_FLAGS, "fo
 _FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "essential")
 _HOOK_KEYS = ("solution", "by_hand", "latex", "starts", "contradiction")
 """Of the catalogue's files alone; ``latex`` stands in place of the equation of a form that is written by hand."""
+_STATE_KEYS = ("rate", "start")
 _LINEAR_KEYS = ("name", "unit", "latex", "sign")
 _NONLINEAR_FLAGS = ("follows_record", "decisive")
 _NONLINEAR_KEYS = ("name", "unit", "latex", "start", "scale", "points", "reach", "lines", *_NONLINEAR_FLAGS)
@@ -54,10 +57,49 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
         If the file cannot be read or imported, defines no effect, or has an equation that cannot be used: all problems at
         once.
     """
-    if path.suffix in (".yaml", ".yml"):
-        effect = _checked_effect(path, taken)
-        return {effect.name: effect}
-    return _from_python(path)
+    if path.suffix not in (".yaml", ".yml"):
+        return _from_python(path)
+    problems = Problems(f"effect {path.name}")
+    file = read_yaml(path, problems, anchors=False)
+    problems.raise_if_any()
+    effect = _checked_effect(file, problems, taken)
+    return {effect.name: effect}
+
+
+def carried_effects(content: Any, known: Mapping[str, Effect]) -> dict[str, Effect]:
+    """Effects of users' own that a file of models carries as data, each checked as its own file was.
+
+    Parameters
+    ----------
+    content : object
+        Of the file, as read from JSON.
+    known : mapping
+        Effects by name: one of a user's file may be there too if it is the same.
+
+    Raises
+    ------
+    InputError
+        An effect that is not sound, has the name of another, or is not the one of the user's file: all problems at once.
+    """
+    given = content.get("effects", {}) if isinstance(content, dict) else {}
+    problems = Problems("models.json")
+    if not isinstance(given, dict):
+        problems.add("effects", repr(given), "name of the effect: what its file says")
+        given = {}
+    found = {}
+    for name, entry in given.items():
+        if not isinstance(entry, dict) or entry.get("name") != name:
+            problems.add(
+                f"effects.{name}", repr(entry), f"what an effect's file holds is needed, name: {name} …"
+            )
+            continue
+        with suppress(InputError):  # told with those of the others
+            found[name] = _checked_effect(YamlFile(f"effects.{name}", entry), problems)
+            if name in known and known[name].forms != found[name].forms:
+                allowed = "leave the effect's file out, or fit the model anew with it"
+                problems.add(f"effects.{name}", "not the effect that has this name already", allowed)
+    problems.raise_if_any()
+    return found
 
 
 def shipped_effect(path: Path) -> Effect:
@@ -104,18 +146,15 @@ def _from_python(path: Path) -> dict[str, Effect]:
     return found
 
 
-def _checked_effect(path: Path, taken: Collection[str]) -> Effect:
-    """One effect from a user's YAML file, its equations tried on a standard motion."""
-    problems = Problems(f"effect {path.name}")
-    file = read_yaml(path, problems, anchors=False)
-    problems.raise_if_any()
+def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()) -> Effect:
+    """One effect of a user's own, its equations tried on a standard motion."""
     effect = _Reading(problems, file).effect(taken)
     for index, form in enumerate(effect.forms):
         place = f"forms.{index}.equation" if "forms" in file.content else "equation"
         for found, allowed in _numerical_problems(form):
             problems.add(file.place(way_of(place)), found, allowed)
     problems.raise_if_any()
-    return effect
+    return replace(effect, definition=file.content)
 
 
 def _key(place: str, key: str) -> str:
@@ -220,7 +259,7 @@ class _Reading:
         before = len(self.problems.entries)
 
         at = partial(_key, place)
-        state = self.mapping(content.get("state", {}), at("state"), 'r: "v/d*(1 - r*sign(v))" …')
+        state = self.states(content.get("state", {}), at("state"))
         given = self.mapping(content.get("parameters", {}), at("parameters"), "symbol: {name: …, unit: …} …")
         constants = self.mapping(
             content.get("constants", {}), at("constants"), "symbol: {value: …, unit: …} …"
@@ -229,7 +268,9 @@ class _Reading:
         self.once([item.name for item in parameters if item], at("parameters"), "parameter")
         linear = tuple(item for item in parameters if isinstance(item, LinearParameter))
         equation = self.text(content, "latex" if self.by_hand(content) else "equation", True, place)
-        rates = tuple((str(name), self.text(state, name, True, at("state"))) for name in state)
+        rates, starts = (
+            tuple((name, said[key]) for name, said in state.items() if said[key]) for key in _STATE_KEYS
+        )
         arguments = {
             "place": self.place(content, at("place")),
             "constants": tuple(
@@ -240,13 +281,17 @@ class _Reading:
             **self.hooked(content, place),
         }
         if len(self.problems.entries) > before:
-            for key, text in (("equation", equation), *((f"state.{name}", rate) for name, rate in rates)):
+            for key, text in (
+                ("equation", equation),
+                *((f"state.{name}", said) for name, said in rates + starts),
+            ):
                 self.readable(at(key), text)
             return None
         form = Form(
             name=str(content.get("name")),
             equation=equation,
             state=rates,
+            start=starts,
             linear=linear,
             nonlinear=tuple(item for item in parameters if isinstance(item, NonlinearParameter)),
             **arguments,
@@ -255,6 +300,16 @@ class _Reading:
             for key, found in form.problems():
                 self.problem(at("parameters" if key == "symbol" else key), found)
         return form
+
+    def states(self, content: Any, place: str) -> dict[str, dict[str, str]]:
+        """Rate of every state, and its value at the start where that is not 0."""
+        found = {}
+        for name, said in self.mapping(content, place, 'r: "v/d*(1 - r*sign(v))" …').items():
+            where = _key(place, str(name))
+            said = said if isinstance(said, dict) else {"rate": said}
+            self.keys(said, where, _STATE_KEYS)
+            found[str(name)] = {key: self.text(said, key, key == "rate", where) for key in _STATE_KEYS}
+        return found
 
     def by_hand(self, content: dict) -> bool:
         """Whether a form is written by hand, which those of the catalogue alone can be."""
@@ -386,7 +441,7 @@ class _Reading:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _numerical_problems(form: Form) -> list[tuple[str, str]]:

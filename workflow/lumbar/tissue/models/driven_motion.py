@@ -39,8 +39,11 @@ _KNOWN = {*MOTION, "s", "t"}
 
 
 def can_be_simulated(form: Form) -> bool:
-    """Whether a parallel form can stand in a balance of forces: an equation says it, in signals that a simulation has."""
-    if form.hand_written or form.place is not Place.PARALLEL:
+    """Whether a parallel form can stand in a balance of forces: an equation says it, in signals that a simulation has.
+
+    Its states begin at 0: the position there is unknown itself.
+    """
+    if form.hand_written or form.place is not Place.PARALLEL or form.start:
         return False
     equation = form.parsed_equation
     used = set().union(*map(symbols, (equation.force, *equation.slopes.values()))) & SIGNALS.keys()

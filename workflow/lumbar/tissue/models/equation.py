@@ -26,7 +26,7 @@ from lumbar.tissue.models.expression import (
     symbols,
     whole_power,
 )
-from lumbar.tissue.models.motion import FORCE, NEVER_NEGATIVE, SIGNALS, Motion
+from lumbar.tissue.models.motion import FORCE, NEVER_NEGATIVE, POSITIONS, SIGNALS, Motion
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter, Parameter
 from lumbar.tissue.models.printing import c_text, latex, portable, symbol_latex
 from lumbar.tissue.models.state_equation import MOST_STATES, STEP_SYMBOL, StateEquation
@@ -110,6 +110,8 @@ class Equation:
     constants: tuple[Constant, ...]
     states: tuple[tuple[str, str], ...]
     """Symbol and rate of change of every state."""
+    starts: tuple[tuple[str, str], ...] = ()
+    """Symbol and value at the beginning of the states that do not begin at 0."""
 
     @cached_property
     def tree(self) -> Expression:
@@ -127,6 +129,11 @@ class Equation:
         return {name: expand_sums(parse(text)) for name, text in self.states}
 
     @cached_property
+    def begin(self) -> dict[str, Expression]:
+        """Value at the beginning by state."""
+        return {name: expand_sums(parse(text)) for name, text in self.starts}
+
+    @cached_property
     def columns(self) -> tuple[Expression, ...]:
         """What each linear parameter is multiplied by; the whole equation where there is none."""
         if self.transforms:
@@ -137,7 +144,7 @@ class Equation:
     @cached_property
     def state(self) -> StateEquation | None:
         """Equations of the states, if there are any."""
-        return StateEquation(self.slopes) if self.states else None
+        return StateEquation(self.slopes, self.begin) if self.states else None
 
     def problems(self) -> list[tuple[str, str]]:
         """What is wrong with it: where, and what was found and is allowed."""
@@ -146,6 +153,7 @@ class Equation:
         for where, text in (
             ("equation", self.text),
             *((f"state.{name}", text) for name, text in self.states),
+            *((f"state.{name}.start", text) for name, text in self.starts),
         ):
             try:
                 trees[where] = expand_sums(parse(text))
@@ -206,16 +214,17 @@ class Equation:
             found += [
                 (where, f"{symbol} is linear; a state knows nonlinear parameters only") for symbol in linear
             ]
-            unsteady = sorted(used & {"a", "theta_ddot", *(n for n, item in SIGNALS.items() if item.channel)})
-            found += [
-                (where, f"{symbol} is not known between samples; a state may not use it")
-                for symbol in unsteady
-            ]
+            unsteady = {"a", "theta_ddot", *(n for n, item in SIGNALS.items() if item.channel)}
+            said = "is not known between samples; a state may not use it"
+            if where.endswith(".start"):
+                unsteady = {*SIGNALS, *self.slopes} - {*POSITIONS}
+                said = "is not known at the start; there are position, nonlinear parameters and constants"
+            found += [(where, f"{symbol} {said}") for symbol in sorted(used & unsteady)]
         return found
 
     def _linear_problems(self) -> list[tuple[str, str]]:
         """Unused declarations, and a force that is not proportional to its linear parameters."""
-        used = symbols(self.force).union(*map(symbols, self.slopes.values()))
+        used = symbols(self.force).union(*map(symbols, (*self.slopes.values(), *self.begin.values())))
         found = [
             ("symbol", f"{symbol} is declared and never used") for symbol in self._named if symbol not in used
         ]
@@ -290,6 +299,7 @@ class Equation:
         for item in self._declared:
             names[item.symbol] = item.in_latex
         rates = [rf"\dot {symbol_latex(name)} = {latex(parse(text), names)}" for name, text in self.states]
+        rates += [rf"{symbol_latex(name)}(0) = {latex(parse(text), names)}" for name, text in self.starts]
         said = [
             rf"{names[item.symbol]} = {item.value:g}\,\mathrm{{{item.latex_unit}}}" for item in self.constants
         ]
@@ -346,10 +356,14 @@ class Equation:
             "time": f"(time - {STEP_SYMBOL})",
             "path": "(path - fabs(step))",
         }
+        starts = [
+            c_text(portable(substitute(state.starts.get(name, Number(0.0)), given)), names)
+            for name in state.names
+        ]
         then = {symbol: begun.get(name, name) for symbol, name in names.items()} | before
         if state.is_scalar:
             shared, (value,) = _c_lines("begun", [portable(substitute(state.scalar_step, given))], then)
-            return [*shared, f"next[0] = first ? 0.0 : {value};"]
+            return [*shared, f"next[0] = first ? {starts[0]} : {value};"]
         size, count = len(state.increments), len(state.names)
         cells = [*state.increments, *(cell for row in state.matrix for cell in row)]
         shared, values = _c_lines("begun", [portable(substitute(cell, given)) for cell in cells], then)
@@ -357,7 +371,8 @@ class Equation:
             *shared,
             f"const double increments[] = {{{', '.join(values[:size])}}};",
             f"const double matrix[] = {{{', '.join(values[size:])}}};",
-            f"linearised_step({count}, {size}, first, increments, matrix, memory, next);",
+            f"linearised_step({count}, {size}, increments, matrix, memory, next);",
+            f"if (first) {', '.join(f'next[{row}] = {start}' for row, start in enumerate(starts))};",
         ]
 
 

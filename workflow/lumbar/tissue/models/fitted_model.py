@@ -182,10 +182,16 @@ def models_document(models: Iterable[FittedModel], data: str, noise_floor_rms: f
     """Return the content of a file of models.
 
     The models are those of an error ladder, from the base to the last; `data` says where the data come from.
-    `noise_floor_rms` is that of the training record, in the output's unit; None where it is not known.
+    `noise_floor_rms` is that of the training record, in the output's unit; None where it is not known. Effects of users' own
+    that were read from YAML stand in it as their files said them, so that the models are whole without these.
     """
-    written = [model.to_json() for model in models]
-    return {"schema": SCHEMA, "data": data, "noise_floor_rms": noise_floor_rms, "models": written}
+    models = list(models)
+    forms = [
+        form for model in models if isinstance(model.structure, Structure) for form in model.structure.forms
+    ]
+    own = {form.effect: form.definition for form in forms if form.definition}
+    content = {"schema": SCHEMA, "data": data, "noise_floor_rms": noise_floor_rms}
+    return {**content, **({"effects": own} if own else {}), "models": [model.to_json() for model in models]}
 
 
 def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list[FittedModel]:

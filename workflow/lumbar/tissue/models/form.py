@@ -76,7 +76,9 @@ class Form:
     nonlinear: tuple[NonlinearParameter, ...] = ()
     """`linear`, `nonlinear`: parameters."""
     state: tuple[tuple[str, str], ...] = ()
-    """Symbol of each state and its rate of change per second; 0 when a record begins."""
+    """Symbol of each state and its rate of change per second."""
+    start: tuple[tuple[str, str], ...] = ()
+    """Symbol and value when a record begins of each state that is not 0 then: an expression in position and parameters."""
     constants: tuple[Constant, ...] = ()
     starts: Starts | None = None
     """Starting nonlinear parameters from the motion and the residual force, instead of the nonlinear
@@ -98,6 +100,8 @@ class Form:
     ``""``."""
     effect: str = field(default="", compare=True)
     """Name of the effect, which sets it."""
+    definition: Mapping | None = field(default=None, compare=False, repr=False)
+    """That of the effect, which sets it."""
 
     def with_constants(self, values: Mapping[str, float]) -> Form:
         """The form with other values of constants, by symbol; what it has no constant for is left out."""
@@ -156,7 +160,7 @@ class Form:
     def _unchecked(self) -> Equation:
         transforms = self.place is Place.OUTPUT
         return Equation(
-            self.equation, transforms, self.linear, self.nonlinear, self.constants, tuple(self.state)
+            self.equation, transforms, self.linear, self.nonlinear, self.constants, self.state, self.start
         )
 
     @cached_property
@@ -173,8 +177,9 @@ class Form:
         if self.hand_written:
             return self.name
         states = (f"d{name}/dt = {rate}" for name, rate in self.state)
+        starts = (f"{name}(0) = {value}" for name, value in self.start)
         arrow = "F -> " if self.place is Place.OUTPUT else ""
-        return ", ".join([arrow + self.equation, *states])
+        return ", ".join([arrow + self.equation, *states, *starts])
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -224,6 +229,8 @@ class Effect:
     """Whether it acts on a clock of its own, apart from the excitation's."""
     linear: bool = False
     """Whether a linear time-invariant model stays one with it."""
+    definition: Mapping | None = field(default=None, compare=False, repr=False)
+    """Content of the user's file that it was read from, for files of models to carry; None of others."""
 
     @property
     def changes(self) -> bool:
@@ -231,4 +238,5 @@ class Effect:
         return self.accumulates or self.unrepeated
 
     def __post_init__(self):
-        object.__setattr__(self, "forms", tuple(replace(form, effect=self.name) for form in self.forms))
+        named = {"effect": self.name, "definition": self.definition}
+        object.__setattr__(self, "forms", tuple(replace(form, **named) for form in self.forms))

@@ -184,7 +184,7 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
 def _form(item: _Added, catalogue: Mapping[str, Effect], problems: Problems) -> Form | None:
     effect = catalogue.get(item.effect)
     if effect is None:
-        allowed = f"there are {', '.join(catalogue)}; effects of your own come from improvement.effect_files"
+        allowed = f"there are {', '.join(catalogue)}; effects of your own are carried or come from improvement.effect_files"
         problems.add("structure.effects", f"unknown effect {item.effect!r}", allowed)
         return None
     form = next((form for form in effect.forms if form.name == item.form), None)

@@ -381,8 +381,10 @@ SIGNALS = {
     "pivot_acceleration_z": _channel("pivot_acceleration_z", r"\ddot z_p", "the pivot's upwards"),
 }
 """By symbol. The pendulum's angle has names of its own for what a tissue knows as position."""
+POSITIONS = ("z", "theta")
+"""Signals that stand for the position."""
 NEVER_NEGATIVE = {"s", "t"}
 STEADY = {"v", "dz", "theta_dot"}
 """Signals that stay the same between two samples where the position is linear in between."""
-LINEAR = {"z", "theta", "s", "t"}
+LINEAR = {*POSITIONS, "s", "t"}
 """Signals that are then linear in time."""

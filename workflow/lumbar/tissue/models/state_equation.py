@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import repeat
 
@@ -34,7 +34,7 @@ from lumbar.tissue.models.expression import (
     parts,
     symbols,
 )
-from lumbar.tissue.models.motion import LINEAR, SIGNALS, STEADY, Motion
+from lumbar.tissue.models.motion import LINEAR, POSITIONS, SIGNALS, STEADY, Motion
 from lumbar.tissue.models.printing import portable
 
 MOST_STATES = 4
@@ -52,7 +52,7 @@ _TERMS = 14
 """Of φ₁'s series for matrices, whose norm is first halved to at most 1/2: it then ends below rounding."""
 _STEP = Symbol(STEP_SYMBOL)
 _RATES: dict[str, Expression] = {
-    **{symbol: Symbol("dz") for symbol in ("z", "theta")},
+    **{symbol: Symbol("dz") for symbol in POSITIONS},
     "s": Operation("abs", (Symbol("dz"),)),
     "t": _STEP,
 }
@@ -70,10 +70,12 @@ STEP_FUNCTIONS = {**NUMPY, "phi1": phi1}
 
 @dataclass(frozen=True)
 class StateEquation:
-    """Differential equations of a form's states, at 0 when the motion begins."""
+    """Differential equations of a form's states."""
 
     slopes: Mapping[str, Expression]
     """Rate of change per second by state."""
+    starts: Mapping[str, Expression] = field(default_factory=dict)
+    """Values when the motion begins, in parameters and the position there, by state; 0 of a state that is not named."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -89,7 +91,7 @@ class StateEquation:
             touched = [group for group in groups if group & known]
             groups = [group for group in groups if not group & known] + [known.union(*touched)]
         return [
-            StateEquation({name: slope for name, slope in self.slopes.items() if name in group})
+            StateEquation({name: slope for name, slope in self.slopes.items() if name in group}, self.starts)
             for group in groups
         ]
 
@@ -167,14 +169,22 @@ class StateEquation:
                 name: path for part in self.apart for name, path in part.trajectory(motion, values).items()
             }
             return {name: found[name] for name in self.names}
-        known = {**values, **self._between(motion)}
+        known, begin = {**values, **self._between(motion)}, self._begin(motion, values)
         one = len(self.names) == 1
         # With a clock, two of Newton's iterations take longer than all samples one by one.
         by_newton = self.is_linear or not (one and self.has_clock)
-        states = self._newton(known, len(motion) - 1) if by_newton else None
+        states = self._newton(known, len(motion) - 1, begin) if by_newton else None
         if states is None:
-            states = (self._one_by_one if one else self.in_steps)(known, len(motion) - 1)
+            solve = self._one_by_one if one else self.in_steps
+            states = solve(known, len(motion) - 1, begin=begin)
         return dict(zip(self.names, states, strict=True))
+
+    def _begin(self, motion: Motion, values: Mapping[str, float]) -> np.ndarray:
+        """States when the motion begins, shape (states,)."""
+        trees = [self.starts.get(name, Number(0.0)) for name in self.names]
+        known = {**values, **dict.fromkeys(POSITIONS, motion.position[0])}
+        with np.errstate(all="ignore"):
+            return np.array(Evaluator(trees, STEP_FUNCTIONS)(known), float)
 
     def _between(self, motion: Motion) -> dict[str, np.ndarray | float]:
         """Signals at the beginning of every step."""
@@ -200,9 +210,9 @@ class StateEquation:
             len(self.increments),
         )
 
-    def _newton(self, known: Mapping, steps: int, begin: np.ndarray | None = None) -> np.ndarray | None:
+    def _newton(self, known: Mapping, steps: int, begin: np.ndarray | float = 0.0) -> np.ndarray | None:
         """States from the first sample on, shape (states, steps + 1); None if the iteration does not end."""
-        begin = np.zeros(len(self.names)) if begin is None else begin
+        begin = np.broadcast_to(begin, len(self.names))
         states = np.repeat(begin[:, None], steps + 1, axis=1)
         with np.errstate(all="ignore"):
             for _ in range(_MOST_ITERATIONS):
@@ -225,7 +235,7 @@ class StateEquation:
                     return states
         return None
 
-    def _one_by_one(self, known: Mapping, steps: int) -> np.ndarray:
+    def _one_by_one(self, known: Mapping, steps: int, begin: np.ndarray) -> np.ndarray:
         """The same of one state in plain numbers, which is forty times as fast as by arrays of one.
 
         With a clock the step is φ₁(x) h f + φ₂(x) g, x = hJ, where g is what the clock changes of h f.
@@ -235,7 +245,7 @@ class StateEquation:
         constants = {name: float(value) for name, value in known.items() if not np.ndim(value)}
         series = {name: np.asarray(value).tolist() for name, value in known.items() if np.ndim(value)}
         (symbol,) = self.names
-        state, found = 0.0, [0.0]
+        found = [state := float(begin[0])]
         for now in zip(*series.values(), strict=True) if series else repeat((), steps):
             try:
                 values = {**constants, **dict(zip(series, now, strict=True)), symbol: state}
@@ -249,16 +259,23 @@ class StateEquation:
             found.append(state)
         return np.array([found + [math.nan] * (steps + 1 - len(found))])
 
-    def in_steps(self, known: Mapping, steps: int, functions: Functions = STEP_FUNCTIONS) -> np.ndarray:
+    def in_steps(
+        self,
+        known: Mapping,
+        steps: int,
+        functions: Functions = STEP_FUNCTIONS,
+        begin: np.ndarray | float = 0.0,
+    ) -> np.ndarray:
         """The same one step after the other, shape (states, steps + 1), as C takes them.
 
-        `known` are parameters, and signals at the beginning of every step. `functions` compute the operations; other
-        than NumPy's for scalar steps only, in their portable form.
+        `known` are parameters, and signals at the beginning of every step; `begin` are the states there. `functions` compute
+        the operations; other than NumPy's for scalar steps only, in their portable form.
         """
         stepper = self._stepper
         if functions is not STEP_FUNCTIONS:
             stepper = _ScalarStep(Evaluator([portable(self.scalar_step)] * 2, functions))
         states = np.zeros((len(self.names), steps + 1))
+        states[:, 0] = begin
         series = {name: value for name, value in known.items() if np.ndim(value)}
         with np.errstate(all="ignore"):
             for k in range(steps):

@@ -52,9 +52,9 @@ static inline double phi1(double x) { return x == 0 ? 1.0 : portable_expm1(x) / 
 /* Exponential Rosenbrock-Euler step of a few states: next = memory + phi1(matrix) increments.
  *
  * `matrix` has `size` rows; of the sum the first `states` count, for a clock may be among the unknowns. The series is that
- * of a matrix whose norm is at most 1/2, which is then doubled; at the first sample nothing moves. */
+ * of a matrix whose norm is at most 1/2, which is then doubled. */
 enum { LARGEST_SYSTEM = 5, SERIES_TERMS = 14 };
-static inline void linearised_step(int states, int size, bool first, const double increments[], const double matrix[],
+static inline void linearised_step(int states, int size, const double increments[], const double matrix[],
                                    const double memory[], double next[]) {
     double small[LARGEST_SYSTEM * LARGEST_SYSTEM], stretch[LARGEST_SYSTEM * LARGEST_SYSTEM] = {0};
     double product[LARGEST_SYSTEM * LARGEST_SYSTEM], norm = 0.0, scale = 1.0;
@@ -96,7 +96,7 @@ static inline void linearised_step(int states, int size, bool first, const doubl
     for (int i = 0; i < states; ++i) {
         double sum = 0.0;
         for (int j = 0; j < size; ++j) sum += stretch[i * size + j] * increments[j];
-        next[i] = first ? 0.0 : memory[i] + sum;
+        next[i] = memory[i] + sum;
     }
 }
 
