@@ -27,10 +27,11 @@ class DeviceSettings:
     hand_damping_N_s_m: float = key("Damping of the hand.", default=0.0, unit="N·s/m", ge=0)
     hand_mass_kg: float = key("Mass of the hand that moves with the stylus.", default=0.0, unit="kg", ge=0)
     rate_Hz: float = key(
-        "Rate of the servo loop. Where it is faster than the model it repeats the model's force.",
+        "Rate of the servo loop. Where it is faster than the model it repeats the model's force; where it is slower the "
+        "model's samples between two of its ticks have positions on a straight line. The loaders refuse less than 4 Hz.",
         default=1000.0,
         unit="Hz",
-        gt=0,
+        ge=4,
     )
     delay_ms: float = key(
         "Time from reading the encoder to the force at the motor: computing, bus, amplifier.",

@@ -5,6 +5,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from drawn_loops import drawn_device, drawn_model
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 from tissue_fits import COEFFICIENTS
@@ -26,6 +27,7 @@ from lumbar.tissue.haptics.passive_fit import (
 )
 from lumbar.tissue.haptics.passive_models import takes_energy
 from lumbar.tissue.haptics.passivity import damping_at, required_damping
+from lumbar.tissue.haptics.servo import TissueForce
 from lumbar.tissue.haptics.simulation import difference_equation, encoder_ripple, simulate
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction, undiscretise
@@ -270,8 +272,8 @@ def test_simulations_agree_with_the_analysis_and_the_stable_side_never_oscillate
         stable = largest_stable_gain(model, device)[0] > 1
         draws, stable_ones = draws + 1, stable_ones + stable
         run = simulate(
-            difference_equation(model),
-            model.sampling_time,
+            TissueForce(difference_equation(replace(model, delay=0.0)), model.sampling_time),
+            [model.sampling_time],
             device,
             15.0,
             delay=model.delay,
@@ -282,36 +284,3 @@ def test_simulations_agree_with_the_analysis_and_the_stable_side_never_oscillate
             wrong.append((model, device, run.peak_to_peak, run.ripple))
     assert wrong == []
     assert 30 < stable_ones < 70
-
-
-def drawn_device(rng: np.random.Generator) -> DeviceSettings:
-    """A stylus and a hand; the servo is as fast as the model."""
-    return DeviceSettings(
-        mass_kg=float(rng.uniform(0.05, 1.0)),
-        damping_N_s_m=float(np.exp(rng.uniform(np.log(0.5), np.log(20.0)))),
-        hand_stiffness_N_m=float(np.exp(rng.uniform(np.log(50.0), np.log(2000.0)))),
-        hand_damping_N_s_m=float(rng.uniform(0.0, 5.0)),
-        hand_mass_kg=float(rng.choice([0.0, rng.uniform(0.0, 0.5)])),
-        encoder_um=float(rng.choice([1.0, 10.0, 50.0])),
-    )
-
-
-def drawn_model(rng: np.random.Generator) -> SampledModel:
-    """A stable model of order 0 to 4 with average and delay, soft to stiff."""
-    order = int(rng.integers(0, 5))
-    poles = rng.uniform(-0.5, 0.97, order).astype(complex)
-    if order >= 2 and rng.random() < 0.3:
-        poles[:2] = rng.uniform(0.2, 0.9) * np.exp(np.array([1j, -1j]) * rng.uniform(0.1, 3.0))
-    denominator = np.atleast_1d(np.real(np.poly(poles)))
-    zeros = rng.uniform(-0.8, 1.0, int(rng.integers(0, order + 1)))
-    numerator = np.convolve(np.poly(zeros), np.ones(average := int(rng.integers(1, 5))) / average)
-    numerator = np.concatenate([np.zeros(int(rng.integers(0, 2))), np.atleast_1d(numerator)])
-    period = float(1.0 / np.exp(rng.uniform(np.log(50.0), np.log(2000.0))))
-    stiffness = (
-        np.exp(rng.uniform(np.log(0.02), np.log(3.0))) / period
-    )  # about what damping of 1 N·s/m asks for
-    size = np.abs(
-        SampledModel("", numerator, denominator, period).response(np.linspace(0.01, np.pi, 200))
-    ).max()
-    model = SampledModel("drawn", stiffness / size * numerator, denominator, period)
-    return model.late(float(rng.choice([0.0, rng.uniform(0.0, 1.5) * period])))

@@ -283,17 +283,6 @@ def test_the_inverted_model_is_rendered_with_the_sign_that_resists():
     assert direction(SampledModel("", -np.ones(1), np.ones(1), 0.01)) == -1.0
 
 
-@pytest.mark.parametrize("numerator", [[2.0, -1.0, 0.3], np.random.default_rng(3).standard_normal(12)])
-@pytest.mark.parametrize("denominator", [[1.0], [1.0, -0.8, 0.1]])
-def test_a_slower_servo_holds_its_position_for_several_samples(numerator, denominator):
-    model = SampledModel("", np.array(numerator), np.array(denominator), 0.001)
-    slow = model.every(4)
-    ticks = np.random.default_rng(2).standard_normal(50)
-    expected = lfilter(model.numerator, model.denominator, np.repeat(ticks, 4))[::4]
-    np.testing.assert_allclose(lfilter(slow.numerator, slow.denominator, ticks), expected, atol=1e-9)
-    assert slow.sampling_time == pytest.approx(0.004)
-
-
 def test_lowest_rates_are_where_damping_and_gain_suffice():
     passive, stable = lowest_rates(fitted("KB"), DEFAULTS)
     for rate, quantity, needed in ((passive, "damping", 5.5), (stable, "gain", 1.0)):

@@ -67,27 +67,6 @@ class SampledModel:
         part = part if part > 1e-9 * self.sampling_time else 0.0
         return replace(self, numerator=np.concatenate([np.zeros(int(whole)), self.numerator]), delay=part)
 
-    def every(self, samples: int) -> SampledModel:
-        """The model in a loop that is slower by a whole factor: positions wait for `samples` steps of the model.
-
-        The force is that of the first of these steps; the others follow with the same position.
-        """
-        if samples == 1:
-            return self
-        slow = samples * self.sampling_time
-        if len(self.denominator) == 1:
-            # Of the samples before a tick's first one, each `samples` have the position of one tick.
-            numerator = np.add.reduceat(self.numerator, np.r_[0, 1 : len(self.numerator) : samples])
-            return replace(self, numerator=numerator, sampling_time=slow)
-        from scipy.signal import ss2tf, tf2ss
-
-        length = max(len(self.numerator), len(self.denominator))
-        padded = [np.pad(part, (0, length - len(part))) for part in (self.numerator, self.denominator)]
-        a, b, c, d = tf2ss(*padded)
-        held = sum((np.linalg.matrix_power(a, step) @ b for step in range(samples)), np.zeros_like(b))
-        numerator, denominator = ss2tf(np.linalg.matrix_power(a, samples), held, c, d)
-        return replace(self, numerator=numerator[0], denominator=denominator, sampling_time=slow)
-
 
 def propagation(device: DeviceSettings, seconds: float) -> tuple[np.ndarray, np.ndarray]:
     """Exact motion of device and hand over a time in which all forces are held.
@@ -205,6 +184,8 @@ def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> tuple[fl
     """
     from scipy.optimize import brentq
 
+    if not isinstance(model, SampledModel):
+        return model.largest_stable_gain(device)
     if not model.stable:
         return 0.0, 0.0
     angles, response = all_angles(), loop_response(model, device)

@@ -17,7 +17,10 @@ from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
 
 _DEFINITIONS = {
     "model": "Name of the model",
-    "rate_Hz": "Rate at which the model samples the position and gives a new force, which is held in between",
+    "rate_Hz": (
+        "Rate at which the model samples the position. At each tick of the servo it takes the samples that have come, at "
+        "positions on a straight line from tick to tick, and the force of the newest is held until the next tick"
+    ),
     "damping_needed_N_s_m": (
         "Smallest damping of the device with which it is passive with the model in any passive hand: largest over all "
         "frequencies of T/2 · Re{(1 − exp(−jωT)) H(exp(jωT))}/(1 − cos ωT), moving average and delays in H; of a model with "

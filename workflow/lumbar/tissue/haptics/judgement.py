@@ -16,7 +16,9 @@ from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.haptics.closed_loop import largest_stable_gain
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import RenderedModel, export_at, render_model, scale_of
+from lumbar.tissue.haptics.servo import TissueForce
 from lumbar.tissue.haptics.simulation import LoopRun, difference_equation, encoder_ripple, one_step, simulate
+from lumbar.tissue.haptics.tick_sequence import in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
 
 
@@ -26,7 +28,7 @@ class Analysis:
 
     name: str
     rate: float
-    """At which positions are sampled and the force changes, in Hz."""
+    """At which the model samples the position, in Hz."""
     device: DeviceSettings
     damping: float
     damping_frequency: float
@@ -50,6 +52,13 @@ class Analysis:
         return self.gain > 1.0
 
     @property
+    def clocks(self) -> str:
+        """Rate of the model, and of the servo where that is not a whole multiple of it."""
+        times = self.device.rate_Hz / self.rate
+        even = round(times) >= 1 and abs(times - round(times)) < 1e-9 * times
+        return f"{self.rate:.4g} Hz" + ("" if even else f", served at {self.device.rate_Hz:.6g} Hz")
+
+    @property
     def finding(self) -> str:
         """A few words with the numbers."""
         kind = "its linearisations need" if self.linearised else "it needs"
@@ -57,7 +66,7 @@ class Analysis:
         state = passive if self.passive else "stable in this hand, not passive" if self.stable else "UNSTABLE"
         begins = f", where it oscillates at {self.gain_frequency:.3g} Hz" if np.isfinite(self.gain) else ""
         return (
-            f"{self.name} at {self.rate:.4g} Hz: {state} ({kind} {self.damping:.3g} N·s/m to be passive; largest stable gain "
+            f"{self.name} at {self.clocks}: {state} ({kind} {self.damping:.3g} N·s/m to be passive; largest stable gain "
             f"{self.gain:.3g}{begins})"
         )
 
@@ -67,7 +76,7 @@ def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
     dampings = [required_damping(item) for item in model.loops]
     worst = max(dampings, key=lambda found: found.damping)
     gain = min(largest_stable_gain(item, device) for item in model.loops)
-    rate = 1.0 / model.loops[0].sampling_time
+    rate = 1.0 / model.sampled[0].sampling_time
     return Analysis(
         model.name, rate, device, worst.damping, worst.frequency, *gain, linearised=model.linearised
     )
@@ -84,13 +93,15 @@ def run_loop(
         From a position to its force in the model's units, sample by sample: the FMU itself. A model with effects needs it;
         a linear one is simulated by its difference equation without it.
     """
-    first = model.loops[0]
+    first = in_ticks(model.loops[0])
     ripple = max(
         encoder_ripple(item, device) if largest_stable_gain(item, device)[0] > 1.0 else one_step(item, device)
         for item in model.loops
     )
-    step = difference_equation(first) if force_of is None else model.in_loop(force_of)
-    return simulate(step, first.sampling_time, device, model.limit, delay=first.delay, ripple=ripple)
+    sampled = model.sampled[0]
+    step = difference_equation(sampled) if force_of is None else model.in_loop(force_of)
+    tick = TissueForce(step, sampled.sampling_time)
+    return simulate(tick, first.intervals, device, model.limit, delay=1e-3 * device.delay_ms, ripple=ripple)
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,11 @@
 
 Such a network takes energy at every frequency and can be had at every rate. For given relaxation times the error of the
 free run is quadratic in the stiffnesses: the best fit is a convex programme. That a device shall be passive with the
-averaged, held and delayed force too (`lumbar.tissue.haptics.passivity`) is a second-order cone at every frequency: with
-p + jq = L S(τ) and r = S(0)/|S(τ)| the condition reads p + √(r² p² + (r² − 1) q²) ≤ 2b, and L is linear in the stiffnesses.
+averaged, held and delayed force too (`lumbar.tissue.haptics.passivity`) is a second-order cone at every frequency. The sampled
+admittance of hand and device is −(1 − exp(−jωT))/T · Σₙ exp(−jωₙτ) Yₙ/ωₙ², ωₙ = ω + 2πn/T, for forces late by a part τ of the
+sampling time, and every Yₙ may lie anywhere in the disc of centre and radius 1/(2b). The loop has no pole for any of them where
+|2b − L S(τ)| > |L| S(0), with L = (1 − exp(−jωT)) H/T and S(τ) = Σₙ exp(−jωₙτ)/ωₙ²: with p + jq = L S(τ) and r = S(0)/|S(τ)|
+p + √(r² p² + (r² − 1) q²) ≤ 2b, and L is linear in the stiffnesses.
 """
 
 from __future__ import annotations
@@ -15,7 +18,6 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
-from lumbar.tissue.haptics.passivity import alias_sums
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.models.transfer_function import TransferFunction
 
@@ -64,6 +66,16 @@ def unit_branch(time: float, sampling_time: float) -> TransferFunction:
         return TransferFunction((1.0,))
     share = -np.expm1(-sampling_time / time) * time / sampling_time
     return TransferFunction((share, -share), (1.0, -_pole(time, sampling_time)))
+
+
+def alias_sums(model: SampledModel, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """S(0) and S(τ) of the condition at every angle, in s²; shapes of `angles`."""
+    period, forward = model.sampling_time, np.exp(1j * angles)
+    in_time = period**2 / (2.0 * (1.0 - np.cos(angles)))
+    if not model.delay:
+        return in_time, in_time.astype(complex)
+    # −T times the transform of max(kT − τ, 0), a double integrator sampled late.
+    return in_time, -period * (period * forward / (forward - 1.0) ** 2 - model.delay / (forward - 1.0))
 
 
 def _arrays(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:

@@ -5,10 +5,10 @@ of Robotic Systems 14 (1997) 37–47: a device with damping b behind a hold of t
 
     b > T/2 · 1/(1 − cos ωT) · Re{(1 − exp(−jωT)) H(exp(jωT))}   for 0 ≤ ω ≤ π/T.
 
-With the force late by a part τ of the sampling time the same argument holds with another disc. The sampled admittance of
-hand and device is −(1 − exp(−jωT))/T · Σₙ exp(−jωₙτ) Yₙ/ωₙ², ωₙ = ω + 2πn/T, and every Yₙ may lie anywhere in the disc of
-centre and radius 1/(2b). Its characteristic equation has no root for any of them where |2b − L S(τ)| > |L| S(0), with
-L = (1 − exp(−jωT)) H/T and S(τ) = Σₙ exp(−jωₙτ)/ωₙ²; the condition above is τ = 0.
+With forces that are late, or ticks that repeat only after several, the same is asked of all pieces of a period in which one
+force acts. While the device moves by u within s seconds the force f takes in f u, and a damping b at least b u²/s, at an even
+speed just that (Cauchy and Schwarz). With f = F(exp(jθ)) u over the pieces nothing is given out in the long run, whatever the
+hand does, if and only if F + Fᴴ + 2b diag(1/s) ≥ 0 for every θ; with one piece the condition above.
 
 J. E. Colgate and J. M. Brown, Factors affecting the Z-width of a haptic display, Proc. IEEE International Conference on
 Robotics and Automation (1994) 3205–3210.
@@ -26,9 +26,10 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
+from lumbar.tissue.haptics.tick_sequence import PeriodicModel, in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
 
-_REFINED = 101
+_REFINED, _FEWEST = 101, 12
 
 
 @dataclass(frozen=True)
@@ -38,32 +39,25 @@ class RequiredDamping:
     damping: float
     """N·s/m; 0 where the model needs none."""
     frequency: float
-    """Hz."""
+    """Hz; of a loop whose ticks repeat after several up to multiples of the rate at which they do."""
 
 
-def alias_sums(model: SampledModel, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """S(0) and S(τ) of the condition at every angle, in s²; shapes of `angles`."""
-    period, forward = model.sampling_time, np.exp(1j * angles)
-    in_time = period**2 / (2.0 * (1.0 - np.cos(angles)))
-    if not model.delay:
-        return in_time, in_time.astype(complex)
-    # −T times the transform of max(kT − τ, 0), a double integrator sampled late.
-    return in_time, -period * (period * forward / (forward - 1.0) ** 2 - model.delay / (forward - 1.0))
+def damping_at(model: SampledModel | PeriodicModel, angles: np.ndarray) -> np.ndarray:
+    """Damping in N·s/m that the condition asks for at every angle θ in (0, π] over a period; shape (angles,)."""
+    model = in_ticks(model)
+    ticks = len(model.intervals)
+    pieces = [(tick, age, seconds) for tick, parts in enumerate(model.acting) for age, seconds in parts]
+    tick, age, seconds = (np.array(values) for values in zip(*pieces, strict=True))
+    ahead = np.exp(1j * angles)[:, None, None]
+    periods, shown = np.divmod(tick - age, ticks)
+    forces = model.response(angles)[:, shown] * ahead ** periods[:, None]
+    # The position of a tick is the sum of all moves before it.
+    by_moves = forces @ ((tick < np.arange(ticks)[:, None]) + 1.0 / (ahead - 1.0))
+    weighted = np.sqrt(np.outer(seconds, seconds)) * (by_moves + by_moves.conj().swapaxes(1, 2))
+    return -np.linalg.eigvalsh(weighted)[:, 0] / 2.0
 
 
-def damping_at(model: SampledModel, angles: np.ndarray) -> np.ndarray:
-    """Damping in N·s/m that the condition asks for at every angle ωT in (0, π], of their shape."""
-    loop = (1.0 - np.exp(-1j * angles)) * model.response(angles) / model.sampling_time
-    in_time, late = alias_sums(model, angles)
-    shifted = loop * late
-    if not model.delay:
-        return shifted.real
-    # In exact arithmetic |S(τ)| ≤ S(0): the root is real.
-    inside = np.abs(loop * in_time) ** 2 - shifted.imag**2
-    return (shifted.real + np.sqrt(np.maximum(inside, 0.0))) / 2.0
-
-
-def required_damping(model: SampledModel, points: int = 2000) -> RequiredDamping:
+def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) -> RequiredDamping:
     """Return the smallest damping with which the device is passive with a stable model, whatever passive hand holds it.
 
     Parameters
@@ -71,13 +65,17 @@ def required_damping(model: SampledModel, points: int = 2000) -> RequiredDamping
     points : int
         Angles at which the condition is looked at before the neighbourhood of the worst is looked at again.
     """
-    angles = all_angles(points)
+    intervals = in_ticks(model).intervals
+    # An angle over a period of several ticks stands for as many frequencies.
+    angles = all_angles(max(points // len(intervals), _FEWEST))
     worst = int(damping_at(model, angles).argmax())
-    angles = np.linspace(angles[max(worst - 1, 0)], angles[min(worst + 1, len(angles) - 1)], _REFINED)
+    refined = max(_REFINED // len(intervals), _FEWEST)
+    angles = np.linspace(angles[max(worst - 1, 0)], angles[min(worst + 1, len(angles) - 1)], refined)
     values = damping_at(model, angles)
     worst = int(values.argmax())
-    frequency = angles[worst] / (2.0 * np.pi * model.sampling_time)
-    return RequiredDamping(max(float(values[worst]), 0.0), float(frequency))
+    return RequiredDamping(
+        max(float(values[worst]), 0.0), float(angles[worst] / (2.0 * np.pi * sum(intervals)))
+    )
 
 
 FASTEST_HZ = 20_000.0

@@ -13,7 +13,9 @@ from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, aver
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.conventions import work_units
 from lumbar.tissue.haptics.closed_loop import SampledModel
+from lumbar.tissue.haptics.servo import on_servo
 from lumbar.tissue.haptics.simulation import Step
+from lumbar.tissue.haptics.tick_sequence import PeriodicModel
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import Port
 
@@ -51,12 +53,10 @@ class RenderedModel:
     """A model in the units of a device."""
 
     name: str
-    loops: tuple[SampledModel, ...]
-    """The model, or its linearisations, in N/m."""
-    sampling_time: float
-    """Seconds between two samples of the model itself."""
-    servo_samples: int
-    """Of the model within one tick of the servo; 1 where the servo is as fast or faster."""
+    sampled: tuple[SampledModel, ...]
+    """The model, or its linearisations, at the FMU's own samples, in N/m."""
+    loops: tuple[SampledModel | PeriodicModel, ...]
+    """The same as the servo of the device meets them."""
     metre: float
     newton: float
     """`metre`, `newton`: one unit of the model's input in m, one of its output in N with the sign that makes it positive
@@ -69,15 +69,14 @@ class RenderedModel:
     @property
     def linearised(self) -> bool:
         """Whether the model has effects."""
-        return len(self.loops) > 1
+        return len(self.sampled) > 1
 
-    def in_loop(self, force_of: Callable[[float], float]) -> Step:
+    def in_loop(self, force_of: Step) -> Step:
         """Return an FMU's step, in the model's units, as a loop takes it: from m to N against the motion."""
 
         def step(position: float) -> float:
             given = self.input.offset + position / self.metre
-            forces = [force_of(given) for _ in range(self.servo_samples)]
-            return self.newton * (forces[0] - self.output.offset)
+            return self.newton * (force_of(given) - self.output.offset)
 
         return step
 
@@ -113,13 +112,22 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
         found = [item.scaled(unit).late(model.sampling_time if late else 0.0) for item in found]
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
-    return in_units(found, model.name, model.input, model.output, model.output_limit, device)
+    return in_units(found, model.name, model.input, model.output, model.output_limit, device, held=late)
 
 
 def in_units(
-    found: list[SampledModel], name: str, input: Port, output: Port, limit: float, device: DeviceSettings
+    found: list[SampledModel],
+    name: str,
+    input: Port,
+    output: Port,
+    limit: float,
+    device: DeviceSettings,
+    *,
+    held: bool = False,
 ) -> RenderedModel:
     """Return a model or its linearisations, given in its own units as `limit` is, in those of the device.
+
+    `held` as of `on_servo`.
 
     Raises
     ------
@@ -128,13 +136,9 @@ def in_units(
     """
     metre, newton = scale_of(name, input, output)
     signed = direction(found[0]) * newton
-    servo_samples = max(1, round(1.0 / (device.rate_Hz * found[0].sampling_time)))
-    loops = tuple(
-        item.scaled(signed / metre).every(servo_samples).late(1e-3 * device.delay_ms) for item in found
-    )
-    return RenderedModel(
-        name, loops, found[0].sampling_time, servo_samples, metre, signed, input, output, newton * limit
-    )
+    sampled = tuple(item.scaled(signed / metre) for item in found)
+    loops = tuple(loop for item in sampled for loop in on_servo(item, device, held=held))
+    return RenderedModel(name, sampled, loops, metre, signed, input, output, newton * limit)
 
 
 def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:

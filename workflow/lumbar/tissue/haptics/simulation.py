@@ -8,21 +8,25 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import cycle, islice
 
 import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, period, propagation
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, propagation
+from lumbar.tissue.haptics.tick_sequence import PeriodicModel, in_ticks
 
 PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
 """The hand's push: depth, time of its flank of half a cosine, and how long all is watched."""
 _FINEST_S = 1e-3
+_ROUNDING_S = 1e-11
 _PERSISTS = 0.5
 """An oscillation lasts where it keeps this part of its size from the third quarter of the time to the last one."""
 _LONGEST, _CHUNK, _NEGLIGIBLE = 20_000, 200, 1e-6
-"""Samples after which an impulse is not followed any further, and how its end is known before."""
+"""Ticks after which an impulse is not followed any further, and how its end is known before."""
 
 Step = Callable[[float], float]
 """From a sampled position in m to the force against the motion in N."""
@@ -38,9 +42,7 @@ class LoopRun:
     force: np.ndarray
     """Shape (points,): N against the motion, held until the next point."""
     samples: np.ndarray
-    """Shape (samples,): force of every sample in N."""
-    sampling_time: float
-    """Seconds."""
+    """Shape (ticks,): force of every tick in N."""
     ripple: float
     """Peak to peak force in N that the encoder's steps alone may keep up in a stable loop; in an unstable one, that bounds
     of the FMU may calm, the largest force of one step."""
@@ -86,8 +88,8 @@ def difference_equation(model: SampledModel) -> Step:
 
 
 def simulate(
-    step: Step,
-    sampling_time: float,
+    tick: Callable[[float, float], float],
+    intervals: Sequence[float],
     device: DeviceSettings,
     limit: float,
     *,
@@ -100,14 +102,15 @@ def simulate(
 
     Parameters
     ----------
-    step : callable
-        The model; its memory moves on.
-    sampling_time : float
-        Seconds between two samples.
+    tick : callable
+        From the time in seconds and the position in m to the force against the motion in N, such as `TissueForce`; its
+        memory moves on.
+    intervals : sequence of float
+        Seconds from tick to tick, again and again.
     limit : float
         Largest force in N.
     delay : float
-        Seconds from a sample to its force, less than `sampling_time`.
+        Seconds from a tick to its force.
     ripple : float
         See `LoopRun`.
     push_mm : float
@@ -115,38 +118,37 @@ def simulate(
     duration : float
         Seconds.
     """
-    parts = [
-        (old, part)
-        for old, length in ((True, delay), (False, sampling_time - delay))
-        for part in _split(length)
-    ]
-    motions = {
-        part: [*propagation(device, part)[0].ravel(), *propagation(device, part)[1]] for _, part in parts
-    }
+    motion = cache(lambda part: [*propagation(device, part)[0].ravel(), *propagation(device, part)[1]])
     resolution = device.encoder_um * 1e-6
-    position = velocity = force = time = 0.0
-    points, samples = [], []
-    for _ in range(round(duration / sampling_time)):
+    position = velocity = acting = time = 0.0
+    points, samples, coming = [], [], deque()
+    for interval in islice(cycle(intervals), round(duration * len(intervals) / sum(intervals))):
         read = round(position / resolution) * resolution if resolution else position
-        before, force = force, min(max(step(read), -limit), limit)
-        samples.append(force)
-        for old, part in parts:
-            acting = before if old else force
-            points.append((time, position, acting))
-            xx, xv, vx, vv, x_by_force, v_by_force = motions[part]
-            # The hand moves slowly against a part of at most a millisecond: it is held over it.
-            net = _hand_force(device, time + part / 2, push_mm) - acting
-            position, velocity = (
-                xx * position + xv * velocity + x_by_force * net,
-                vx * position + vv * velocity + v_by_force * net,
-            )
-            time += part
-    return LoopRun(*np.array(points).T, np.array(samples), sampling_time, ripple)
+        samples.append(min(max(tick(time, read), -limit), limit))
+        coming.append((time + delay, samples[-1]))
+        end = time + interval
+        while end - time > _ROUNDING_S:
+            if coming and coming[0][0] - time <= _ROUNDING_S:
+                acting = coming.popleft()[1]
+                continue
+            for part in _split(min(end, coming[0][0] if coming else end) - time):
+                points.append((time, position, acting))
+                xx, xv, vx, vv, x_by_force, v_by_force = motion(part)
+                # The hand moves slowly against a part of at most a millisecond: it is held over it.
+                net = _hand_force(device, time + part / 2, push_mm) - acting
+                position, velocity = (
+                    xx * position + xv * velocity + x_by_force * net,
+                    vx * position + vv * velocity + v_by_force * net,
+                )
+                time += part
+        time = end
+    return LoopRun(*np.array(points).T, np.array(samples), ripple)
 
 
 def _split(length: float) -> list[float]:
-    count = int(np.ceil(length / _FINEST_S - 1e-9))
-    return [length / count] * count if count else []
+    count = math.ceil(length / _FINEST_S - 1e-9)
+    # Times are sums: lengths that differ by rounding are one.
+    return [round(length / count, 12)] * count
 
 
 def _hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
@@ -156,25 +158,31 @@ def _hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
     return 1e-3 * push_mm * (device.hand_stiffness_N_m * position + device.hand_damping_N_s_m * velocity)
 
 
-def one_step(model: SampledModel, device: DeviceSettings) -> float:
+def one_step(model: SampledModel | PeriodicModel, device: DeviceSettings) -> float:
     """Largest force in N that a sine of one encoder's step gives."""
-    return float(np.abs(model.response(all_angles())).max() * device.encoder_um * 1e-6)
+    return float(np.abs(in_ticks(model).model.response(all_angles())).max() * device.encoder_um * 1e-6)
 
 
-def encoder_ripple(model: SampledModel, device: DeviceSettings) -> float:
+def encoder_ripple(model: SampledModel | PeriodicModel, device: DeviceSettings) -> float:
     """Peak to peak force that the encoder's steps can keep up in a stable loop, in N.
 
     An encoder errs by half a step at most, and no bounded error gives more than its size times the 1-norm of the impulse
-    response from it to the force.
+    responses from it to the force of a tick, the largest of a period's.
     """
-    step, (transition, by_new, by_old) = difference_equation(model), period(model, device)
-    state, before, total, recent = np.zeros(2), 0.0, 0.0, 0.0
-    for sample in range(1, _LONGEST + 1):
-        force = step(state[0] + (sample == 1))
-        state = transition @ state - by_new * force - by_old * before
-        before, total, recent = force, total + abs(force), recent + abs(force)
-        if sample % _CHUNK == 0:
-            if recent < _NEGLIGIBLE * total:
+    free, driven, by_readings = in_ticks(model).transitions(device)
+    ticks = len(free)
+    # A column for an error at each tick of a period.
+    state, total, before = np.zeros((free.shape[1], ticks)), np.zeros(ticks), np.zeros(ticks)
+    for tick in range(_LONGEST):
+        place = tick % ticks
+        state = (free[place] + driven[place]) @ state
+        if 0 < tick <= ticks:
+            state[:, tick - 1] += by_readings[place][:, 0]
+        if tick < ticks:
+            state[:, tick] += by_readings[place][:, 1]
+        total[place] += np.abs(state[2]).sum()
+        if (tick + 1) % max(_CHUNK, 2 * ticks) == 0:
+            if (total - before).max() < _NEGLIGIBLE * total.max():
                 break
-            recent = 0.0
-    return float(total * device.encoder_um * 1e-6)
+            before = total.copy()
+    return float(total.max() * device.encoder_um * 1e-6)

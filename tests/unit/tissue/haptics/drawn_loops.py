@@ -1,0 +1,39 @@
+"""Models and devices drawn at random, soft to stiff and slow to fast."""
+
+import numpy as np
+
+from lumbar.settings.runtime import DeviceSettings
+from lumbar.tissue.haptics.closed_loop import SampledModel
+
+
+def drawn_device(rng: np.random.Generator) -> DeviceSettings:
+    """A stylus and a hand; the servo is as fast as the model."""
+    return DeviceSettings(
+        mass_kg=float(rng.uniform(0.05, 1.0)),
+        damping_N_s_m=float(np.exp(rng.uniform(np.log(0.5), np.log(20.0)))),
+        hand_stiffness_N_m=float(np.exp(rng.uniform(np.log(50.0), np.log(2000.0)))),
+        hand_damping_N_s_m=float(rng.uniform(0.0, 5.0)),
+        hand_mass_kg=float(rng.choice([0.0, rng.uniform(0.0, 0.5)])),
+        encoder_um=float(rng.choice([1.0, 10.0, 50.0])),
+    )
+
+
+def drawn_model(rng: np.random.Generator) -> SampledModel:
+    """A stable model of order 0 to 4 with average and delay, soft to stiff."""
+    order = int(rng.integers(0, 5))
+    poles = rng.uniform(-0.5, 0.97, order).astype(complex)
+    if order >= 2 and rng.random() < 0.3:
+        poles[:2] = rng.uniform(0.2, 0.9) * np.exp(np.array([1j, -1j]) * rng.uniform(0.1, 3.0))
+    denominator = np.atleast_1d(np.real(np.poly(poles)))
+    zeros = rng.uniform(-0.8, 1.0, int(rng.integers(0, order + 1)))
+    numerator = np.convolve(np.poly(zeros), np.ones(average := int(rng.integers(1, 5))) / average)
+    numerator = np.concatenate([np.zeros(int(rng.integers(0, 2))), np.atleast_1d(numerator)])
+    period = float(1.0 / np.exp(rng.uniform(np.log(50.0), np.log(2000.0))))
+    stiffness = (
+        np.exp(rng.uniform(np.log(0.02), np.log(3.0))) / period
+    )  # about what damping of 1 N·s/m asks for
+    size = np.abs(
+        SampledModel("", numerator, denominator, period).response(np.linspace(0.01, np.pi, 200))
+    ).max()
+    model = SampledModel("drawn", stiffness / size * numerator, denominator, period)
+    return model.late(float(rng.choice([0.0, rng.uniform(0.0, 1.5) * period])))

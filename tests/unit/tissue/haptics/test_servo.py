@@ -1,0 +1,218 @@
+"""A servo of any rate: as ``tissue_force.h`` does it, against that header, time simulations and closed forms."""
+
+import ctypes
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from c_programs import ON_LINUX, zig_cc
+from drawn_loops import drawn_device, drawn_model
+from scipy.linalg import eigh
+from scipy.signal import lfilter
+from tissue_fits import fitted
+
+from lumbar.base.errors import InputError
+from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
+from lumbar.tissue.fmu.build.compiler import TARGETS
+from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
+from lumbar.tissue.haptics.fmu_step import UnpackedFmu
+from lumbar.tissue.haptics.judgement import analyse
+from lumbar.tissue.haptics.passivity import required_damping
+from lumbar.tissue.haptics.rendered_model import export_at, render_model
+from lumbar.tissue.haptics.servo import TissueForce, from_tick_to_tick
+from lumbar.tissue.haptics.simulation import difference_equation, encoder_ripple, simulate
+from lumbar.tissue.haptics.tick_sequence import PeriodicModel, realisation
+from running import PROJECT
+
+STYLUS = RuntimeSettings().device
+LIBRARY = """
+#include "tissue_force.h"
+void *loader_open(const char *folder) {
+    tissue_force *tissue = malloc(sizeof *tissue);
+    return tissue_force_open(tissue, folder, NULL, NULL) ? tissue : NULL;
+}
+double loader_step(void *tissue, double time, double position) {
+    double force = 0.0;
+    return tissue_force_step(tissue, time, position, &force) ? force : NAN;
+}
+void loader_close(void *tissue) { tissue_force_close(tissue); free(tissue); }
+"""
+
+
+@pytest.fixture(scope="module")
+def header(zig_cache, tmp_path_factory):
+    """Return the loader of the examples, compiled as a library."""
+    folder = tmp_path_factory.mktemp("loader")
+    (folder / "loader.c").write_text(LIBRARY)
+    options = (
+        f"-target {TARGETS['x86_64-linux'].triple} -std=c99 -O2 -fno-sanitize=undefined -shared -fPIC loader.c -ldl -lm -o loader.so -I"
+    )
+    zig_cc([*options.split(), str(PROJECT / "examples" / "haptic_runtime")], folder, zig_cache)
+    library = ctypes.CDLL(str(folder / "loader.so"))
+    library.loader_open.restype, library.loader_open.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
+    library.loader_step.restype = ctypes.c_double
+    library.loader_step.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double]
+    library.loader_close.argtypes = [ctypes.c_void_p]
+    return library
+
+
+def random_intervals(low: float, high: float) -> np.ndarray:
+    return np.random.default_rng(4).uniform(low, high, 400)
+
+
+@ON_LINUX
+@pytest.mark.parametrize(
+    "intervals",
+    [
+        [0.01],
+        [0.001],
+        [0.02],
+        [1 / 30],
+        [1 / 150],
+        random_intervals(0.001, 0.03),
+        random_intervals(0.0098, 0.0102),
+    ],
+    ids=["alike", "ten times faster", "half", "a third and more", "faster", "uneven", "nearly alike"],
+)
+def test_the_loop_through_the_header_has_the_forces_of_the_loop_through_its_rule(
+    intervals, header, fmu_folder, tmp_path
+):
+    with zipfile.ZipFile(fmu_folder / "KB_fmi3.fmu") as archive:
+        archive.extractall(tmp_path)
+    device = replace(STYLUS, damping_N_s_m=40.0, encoder_um=0.0)
+    with UnpackedFmu(fmu_folder / "KB_fmi3.fmu") as fmu, fmu.stepping() as step:
+        rendered = fmu.rendered(device)
+        rule = TissueForce(rendered.in_loop(step), fmu.sampling_time)
+        expected = simulate(rule, intervals, device, 15.0, delay=0.0003, duration=1.0)
+    tissue = header.loader_open(str(tmp_path).encode())
+    start = 1234.5
+
+    def tick(time: float, position: float) -> float:
+        return rendered.in_loop(lambda given: header.loader_step(tissue, start + time, given))(position)
+
+    found = simulate(tick, intervals, device, 15.0, delay=0.0003, duration=1.0)
+    header.loader_close(tissue)
+    assert np.ptp(expected.samples) > 1.0
+    np.testing.assert_allclose(found.samples, expected.samples, atol=1e-9)
+
+
+def judged(rate: float, **device):
+    """Kelvin–Boltzmann of the default study at 1 kHz on a servo of this rate."""
+    device = replace(STYLUS, rate_Hz=rate, **device)
+    return render_model(export_at(fitted("KB"), RuntimeSettings(), 1000.0), device), device
+
+
+@pytest.mark.parametrize(
+    ("rate", "gain"), [(500.0, 1.961), (250.0, 1.378), (200.0, 1.195), (300.0, 1.360), (1500.0, 2.336)]
+)
+def test_a_servo_of_another_rate_is_judged_as_the_loader_plays_it(rate, gain):
+    """Against the loop in time through the loader's rule, which dies away below the gain and grows above."""
+    rendered, device = judged(rate)
+    assert analyse(rendered, device).gain == pytest.approx(gain, abs=6e-4)
+    assert growth(rendered.sampled[0].scaled(0.99 * gain), [1 / rate], device) < 1.0
+    assert growth(rendered.sampled[0].scaled(1.01 * gain), [1 / rate], device) > 1.0
+
+
+def growth(model: SampledModel, intervals, device, delay: float = 0.0, seconds: float = 4.0) -> float:
+    """By how much the force moves more in the second half of a time than in the first, behind the push."""
+    tick = TissueForce(difference_equation(model), model.sampling_time)
+    exact = replace(device, encoder_um=0.0)
+    run = simulate(tick, intervals, exact, np.inf, delay=delay, duration=0.3 + seconds)
+    moving = run.samples[-int(seconds / np.mean(intervals)) :]
+    first, second = np.array_split(np.diff(moving), 2)
+    return float(np.ptp(second) / np.ptp(first))
+
+
+def drawn_sequence(seed: int, ticks: int) -> tuple[PeriodicModel, DeviceSettings]:
+    """A drawn model on ticks that repeat, delays of several of them included."""
+    rng = np.random.default_rng([seed, 5])
+    model, device = replace(drawn_model(rng), delay=0.0), drawn_device(rng)
+    intervals = rng.dirichlet(np.full(ticks, 4.0)) * rng.integers(1, 2 * ticks) * model.sampling_time
+    return PeriodicModel(
+        model, tuple(intervals), delay=float(rng.uniform(0.0, 2.0) * model.sampling_time)
+    ), device
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_ticks_that_repeat_are_stable_up_to_the_gain_and_not_above(seed):
+    """In time through the loader's rule, for as long as the largest pole needs to double or halve a motion ten times."""
+    loop, device = drawn_sequence(seed, 3)
+    gain, frequency = loop.largest_stable_gain(device)
+    assert 0 < frequency <= 0.5 / loop.sampling_time
+    for share in (0.7, 1.4):
+        growing = np.log(np.abs(np.linalg.eigvals(loop.monodromy(device, share * gain))).max())
+        assert (growing > 0) == (share > 1)
+        seconds = 10 * np.log(2) / abs(growing) * sum(loop.intervals)
+        scaled = loop.model.scaled(share * gain)
+        assert (growth(scaled, loop.intervals, device, loop.delay, seconds) > 1) == (share > 1)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_ticks_that_are_alike_are_those_of_the_exact_analysis(seed):
+    """Three written out for one: gain, frequency, damping and what the encoder's steps keep up."""
+    rng = np.random.default_rng([seed, 3])
+    model, device = drawn_model(rng), drawn_device(rng)
+    loop = PeriodicModel(replace(model, delay=0.0), (model.sampling_time,) * 3, delay=model.delay)
+    assert loop.largest_stable_gain(device) == pytest.approx(largest_stable_gain(model, device), rel=1e-6)
+    assert required_damping(loop).damping == pytest.approx(
+        required_damping(model).damping, rel=1e-4, abs=1e-9
+    )
+    if loop.largest_stable_gain(device)[0] > 1:
+        assert encoder_ripple(loop, device) == pytest.approx(encoder_ripple(model, device), rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_motion_takes_energy_above_the_damping_and_one_does_below(seed):
+    """Of all moves over many periods the one that gains most, against the damping that the period's condition asks for."""
+    loop, _ = drawn_sequence(seed, 2)
+    needed = required_damping(loop).damping
+    ticks = 120
+    pieces = [(tick, *part) for tick in range(ticks) for part in loop.acting[tick % 2]]
+    times = np.cumsum([0.0, *loop.intervals * (ticks // 2)])[:-1]
+    given = np.zeros((len(pieces), len(pieces)))
+    for move, (moved_at, _, _) in enumerate(pieces):
+        tick = TissueForce(difference_equation(loop.model), loop.model.sampling_time)
+        forces = [tick(time, float(number > moved_at)) for number, time in enumerate(times)]
+        given[:, move] = [-forces[number - age] if number >= age else 0.0 for number, age, _ in pieces]
+    damping = np.diag([1.0 / seconds for _, _, seconds in pieces])
+    most = eigh((given + given.T) / 2.0, damping, eigvals_only=True)[-1]
+    assert 0.9 * needed < most <= needed * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("samples", [2, 3, 8])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_servo_slower_by_a_whole_factor_is_a_model_of_its_own(seed, samples):
+    """Forces of random ticks: on straight lines, and where the position waits, each sample written out."""
+    rng = np.random.default_rng([seed, 6])
+    model = replace(drawn_model(rng), delay=0.0)
+    ticks = np.concatenate([[0.0], rng.standard_normal(50)])
+    slow, waits = (from_tick_to_tick(model, samples, held) for held in (False, True))
+    lines = np.interp(np.arange(samples * 50 + 1) / samples, np.arange(51), ticks)
+    for found, positions in ((slow, lines), (waits, np.repeat(ticks, samples))):
+        expected = lfilter(model.numerator, model.denominator, positions)[::samples]
+        forces = lfilter(found.numerator, found.denominator, ticks)
+        np.testing.assert_allclose(forces, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+        assert found.sampling_time == pytest.approx(samples * model.sampling_time)
+
+
+def test_a_long_impulse_response_has_the_states_of_what_gave_it():
+    impulse = lfilter([2.0, -1.9, 0.1], [1.0, -1.94, 0.9408], np.eye(1, 4000)[0])
+    a, b, c, d = realisation(SampledModel("", impulse, np.ones(1), 0.001))
+    np.testing.assert_allclose(sorted(np.linalg.eigvals(a)), [0.96, 0.98], atol=1e-9)
+    np.testing.assert_allclose([d, c @ b, c @ a @ b], impulse[:3], atol=1e-9)
+    average = SampledModel("", np.full(200, 0.005), np.ones(1), 0.001)
+    assert len(realisation(average)[0]) == 199
+
+
+def test_rates_without_a_common_period_are_judged_where_their_clocks_meet_worst():
+    """Every place of the first tick among the samples, as each lasts long: worse than three samples locked to a tick."""
+    locked, drifting = judged(1000.0 / 3.0), judged(333.333)
+    assert len(drifting[0].loops) > 1
+    assert analyse(*locked).gain == pytest.approx(1.620, abs=1e-3)
+    assert analyse(*drifting).gain == pytest.approx(1.138, abs=1e-3)
+
+
+def test_a_servo_that_the_loader_refuses_is_refused():
+    with pytest.raises(InputError, match=r"runtime\.device\.rate_Hz: 3, .* at least 4 Hz"):
+        judged(3.0)

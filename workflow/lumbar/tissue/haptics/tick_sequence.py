@@ -1,0 +1,282 @@
+"""A loop whose ticks fall unevenly among the FMU's samples and repeat after several: exact from tick to tick.
+
+Device, forces in flight and model go over into each other by a matrix for each tick; of their product over a period, the
+monodromy matrix, the spectral radius decides (S. Bittanti and P. Colaneri, Periodic Systems: Filtering and Control, Springer
+2009, chapter 3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lumbar.settings.runtime import DeviceSettings
+from lumbar.tissue.haptics.closed_loop import SampledModel, propagation
+
+REACHED = 1e-3
+"""Share of a sampling time within which the instant of a sample counts as reached, as in ``tissue_force.h``."""
+_NOTHING = 1e-9
+"""Share of an interval that is rounding."""
+_LONG, _ROWS, _RANK, _WITHIN = 64, 2000, 1e-11, 1e-9
+"""From how many values on, and from how many of them, an impulse response is realised by fewer states, to which part of the
+largest singular value and of the response."""
+_GAINS, _HALVINGS = np.geomspace(1e-4, 1e4, 241), 40
+
+
+def shares(age: float, interval: float, sampling_time: float) -> list[float]:
+    """Where on the line from the tick before, 0, to this one, 1, the samples lie that this tick takes.
+
+    Parameters
+    ----------
+    age : float
+        Seconds from the instant of the newest sample to the tick before.
+    interval : float
+        Seconds from that tick to this one.
+
+    Returns
+    -------
+    list of float
+        Empty where no instant has come.
+    """
+    count = int((age + interval) / sampling_time + REACHED)
+    instants = [sample * sampling_time - age for sample in range(1, count + 1)]
+    late = interval - REACHED * sampling_time
+    return [instant / interval if instant < late else 1.0 for instant in instants]
+
+
+States = tuple[np.ndarray, np.ndarray, np.ndarray, float]
+"""Matrices A, B, C and D; shapes (n, n), (n,), (n,) and none."""
+
+
+def realisation(model: SampledModel) -> States:
+    """State space of a model at its own samples, without `delay`: of a long impulse response as few states as it has."""
+    numerator, denominator = model.numerator / model.denominator[0], model.denominator / model.denominator[0]
+    found = _of_impulses(numerator) if len(denominator) == 1 and len(numerator) > _LONG else None
+    if found is not None:
+        return found
+    order = max(len(numerator), len(denominator)) - 1
+    numerator, denominator = (np.pad(part, (0, order + 1 - len(part))) for part in (numerator, denominator))
+    states = np.eye(order, k=1)
+    states[:, :1] = -denominator[1:, None]
+    return states, numerator[1:] - denominator[1:] * numerator[0], np.eye(1, order)[0], float(numerator[0])
+
+
+def _of_impulses(impulse: np.ndarray) -> States | None:
+    """By the singular values of the Hankel matrix; None where few states do not give the response back.
+
+    S. Y. Kung, A new identification and model reduction algorithm via singular value decomposition, Proc. 12th Asilomar
+    Conference on Circuits, Systems and Computers (1978) 705–714.
+    """
+    hankel = np.lib.stride_tricks.sliding_window_view(np.pad(impulse[1:], (0, _LONG)), _LONG)[:_ROWS]
+    left, sizes, right = np.linalg.svd(hankel, full_matrices=False)
+    root = np.sqrt(sizes[sizes > _RANK * sizes[0]])
+    observed, states = left[:, : len(root)] * root, np.empty((0, 0))
+    states = np.linalg.lstsq(observed[:-1], observed[1:])[0]
+    start, given = root * right[: len(root), 0], np.empty(len(impulse) - 1)
+    state = start
+    for sample in range(len(given)):
+        given[sample], state = observed[0] @ state, states @ state
+    same = np.abs(given - impulse[1:]).sum() <= _WITHIN * np.abs(impulse).sum()
+    return (states, start, observed[0], float(impulse[0])) if same else None
+
+
+def taken_samples(states: States, forces: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """What a tick that takes so many samples makes of the state before it, and of the positions of the samples.
+
+    Parameters
+    ----------
+    forces : int
+        Of so many of the newest ticks that the state holds.
+
+    Returns
+    -------
+    tuple of numpy.ndarray, of shapes (n, n) and (n, samples)
+        The state is that of `PeriodicModel.transitions`.
+    """
+    a, b, c, d = states
+    first = 2 + forces
+    kept, by_position = np.eye(first + len(a)), np.zeros((first + len(a), samples))
+    kept[3:first, 2:first] = np.eye(forces - 1, forces)
+    for sample in range(samples):
+        kept[2], by_position[2] = c @ kept[first:], c @ by_position[first:]
+        by_position[2, sample] += d
+        kept[first:], by_position[first:] = a @ kept[first:], a @ by_position[first:]
+        by_position[first:, sample] += b
+    return kept, by_position
+
+
+@dataclass(frozen=True)
+class PeriodicModel:
+    """A model on a servo whose ticks repeat after several."""
+
+    model: SampledModel
+    """At the FMU's own samples, without delay."""
+    intervals: tuple[float, ...]
+    """Seconds from each tick of a period to the next; their sum is a whole number of samples."""
+    age: float = 0.0
+    """Seconds from the instant of the newest sample to the first tick."""
+    delay: float = 0.0
+    """Seconds from a tick to its force."""
+    held: bool = False
+    """Whether samples between two ticks have the position of the first instead of one on a straight line."""
+
+    def late(self, seconds: float) -> PeriodicModel:
+        """The model with its force later by this time."""
+        return replace(self, delay=self.delay + seconds)
+
+    @property
+    def name(self) -> str:
+        """Of the model."""
+        return self.model.name
+
+    @property
+    def sampling_time(self) -> float:
+        """Mean seconds from tick to tick."""
+        return sum(self.intervals) / len(self.intervals)
+
+    @cached_property
+    def taken(self) -> list[np.ndarray]:
+        """`shares` of the samples that are taken at the end of each interval."""
+        found, age = [], self.age
+        for interval in self.intervals:
+            line = np.array(shares(age, interval, self.model.sampling_time))
+            found.append(np.floor(line) if self.held else line)
+            age += interval - len(found[-1]) * self.model.sampling_time
+        return found
+
+    @cached_property
+    def acting(self) -> list[list[tuple[int, float]]]:
+        """What acts in each interval: how many ticks old a force is, and for how many seconds."""
+        return [list(self._acting(tick))[::-1] for tick in range(len(self.intervals))]
+
+    def _acting(self, tick: int) -> Iterator[tuple[int, float]]:
+        end, begins, age = self.intervals[tick], self.delay, 0
+        while end > 0.0:
+            begin = begins if begins > _NOTHING * self.sampling_time else 0.0
+            if begin < end:
+                yield age, end - begin
+                end = begin
+            age += 1
+            begins -= self.intervals[(tick - age) % len(self.intervals)]
+
+    def transitions(self, device: DeviceSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Transition matrices from each tick to the next.
+
+        Returns
+        -------
+        free, driven : numpy.ndarray, shape (ticks, n, n)
+            At gain 0, and what a gain of 1 adds; of position, velocity, forces of the newest ticks at gain 1 and the model's
+            states.
+        by_readings : numpy.ndarray, shape (ticks, n, 2)
+            What an error of the position that is read at the one and at the other tick adds.
+        """
+        states = realisation(self.model)
+        forces = 1 + max(age for parts in self.acting for age, _ in parts)
+        size = 2 + forces + len(states[0])
+        free, driven = np.zeros((2, len(self.intervals), size, size))
+        by_readings = np.empty((len(self.intervals), size, 2))
+        for tick, (parts, line) in enumerate(zip(self.acting, self.taken, strict=True)):
+            moved, pushed = np.eye(size), np.zeros((size, size))
+            for age, seconds in parts:
+                transition, by_force = propagation(device, seconds)
+                moved[:2], pushed[:2] = transition @ moved[:2], transition @ pushed[:2]
+                pushed[:2, 2 + age] -= by_force
+            kept, by_position = taken_samples(states, forces, len(line))
+            by_readings[tick] = by_position @ np.stack([1.0 - line, line], axis=1)
+            before, now = by_readings[tick].T
+            free[tick] = kept @ moved + np.outer(now, moved[0])
+            free[tick][:, 0] += before
+            driven[tick] = kept @ pushed + np.outer(now, pushed[0])
+        return free, driven, by_readings
+
+    def monodromy(self, device: DeviceSettings, gain: float = 1.0) -> np.ndarray:
+        """Transition matrix over a period with the model's force times a gain."""
+        free, driven, _ = self.transitions(device)
+        return _product(free + gain * driven)
+
+    def largest_stable_gain(self, device: DeviceSettings) -> tuple[float, float]:
+        """Largest factor on the model's force below which the loop is stable for every factor from 0 on.
+
+        Factors are tried 8 % apart, and halved where the first unstable one is found.
+
+        Returns
+        -------
+        gain : float
+            0 for an unstable model, infinite where no gain is too large.
+        frequency : float
+            At which the loop begins to oscillate there, in Hz.
+        """
+        free, driven, _ = self.transitions(device)
+
+        def stable(gain: float) -> bool:
+            return bool(np.abs(np.linalg.eigvals(_product(free + gain * driven))).max() < 1.0)
+
+        unstable = next((index for index, gain in enumerate(_GAINS) if not stable(gain)), None)
+        if unstable is None:
+            return float("inf"), 0.0
+        if unstable == 0:
+            return 0.0, 0.0
+        low, high = _GAINS[unstable - 1 : unstable + 1]
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2.0
+            low, high = (middle, high) if stable(middle) else (low, middle)
+        return float(low), self._frequency(free + high * driven)
+
+    def _frequency(self, transitions: np.ndarray) -> float:
+        """Of the largest pole's motion in Hz."""
+        poles, motions = np.linalg.eig(_product(transitions))
+        largest = np.abs(poles).argmax()
+        state, positions = motions[:, largest], []
+        for transition in transitions:
+            positions.append(state[0])
+            state = transition @ state
+        return self.strongest(np.array(positions), float(np.angle(poles[largest])))
+
+    def strongest(self, values: np.ndarray, angle: float) -> float:
+        """Frequency in Hz of the strongest part of a motion that turns by an angle over a period; values of its ticks."""
+        ticks = len(values)
+        turning = np.abs(np.fft.fft(values * np.exp(-1j * angle * np.arange(ticks) / ticks)))
+        angle = (angle + 2.0 * np.pi * turning.argmax()) / ticks
+        return float(abs((angle + np.pi) % (2.0 * np.pi) - np.pi) / (2.0 * np.pi * self.sampling_time))
+
+    def response(self, angles: np.ndarray) -> np.ndarray:
+        """Forces of the ticks of a period by their positions, both turning by an angle over it; without `delay`.
+
+        Returns
+        -------
+        numpy.ndarray, shape (angles, ticks, ticks)
+            Complex.
+        """
+        ticks, newest = len(self.taken), np.cumsum([0, *map(len, self.taken)])
+        samples = newest[-1]
+        positions = np.zeros((len(angles), samples, ticks), complex)
+        for tick, line in enumerate(self.taken):
+            taken = slice(newest[tick], newest[tick + 1])
+            positions[:, taken, tick] += 1.0 - line
+            # The tick after the last is the first, one period later.
+            ahead = np.exp(1j * angles * (tick + 1 == ticks))
+            positions[:, taken, (tick + 1) % ticks] += line * ahead[:, None]
+        # All sines that turn by the angle over a period go through the model one by one.
+        turned = np.exp(1j * np.multiply.outer(angles, np.arange(samples + 1) / samples))[:, :, None]
+        sines = np.fft.fft(np.roll(positions / turned[:, 1:], 1, axis=1), axis=1)
+        given = self.model.response((angles[:, None] + 2.0 * np.pi * np.arange(samples)) / samples)
+        forces = turned[:, :-1] * np.fft.ifft(given[:, :, None] * sines, axis=1)
+        return forces[:, newest[:-1]]
+
+
+def _product(transitions: np.ndarray) -> np.ndarray:
+    """Of matrices in the order of time; by pairs, which is fast for many."""
+    while len(transitions) > 1:
+        pairs = transitions[1::2] @ transitions[: len(transitions) - 1 : 2]
+        transitions = np.concatenate([pairs, transitions[len(transitions) // 2 * 2 :]])
+    return transitions[0]
+
+
+def in_ticks(model: SampledModel | PeriodicModel) -> PeriodicModel:
+    """The model with its ticks; those of one that ticks with its samples are all alike."""
+    if isinstance(model, PeriodicModel):
+        return model
+    return PeriodicModel(replace(model, delay=0.0), (model.sampling_time,), delay=model.delay)
