@@ -45,9 +45,7 @@ def header(zig_cache, tmp_path_factory):
     """Return the loader of the examples, compiled as a library."""
     folder = tmp_path_factory.mktemp("loader")
     (folder / "loader.c").write_text(LIBRARY)
-    options = (
-        f"-target {TARGETS['x86_64-linux'].triple} -std=c99 -O2 -fno-sanitize=undefined -shared -fPIC loader.c -ldl -lm -o loader.so -I"
-    )
+    options = f"-target {TARGETS['x86_64-linux'].triple} -std=c99 -O2 -fno-sanitize=undefined -shared -fPIC loader.c -ldl -lm -o loader.so -I"
     zig_cc([*options.split(), str(PROJECT / "examples" / "haptic_runtime")], folder, zig_cache)
     library = ctypes.CDLL(str(folder / "loader.so"))
     library.loader_open.restype, library.loader_open.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
