@@ -45,8 +45,9 @@ def header(zig_cache, tmp_path_factory):
     """Return the loader of the examples, compiled as a library."""
     folder = tmp_path_factory.mktemp("loader")
     (folder / "loader.c").write_text(LIBRARY)
-    options = f"-target {TARGETS['x86_64-linux'].triple} -std=c99 -O2 -fno-sanitize=undefined -shared -fPIC loader.c -ldl -lm -o loader.so -I"
-    zig_cc([*options.split(), str(PROJECT / "examples" / "haptic_runtime")], folder, zig_cache)
+    options = "-std=c99 -O2 -fno-sanitize=undefined -shared -fPIC loader.c -ldl -lm -o loader.so"
+    target, include = TARGETS["x86_64-linux"].triple, str(PROJECT / "examples" / "haptic_runtime")
+    zig_cc(["-target", target, "-I", include, *options.split()], folder, zig_cache)
     library = ctypes.CDLL(str(folder / "loader.so"))
     library.loader_open.restype, library.loader_open.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
     library.loader_step.restype = ctypes.c_double
