@@ -100,50 +100,6 @@ def period(model: SampledModel, device: DeviceSettings) -> tuple[np.ndarray, np.
     return rest @ first, by_new, rest @ by_old
 
 
-def closed_loop_matrix(model: SampledModel, device: DeviceSettings, gain: float = 1.0) -> np.ndarray:
-    """Transition matrix of the closed loop from one sample instant to the next.
-
-    Parameters
-    ----------
-    gain : float
-        Factor on the model's force.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, n)
-        Of position, velocity, the force of the sample before and the model's states in observer canonical form. All
-        eigenvalues lie inside the unit circle if and only if the loop is stable.
-    """
-    length = max(len(model.numerator), len(model.denominator))
-    numerator, denominator = (
-        np.pad(part, (0, length - len(part))) for part in (model.numerator, model.denominator)
-    )
-    order = length - 1
-    states = np.eye(order, k=1)
-    states[:, :1] = -denominator[1:, None]
-    column = numerator[1:] - denominator[1:] * numerator[0]
-    transition, by_new, by_old = period(model, device)
-    # The force against the motion: gain · (first model state + numerator[0] · position).
-    force = np.zeros(3 + order)
-    force[0] = gain * numerator[0]
-    if order:
-        force[3] = gain
-    loop = np.zeros((3 + order, 3 + order))
-    loop[:2, :2] = transition
-    loop[:2] -= np.outer(by_new, force)
-    loop[:2, 2] -= by_old
-    loop[2] = force
-    loop[3:, 3:], loop[3:, 0] = states, column
-    return loop
-
-
-def largest_pole(model: SampledModel, device: DeviceSettings, gain: float = 1.0) -> complex:
-    """Pole of the closed loop with the largest magnitude, in the upper half of the plane; parameters as `closed_loop_matrix`."""
-    poles = np.linalg.eigvals(closed_loop_matrix(model, device, gain))
-    largest = poles[np.abs(poles).argmax()]
-    return complex(largest.real, abs(largest.imag))
-
-
 def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.ndarray], np.ndarray]:
     """Open-loop frequency response: the model times the sampled response of device and hand to its held force.
 

@@ -7,9 +7,11 @@ monodromy matrix, the spectral radius decides (S. Bittanti and P. Colaneri, Peri
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import cycle
 
 import numpy as np
 
@@ -108,6 +110,44 @@ def taken_samples(states: States, forces: int, samples: int) -> tuple[np.ndarray
     return kept, by_position
 
 
+def acting_forces(interval: float, delay: float, before: Iterable[float]) -> list[tuple[int, float]]:
+    """What acts from a tick to the next one: how many ticks old a force is, and for how many seconds; in their order.
+
+    Parameters
+    ----------
+    delay : float
+        Seconds from a tick to its force.
+    before : iterable of float
+        The intervals before, the newest first, without end.
+    """
+    found, end, begins = [], interval, delay
+    for age, earlier in enumerate(before):
+        begin = begins if begins > _NOTHING * interval else 0.0
+        if begin < end:
+            found.append((age, end - begin))
+            end = begin
+        if not end:
+            break
+        begins -= earlier
+    return found[::-1]
+
+
+def tick_transition(
+    states: States, device: DeviceSettings, forces: int, acting: list[tuple[int, float]], line: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of one tick what `PeriodicModel.transitions` has of all: from what acts before it and the `shares` of its samples."""
+    kept, by_position = taken_samples(states, forces, len(line))
+    moved, pushed = np.eye(len(kept)), np.zeros_like(kept)
+    for age, seconds in acting:
+        transition, by_force = propagation(device, seconds)
+        moved[:2], pushed[:2] = transition @ moved[:2], transition @ pushed[:2]
+        pushed[:2, 2 + age] -= by_force
+    by_readings = by_position @ np.stack([1.0 - line, line], axis=1)
+    free = kept @ moved + np.outer(by_readings[:, 1], moved[0])
+    free[:, 0] += by_readings[:, 0]
+    return free, kept @ pushed + np.outer(by_readings[:, 1], pushed[0]), by_readings
+
+
 @dataclass(frozen=True)
 class PeriodicModel:
     """A model on a servo whose ticks repeat after several."""
@@ -149,18 +189,12 @@ class PeriodicModel:
 
     @cached_property
     def acting(self) -> list[list[tuple[int, float]]]:
-        """What acts in each interval: how many ticks old a force is, and for how many seconds."""
-        return [list(self._acting(tick))[::-1] for tick in range(len(self.intervals))]
-
-    def _acting(self, tick: int) -> Iterator[tuple[int, float]]:
-        end, begins, age = self.intervals[tick], self.delay, 0
-        while end > 0.0:
-            begin = begins if begins > _NOTHING * self.sampling_time else 0.0
-            if begin < end:
-                yield age, end - begin
-                end = begin
-            age += 1
-            begins -= self.intervals[(tick - age) % len(self.intervals)]
+        """`acting_forces` of each interval."""
+        found, before = [], deque(reversed(self.intervals))
+        for interval in self.intervals:
+            found.append(acting_forces(interval, self.delay, cycle(before)))
+            before.rotate(1)
+        return found
 
     def transitions(self, device: DeviceSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Transition matrices from each tick to the next.
@@ -173,29 +207,16 @@ class PeriodicModel:
         by_readings : numpy.ndarray, shape (ticks, n, 2)
             What an error of the position that is read at the one and at the other tick adds.
         """
-        states = realisation(self.model)
-        forces = 1 + max(age for parts in self.acting for age, _ in parts)
-        size = 2 + forces + len(states[0])
-        free, driven = np.zeros((2, len(self.intervals), size, size))
-        by_readings = np.empty((len(self.intervals), size, 2))
-        for tick, (parts, line) in enumerate(zip(self.acting, self.taken, strict=True)):
-            moved, pushed = np.eye(size), np.zeros((size, size))
-            for age, seconds in parts:
-                transition, by_force = propagation(device, seconds)
-                moved[:2], pushed[:2] = transition @ moved[:2], transition @ pushed[:2]
-                pushed[:2, 2 + age] -= by_force
-            kept, by_position = taken_samples(states, forces, len(line))
-            by_readings[tick] = by_position @ np.stack([1.0 - line, line], axis=1)
-            before, now = by_readings[tick].T
-            free[tick] = kept @ moved + np.outer(now, moved[0])
-            free[tick][:, 0] += before
-            driven[tick] = kept @ pushed + np.outer(now, pushed[0])
+        states, forces = realisation(self.model), 1 + max(age for parts in self.acting for age, _ in parts)
+        ticks = zip(self.acting, self.taken, strict=True)
+        found = [tick_transition(states, device, forces, parts, line) for parts, line in ticks]
+        free, driven, by_readings = map(np.array, zip(*found, strict=True))
         return free, driven, by_readings
 
     def monodromy(self, device: DeviceSettings, gain: float = 1.0) -> np.ndarray:
         """Transition matrix over a period with the model's force times a gain."""
         free, driven, _ = self.transitions(device)
-        return _product(free + gain * driven)
+        return product(free + gain * driven)
 
     def largest_stable_gain(self, device: DeviceSettings) -> tuple[float, float]:
         """Largest factor on the model's force below which the loop is stable for every factor from 0 on.
@@ -212,7 +233,7 @@ class PeriodicModel:
         free, driven, _ = self.transitions(device)
 
         def stable(gain: float) -> bool:
-            return bool(np.abs(np.linalg.eigvals(_product(free + gain * driven))).max() < 1.0)
+            return bool(np.abs(np.linalg.eigvals(product(free + gain * driven))).max() < 1.0)
 
         unstable = next((index for index, gain in enumerate(_GAINS) if not stable(gain)), None)
         if unstable is None:
@@ -227,7 +248,7 @@ class PeriodicModel:
 
     def _frequency(self, transitions: np.ndarray) -> float:
         """Of the largest pole's motion in Hz."""
-        poles, motions = np.linalg.eig(_product(transitions))
+        poles, motions = np.linalg.eig(product(transitions))
         largest = np.abs(poles).argmax()
         state, positions = motions[:, largest], []
         for transition in transitions:
@@ -267,8 +288,8 @@ class PeriodicModel:
         return forces[:, newest[:-1]]
 
 
-def _product(transitions: np.ndarray) -> np.ndarray:
-    """Of matrices in the order of time; by pairs, which is fast for many."""
+def product(transitions: np.ndarray) -> np.ndarray:
+    """Product of matrices in the order of time; by pairs, which is fast for many."""
     while len(transitions) > 1:
         pairs = transitions[1::2] @ transitions[: len(transitions) - 1 : 2]
         transitions = np.concatenate([pairs, transitions[len(transitions) // 2 * 2 :]])
@@ -280,3 +301,10 @@ def in_ticks(model: SampledModel | PeriodicModel) -> PeriodicModel:
     if isinstance(model, PeriodicModel):
         return model
     return PeriodicModel(replace(model, delay=0.0), (model.sampling_time,), delay=model.delay)
+
+
+def largest_pole(model: SampledModel | PeriodicModel, device: DeviceSettings, gain: float = 1.0) -> complex:
+    """Pole of the closed loop with the largest magnitude over a period, in the upper half of the plane."""
+    poles = np.linalg.eigvals(in_ticks(model).monodromy(device, gain))
+    largest = poles[np.abs(poles).argmax()]
+    return complex(largest.real, abs(largest.imag))
