@@ -75,10 +75,9 @@ def served(explored, slow, broken, begin, tmp_path_factory):
         begin.wait()
         return lumbar.diagnose(records, settings=QUICK, **how)
 
-    with serving(lambda: new_server([explored, slow, broken], 0, OwnDiagnosis(diagnose, output))) as port:
-        yield SimpleNamespace(
-            port=port, get=partial(ask, port, "GET"), post=partial(ask, port, "POST"), own=output
-        )
+    with serving(lambda: new_server([explored, slow, broken], 0, OwnDiagnosis(diagnose, output))) as visitors:
+        get, post = (partial(ask, visitors, method) for method in ("GET", "POST"))
+        yield SimpleNamespace(visitors=visitors, get=get, post=post, own=output)
 
 
 @pytest.fixture

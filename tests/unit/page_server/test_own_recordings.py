@@ -9,7 +9,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from asking import ended
+from asking import cookie, ended
 
 from lumbar.page_server import own_recordings
 from lumbar.page_server.own_recordings import OwnRecordings
@@ -207,10 +207,11 @@ def test_every_option_has_its_field():
 def test_a_large_file_is_refused_before_it_is_read(served, own_tab):
     status, answer = own_tab("look", {})
     assert status == 200
-    connection = http.client.HTTPConnection(HOST, served.port, timeout=PATIENCE_S)
+    connection = http.client.HTTPConnection(HOST, served.visitors.port, timeout=PATIENCE_S)
     connection.putrequest("POST", "/_own/file?name=large.csv")
     connection.putheader("Content-Length", str(200_000_000))
     connection.putheader("X-Lumbar-Tab", "any")
+    connection.putheader("Cookie", cookie(served.visitors))
     connection.endheaders()  # and not a byte of the file
     answer = connection.getresponse()
     assert answer.status == 413

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import html
+import os
 import signal
 import sys
-from collections.abc import Sequence
+import webbrowser
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
@@ -29,7 +34,6 @@ EXPLORED = Path("explored")
 def run_explore(options) -> None:
     """Serve the page until it is interrupted."""
     from lumbar.page_server.background import WRITING
-    from lumbar.page_server.served_lifts import add_lifts
     from lumbar.page_server.served_sets import OWN
     from lumbar.page_server.server import new_server
     from lumbar.study.load_study import DEFAULT_FILES
@@ -42,22 +46,37 @@ def run_explore(options) -> None:
     else:
         sets, own = _of_study(options)
         lifts = _lifts_of_study(options)
-    server = new_server(sets, options.port, own)
-    add_lifts(server, lifts)
+    server, visitors = new_server(sets, options.port, own, lifts)
     server.start()
     addresses = {f"/{item.name}": f"what is missing in {item.title or item.name}" for item in sets}
     addresses |= {item.address: f"lift {item.folder.absolute().name}" for item in lifts}
     addresses |= {OWN: "your own files, dropped on the page"} if own else {}
     for address, words in addresses.items():
-        print(f"http://127.0.0.1:{server.port}{address}  {words}", flush=True)
-    print("Ctrl-C ends it.", flush=True)
-    if not options.no_browser:
-        server.io_loop.add_callback(server.show, next(iter(addresses)))
+        print(f"{visitors.address(address)}  {words}", flush=True)
+    print("Whoever has an address may do all that the page does; Ctrl-C ends it.", flush=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    opened = nullcontext() if options.no_browser else _in_browser(visitors.address(next(iter(addresses))))
     try:
-        server.io_loop.start()
+        with opened:
+            server.io_loop.start()
     finally:
         WRITING.acquire()  # what is being written is written whole
+
+
+@contextmanager
+def _in_browser(address: str) -> Iterator[None]:
+    """Open an address with a token. The browser is given a file that leads there: other accounts see what a program is given.
+
+    The file lies in the home folder, which browsers may read where they may read nothing else.
+    """
+    home = Path.home() if os.access(Path.home(), os.W_OK) else None
+    with TemporaryDirectory(prefix="lumbar-", dir=home) as folder:  # for its owner's eyes alone
+        page = Path(folder) / "open.html"
+        page.write_text(
+            f'<meta http-equiv="refresh" content="0; url={html.escape(address)}">', encoding="utf-8"
+        )
+        webbrowser.open(page.as_uri())
+        yield
 
 
 def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:

@@ -16,11 +16,8 @@ from tornado.web import RequestHandler
 
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import in_background, page_message
-from lumbar.page_server.trust import FromHere
 
 if TYPE_CHECKING:
-    from bokeh.server.server import Server
-
     from lumbar.settings.stability import StabilitySettings
 
 
@@ -67,9 +64,6 @@ class LiftHandler(RequestHandler):
             self.write(page_message(error))
 
 
-def add_lifts(server: Server, lifts: Sequence[ServedLift]) -> None:
-    """Serve the pages of these lifts too."""
-    server._tornado.default_router.rules[:0] = [
-        Rule(FromHere(PathMatches(f"{re.escape(lift.address)}$")), LiftHandler, {"lift": lift})
-        for lift in lifts
-    ]
+def lift_rules(lifts: Sequence[ServedLift]) -> list[Rule]:
+    """Addresses of the pages of these lifts."""
+    return [Rule(PathMatches(f"{re.escape(lift.address)}$"), LiftHandler, {"lift": lift}) for lift in lifts]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import secrets
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -11,8 +12,9 @@ from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background
 from lumbar.page_server.requests import TabRequests
+from lumbar.page_server.served_lifts import ServedLift, lift_rules
 from lumbar.page_server.served_sets import OWN, RESULT, ExploredSet, ServedSets
-from lumbar.page_server.trust import HOST, FromHere, Guarded
+from lumbar.page_server.trust import HOST, DoorHandler, Guarded, Outside, Visitors, log_refused
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -32,8 +34,13 @@ message.className = "bad";
 """What the page says when nobody answers it any more."""
 
 
-def new_server(sets: Sequence[ExploredSet], port: int, own: OwnDiagnosis | None = None) -> Server:
-    """Return a server of these sets, each at its name, that listens on the loopback interface.
+def new_server(
+    sets: Sequence[ExploredSet],
+    port: int,
+    own: OwnDiagnosis | None = None,
+    lifts: Sequence[ServedLift] = (),
+) -> tuple[Server, Visitors]:
+    """Return a server of these sets and lifts, each at its name, that listens on the loopback interface, and who may come in.
 
     Parameters
     ----------
@@ -66,16 +73,29 @@ def new_server(sets: Sequence[ExploredSet], port: int, own: OwnDiagnosis | None 
             address=HOST,
             allow_websocket_origin=[f"{HOST}:{port}", f"localhost:{port}"] if port else None,
             websocket_max_message_size=MOST_BYTES,
+            # What a page is told of its session holds none of its cookies, and is taken from no other hand.
+            include_headers=[],
+            include_cookies=[],
+            sign_sessions=True,
+            secret_key=secrets.token_bytes(32),
+            log_function=log_refused,
             http_server_kwargs={"max_body_size": MOST_BYTES, "max_buffer_size": 4 * MOST_BYTES},
         )
     except OSError as error:
         raise InputError(f"port {port}: {error.strerror or error}; choose another with --port") from error
-    _route(server, served, own)
-    return server
+    visitors = Visitors(server.port)
+    _route(server, visitors, served, own, lifts)
+    return server, visitors
 
 
-def _route(server: Server, served: ServedSets, own: OwnDiagnosis | None) -> None:
-    """Put the server's own pages before Bokeh's, take away what nobody needs, and answer nobody from elsewhere."""
+def _route(
+    server: Server,
+    visitors: Visitors,
+    served: ServedSets,
+    own: OwnDiagnosis | None,
+    lifts: Sequence[ServedLift],
+) -> None:
+    """Put a door and the server's own pages before Bokeh's, and take away what nobody needs."""
     from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
     from bokeh.server.views.metadata_handler import MetadataHandler
     from bokeh.server.views.root_handler import RootHandler
@@ -91,17 +111,15 @@ def _route(server: Server, served: ServedSets, own: OwnDiagnosis | None) -> None
         rule for rule in inner if rule.target not in (AutoloadJsHandler, MetadataHandler, RootHandler)
     ]
     home = [*served.given, *([] if own is None else [OWN])][:1]
-    first = [
+    application.default_router.rules[:0] = [
+        Rule(Outside(visitors), DoorHandler, {"visitors": visitors}),
         *(Rule(PathMatches("/?"), RedirectHandler, {"url": page, "permanent": False}) for page in home),
         Rule(waiting.NotReady(served), waiting.WaitingHandler, {"sets": served}),
         Rule(PathMatches(waiting.PROGRESS), waiting.ProgressHandler, {"sets": served}),
         Rule(PathMatches(waiting.CANCEL), waiting.CancelHandler, {"sets": served}),
         *([] if own is None else own_rules(served, own)),
+        *lift_rules(lifts),
     ]
-    rules = application.default_router.rules
-    rules[:0] = first
-    for rule in rules:
-        rule.matcher = FromHere(rule.matcher)
     application.add_transform(Guarded)
 
 

@@ -1,15 +1,21 @@
-"""Whom the server answers: pages that it served itself, on this machine."""
+"""Whom the server answers: pages that it served itself, to whoever was given its token, on this machine."""
 
 from __future__ import annotations
 
+import secrets
+from dataclasses import dataclass, field
 from typing import Any
+from urllib.parse import parse_qsl, unquote
 
-from tornado.httputil import HTTPHeaders, HTTPServerRequest
+from tornado.httputil import HTTPHeaders, HTTPServerRequest, url_concat
+from tornado.log import access_log
 from tornado.routing import Matcher
-from tornado.web import OutputTransform
+from tornado.web import Finish, HTTPError, OutputTransform, RequestHandler, stream_request_body
 
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")
+TOKEN = "token"
+"""Name of the token in an address."""
 _POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; frame-ancestors 'none'; base-uri 'none'; "
     "form-action 'none'; object-src 'none'"
@@ -21,6 +27,47 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
+_NO_TOKEN = (
+    "Open the address that 'lumbar explore' printed where it was started: it ends in a token, which keeps other accounts of "
+    "this machine out. The browser must accept this page's cookie."
+)
+
+
+@dataclass(frozen=True)
+class Visitors:
+    """Who may come in: whoever has the token in the address once, and in a cookie from then on.
+
+    Attributes
+    ----------
+    port : int
+        Of the server. A browser sends cookies to every port of a host, so this one's name holds it.
+    token : str
+    """
+
+    port: int
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
+
+    @property
+    def cookie(self) -> str:
+        """Name of the cookie."""
+        return f"lumbar_{self.port}"
+
+    def address(self, path: str) -> str:
+        """Return the address of a page as a person opens it first."""
+        return f"http://{HOST}:{self.port}{url_concat(path, {TOKEN: self.token})}"
+
+    def are_known(self, request: HTTPServerRequest) -> bool:
+        """Whether the request has the cookie."""
+        cookie = request.cookies.get(self.cookie)
+        return cookie is not None and self._is_right(cookie.value.encode())
+
+    def brings_token(self, request: HTTPServerRequest) -> bool:
+        """Whether a page is opened with the token in its address."""
+        given = request.query_arguments.get(TOKEN, [b""])[-1]
+        return request.method == "GET" and self._is_right(given)
+
+    def _is_right(self, given: bytes) -> bool:
+        return secrets.compare_digest(given, self.token.encode())
 
 
 def is_from_here(request: HTTPServerRequest) -> bool:
@@ -39,15 +86,49 @@ def is_from_here(request: HTTPServerRequest) -> bool:
     return followed or not foreign
 
 
-class FromHere(Matcher):
-    """Matches what another matcher does, of requests that `is_from_here` lets pass; the others find nothing (404)."""
+def _leads_somewhere(request: HTTPServerRequest) -> bool:
+    """Whether the request may be answered at all; no file is called with a NUL."""
+    return is_from_here(request) and "\0" not in unquote(request.path)
 
-    def __init__(self, other: Matcher):
-        self.other = other
+
+class Outside(Matcher):
+    """Matches what no page of the server is to see; its rule stands before all others."""
+
+    def __init__(self, visitors: Visitors):
+        self.visitors = visitors
 
     def match(self, request: HTTPServerRequest) -> dict[str, Any] | None:
-        """Arguments for the handler; None where it does not answer."""
-        return self.other.match(request) if is_from_here(request) else None
+        """Arguments for `DoorHandler`; None where the request is let in."""
+        known = TOKEN not in request.query_arguments and self.visitors.are_known(request)
+        return None if known and _leads_somewhere(request) else {}
+
+
+@stream_request_body
+class DoorHandler(RequestHandler):
+    """Lets in whoever brings the token; refuses all others before a body is read."""
+
+    def initialize(self, visitors: Visitors) -> None:
+        """Take who may come in."""
+        self.visitors = visitors
+
+    def prepare(self) -> None:
+        """Hand out the cookie and lead to the page, whose address no longer holds the token.
+
+        A page of our own leads there, not a redirect: after one, a browser that came from elsewhere (a terminal in a page)
+        would keep the cookie back.
+        """
+        request = self.request
+        if not _leads_somewhere(request):
+            raise HTTPError(404)
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        if not self.visitors.brings_token(request):
+            self.set_status(403)
+            raise Finish(_NO_TOKEN)
+        self.set_cookie(self.visitors.cookie, self.visitors.token, httponly=True, samesite="Strict")
+        rest = [(name, value) for name, value in parse_qsl(request.query) if name != TOKEN]
+        self.set_header("Refresh", f"0; url={url_concat(f'http://{request.host}{request.path}', rest)}")
+        raise Finish
 
 
 class Guarded(OutputTransform):
@@ -58,3 +139,9 @@ class Guarded(OutputTransform):
         for name, value in _HEADERS.items():
             headers.setdefault(name, value)
         return status_code, headers, chunk
+
+
+def log_refused(handler: RequestHandler) -> None:
+    """Tell of requests that were not answered; without what follows the path, which may hold the token."""
+    if handler.get_status() >= 400:
+        access_log.warning("%d %s %.200s", handler.get_status(), handler.request.method, handler.request.path)

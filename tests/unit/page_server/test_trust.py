@@ -1,0 +1,149 @@
+"""Whom the server answers: who brought the token once, from this machine's own pages, and nobody else."""
+
+import http.client
+import logging
+
+import pytest
+from asking import cookie
+
+from lumbar.page_server.trust import HOST, TOKEN
+from patience import PATIENCE_S
+
+PATHS = (
+    "/",
+    "/records",
+    "/broken",
+    "/_own",
+    "/_progress?page=/records",
+    "/static/js/bokeh.min.js",
+    "/favicon.ico",
+)
+
+
+def test_the_token_is_asked_for_once(served):
+    token = served.visitors.token
+    assert (
+        served.visitors.address("/records") == f"http://{HOST}:{served.visitors.port}/records?{TOKEN}={token}"
+    )
+    status, headers, text = served.get(f"/_own?tab=a&{TOKEN}={token}", Cookie="")
+    assert (status, text) == (200, "")
+    assert headers["Refresh"] == f"0; url=http://{HOST}:{served.visitors.port}/_own?tab=a"
+    assert headers["Referrer-Policy"] == "no-referrer"
+    given, *how = headers["Set-Cookie"].split("; ")
+    assert given == cookie(served.visitors)
+    assert {"HttpOnly", "SameSite=Strict", "Path=/"} == set(how)  # no end: it goes with the browser
+    assert served.get("/static/js/bokeh.min.js", Cookie=f"a=b; {given}")[0] == 200
+    assert served.get(f"//somewhere.example/?{TOKEN}={token}", Cookie="")[1]["Refresh"].startswith(
+        f"0; url=http://{HOST}:"
+    )
+
+
+@pytest.mark.parametrize(
+    "wrong", ["", "x", "lumbar_1={token}", "{name}=", "{name}={token}x", "{name}=\xe9", "{name}={half}"]
+)
+def test_other_accounts_of_the_machine_get_nothing(served, wrong):
+    name, token = served.visitors.cookie, served.visitors.token
+    given = wrong.format(name=name, token=token, half=token[: len(token) // 2])
+    for path in PATHS:
+        status, headers, text = served.get(path, Cookie=given)
+        assert status == 403 and "Set-Cookie" not in headers
+        assert "lumbar explore" in text and token not in text
+    for path in (
+        "/records?token=",
+        "/records?token=%ff",
+        f"/records?token={token}x",
+        f"/records?token={token}&token=",
+    ):
+        assert served.get(path, Cookie=given)[0] == 403
+    for action in ("_own/look", "_own/start", "_cancel?page=/records", f"_own/look?token={token}"):
+        assert served.post(f"/{action}", "{}", Cookie=given)[0] == 403
+    assert served.get("/records/ws", Cookie=given, **UPGRADE)[0] == 403
+
+
+def test_a_stranger_s_file_is_not_awaited(served):
+    connection = http.client.HTTPConnection(HOST, served.visitors.port, timeout=PATIENCE_S)
+    connection.putrequest("POST", "/_own/file?name=a.csv")
+    connection.putheader("Content-Length", "900000")
+    connection.endheaders()  # and not a byte of the file
+    assert connection.getresponse().status == 403
+
+
+def test_nobody_is_told_the_token(served, caplog):
+    token = served.visitors.token
+    with caplog.at_level(logging.WARNING):
+        served.get(f"/records?{TOKEN}={token}x")
+        served.get(f"/nowhere?{TOKEN}={token}&a=1")
+        served.get("/nowhere?a=1")
+    assert "403 GET /records" in caplog.text and token not in caplog.text and "?" not in caplog.text
+    assert token not in repr(served.visitors)
+    served.get("/records")
+    page = served.get("/records")[2]
+    assert token not in page and "Cookie" not in page
+
+
+UPGRADE = {
+    "Upgrade": "websocket",
+    "Connection": "Upgrade",
+    "Sec_WebSocket_Key": "x" * 22 + "==",
+    "Sec_WebSocket_Version": "13",
+    "Sec_WebSocket_Protocol": "bokeh, nothing",
+}
+
+
+ELSEWHERE = [
+    {"Host": "somewhere.example"},
+    {"Host": "127.0.0.1.somewhere.example"},
+    {"Origin": "http://somewhere.example"},
+    {"Origin": "null"},
+    {"Origin": "http://127.0.0.1:1"},
+    {"Sec_Fetch_Site": "cross-site", "Sec_Fetch_Dest": "image"},
+    {"Sec_Fetch_Site": "same-site", "Sec_Fetch_Dest": "iframe"},
+]
+
+
+@pytest.mark.parametrize("headers", ELSEWHERE)
+def test_pages_of_elsewhere_get_nothing(served, headers):
+    for path in PATHS:
+        assert served.get(path, **headers)[0] == 404
+    if "Sec_Fetch_Dest" not in headers or headers["Sec_Fetch_Dest"] != "image":
+        assert served.post("/_cancel?page=/records", "", **headers)[0] == 404
+    assert served.get("/records/ws", **UPGRADE, **headers)[0] in (403, 404)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../../../../etc/passwd",
+        "/static/%2e%2e/%2e%2e/%2e%2e/%2e%2e/etc/passwd",
+        "/static//etc/passwd",
+        "/static/extensions/../../../../etc/passwd",
+        "/static/extensions/%2fetc%2fpasswd",
+        "/records/static/../../study.yaml",
+        "/records/../study.yaml",
+        "/records/autoload.js?bokeh-autoload-element=1",
+        "/records/metadata",
+        "/_progress?page=../../etc/passwd",
+        "/_progress",
+        "/_own/result?set=../../etc/passwd",
+        "/_own/result?set=%ff",
+        "/_own/result",
+        "/_own/file",
+        "/study.yaml",
+        "/static/js/bokeh.min.js%00",
+        "/records%00",
+        f"/static/{'x' * 5000}",
+        "/static/%ff%fe",
+    ],
+)
+def test_paths_lead_nowhere(served, path, caplog):
+    status, _, text = served.get(path)
+    assert "Traceback" not in caplog.text
+    assert status in (400, 403, 404, 405)
+    assert "root:" not in text and "study: a" not in text
+
+
+def test_nobody_frames_the_page_or_loads_into_it(served):
+    for path in ("/records", "/_own?tab=x", "/static/js/bokeh.min.js"):
+        _, headers, _ = served.get(path)
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        assert headers["X-Content-Type-Options"] == "nosniff"
