@@ -258,8 +258,11 @@ def render(
         "rate_Hz": rate_Hz,
     }
     for key, value in given.items():
-        if value is not None and not 0 < value < float("inf"):
-            raise InputError(f"{key}: {value}, a finite number above 0 is needed")
+        held = key != "hand_stiffness_N_m"  # else a stylus that nobody holds
+        if value is not None and not (0 < value < float("inf") or (value == 0 and not held)):
+            raise InputError(
+                f"{key}: {value}, a finite number {'above 0' if held else 'of 0 or more'} is needed"
+            )
     values = {key: value for key, value in given.items() if value is not None}
     settings = replace(settings, device=replace(settings.device, **values))  # type: ignore[arg-type]  # no words
     if isinstance(model, str | os.PathLike) and Path(model).suffix == ".fmu":
@@ -362,15 +365,9 @@ class Rendering(Result):
 
 
 def _loop_sentence(item: Judgement) -> str:
-    run = item.run
-    does = (
-        f"simulated, it oscillates at {run.frequency:.3g} Hz with {run.peak_to_peak:.3g} N peak to peak"
-        if run.oscillates
-        else "simulated, it comes to rest"
-    )
     rates = [
         f"{word} from {rate:.4g} Hz on"
         for word, rate in (("stable", item.lowest_stable_rate), ("passive", item.lowest_passive_rate))
         if rate is not None
     ]
-    return "; ".join([item.analysis.finding, does, *rates])
+    return "; ".join([item.analysis.finding, f"simulated, {item.run.outcome}", *rates])

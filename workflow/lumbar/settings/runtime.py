@@ -22,7 +22,10 @@ class DeviceSettings:
         gt=0,
     )
     hand_stiffness_N_m: float = key(
-        "Stiffness with which the hand holds the stylus.", default=300.0, unit="N/m", gt=0
+        "Stiffness with which the hand holds the stylus; 0 is a stylus that nobody holds.",
+        default=300.0,
+        unit="N/m",
+        ge=0,
     )
     hand_damping_N_s_m: float = key("Damping of the hand.", default=0.0, unit="N·s/m", ge=0)
     hand_mass_kg: float = key("Mass of the hand that moves with the stylus.", default=0.0, unit="kg", ge=0)

@@ -17,11 +17,11 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.reference_response import reference_push
-from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_pole, largest_stable_gain
 from lumbar.tissue.haptics.device_table import with_device
-from lumbar.tissue.haptics.judgement import analyse, judge, judge_fmu
-from lumbar.tissue.haptics.passivity import lowest_rates
-from lumbar.tissue.haptics.rendered_model import direction, export_at, render_model
+from lumbar.tissue.haptics.judgement import analyse, judge, judge_fmu, run_loop
+from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
+from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from study_settings import changed
 
 STYLUS = RuntimeSettings().device
@@ -60,8 +60,19 @@ def test_a_heavily_damped_device_is_passive(run, models):
     assert "comes to rest" in out
 
 
-@pytest.mark.parametrize("option", ["--mass", "--damping", "--hand", "--rate"])
-def test_a_device_without_mass_damping_hand_or_rate_is_refused(run, models, option):
+def test_a_stylus_that_nobody_holds_is_judged(run, models):
+    status, out, err = run("render", models, "--model", "KB", "--hand", "0")
+    assert status == 0, err
+    assert "hand: 0 N/m" in out
+    slow, fast = (
+        next(line for line in out.splitlines() if f"KB at {rate} Hz" in line) for rate in (100, 1000)
+    )
+    assert "UNSTABLE" in slow and "simulated, it oscillates" in slow
+    assert "passive in any hand" in fast and "simulated, it comes to rest" in fast
+
+
+@pytest.mark.parametrize("option", ["--mass", "--damping", "--rate"])
+def test_a_device_without_mass_damping_or_rate_is_refused(run, models, option):
     status, _, err = run("render", models, "--model", "KB", option, "0")
     assert status == 1
     assert "a finite number above 0" in err
@@ -100,8 +111,6 @@ def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models):
     model = next(model for model in fmu_models if model.name == name)
     found = judge_fmu(fmu_folder / f"{name}_fmi3.fmu", settings)
     expected = render_model(model, STYLUS)
-    from lumbar.tissue.haptics.judgement import analyse, run_loop
-
     assert found.analysis.damping == pytest.approx(analyse(expected, STYLUS).damping, rel=1e-6)
     assert found.analysis.gain == pytest.approx(analyse(expected, STYLUS).gain, rel=1e-6)
     np.testing.assert_allclose(found.run.samples[:20], run_loop(expected, STYLUS).samples[:20], atol=1e-9)
@@ -277,10 +286,26 @@ def test_an_angle_is_no_position_of_a_stylus():
     assert "angle in 'rad'" in refused[0]
 
 
-def test_the_inverted_model_is_rendered_with_the_sign_that_resists():
-    loop = render_model(export_at(fitted("IL"), DEFAULTS, 100.0), STYLUS).loops[0]
-    np.testing.assert_allclose(loop.numerator, 125.0 / 3)
-    assert direction(SampledModel("", -np.ones(1), np.ones(1), 0.01)) == -1.0
+def test_the_inverted_model_is_judged_as_it_is_displayed():
+    """Like the others, so that it draws the tool in: −125 N/m against a hand of 300 N/m, and of 100 N/m."""
+    meets = render_model(export_at(fitted("IL"), DEFAULTS, 100.0), STYLUS)
+    np.testing.assert_allclose(meets.loops[0].numerator, -125.0 / 3)
+    held, loose = (
+        analyse(meets, replace(STYLUS, hand_stiffness_N_m=stiffness)) for stiffness in (300.0, 100.0)
+    )
+    assert held.gain == pytest.approx(2.4) and held.stable and not held.passive
+    assert not loose.stable
+    assert "no damping makes it passive" in loose.finding and "where it runs away" in loose.finding
+    run = run_loop(meets, loose.device)
+    assert run.outcome == "it runs away, until 15 N are the limit"
+
+
+def test_a_spring_that_pushes_is_not_passive_and_held_by_the_hand_alone():
+    """Kelvin–Boltzmann with −800 N/m in a hand of 300 N/m: an eigenvalue leaves the circle at z = 1."""
+    model = SampledModel("", 1000 * np.array([3.0, -3.2]), np.array([1.0, -0.75]), 0.001)
+    assert largest_stable_gain(model, STYLUS) == (pytest.approx(0.375), 0.0)
+    assert abs(largest_pole(model, STYLUS)) > 1.0
+    assert required_damping(model).damping == np.inf
 
 
 def test_lowest_rates_are_where_damping_and_gain_suffice():
@@ -289,7 +314,7 @@ def test_lowest_rates_are_where_damping_and_gain_suffice():
         at, below = (getattr(analysed_alone("KB", rate * share), quantity) for share in (1.0, 0.97))
         assert min(at, below) < needed < max(at, below) or at == pytest.approx(needed, rel=1e-3)
         assert (at <= needed) == (quantity == "damping")
-    assert lowest_rates(fitted("IL"), DEFAULTS) == (100.0, 100.0)
+    assert lowest_rates(fitted("IL"), DEFAULTS) == (None, 100.0)
 
 
 def analysed_alone(name: str, rate: float):

@@ -13,12 +13,14 @@ import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
 
-_SMALLEST_ANGLE = 1e-4
+_SMALLEST_ANGLE, _SLOWEST = 1e-4, 1e-6
+_ROUNDING = 1e-9
+"""Share of a numerator's coefficients below which their sum is 0."""
 
 
-def all_angles(points: int = 2000) -> np.ndarray:
+def all_angles(points: int = 2000, smallest: float = _SMALLEST_ANGLE) -> np.ndarray:
     """Angles ωT from near 0 to π: evenly spaced, and closer and closer towards 0, where slow relaxations lie."""
-    slow = np.geomspace(_SMALLEST_ANGLE, np.pi / points, points // 4)
+    slow = np.geomspace(smallest, np.pi / points, points // 4)
     return np.concatenate([slow[:-1], np.linspace(slow[-1], np.pi, points)])
 
 
@@ -54,6 +56,14 @@ class SampledModel:
         # A model that runs several times over between two of its own samples has powers of z⁻ʰ alone: |z| < 1 as |zʰ| < 1.
         held = max(int(np.gcd.reduce(np.flatnonzero(self.denominator))), 1)
         return bool((np.abs(np.roots(self.denominator[::held])) < 1.0).all())
+
+    @property
+    def static_stiffness(self) -> float:
+        """H(1) in N/m: the force by which a position that stays is resisted in the end; negative where it is helped."""
+        total = self.numerator.sum()
+        return (
+            0.0 if abs(total) < _ROUNDING * np.abs(self.numerator).sum() else total / self.denominator.sum()
+        )
 
     def scaled(self, factor: float) -> SampledModel:
         """The model with its force times a factor."""
@@ -128,31 +138,70 @@ def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.n
 def largest_stable_gain(model: SampledModel, device: DeviceSettings) -> tuple[float, float]:
     """Largest factor on the model's force below which the loop is stable for every factor from 0 on.
 
-    Where the loop's frequency response crosses the negative real axis at −r, a factor 1/r puts a pole on the unit circle;
-    device and hand alone and the model alone are stable, so that the first such factor is the end of the stable ones.
+    Where the loop's frequency response meets the negative real axis at −r, a factor 1/r puts a pole on the unit circle; device
+    and hand alone and the model alone are stable, so that the first such factor is the end of the stable ones. It meets the axis
+    at z = −1, at z = 1, where a negative static stiffness overcomes the hand, and in between.
+
+    A stylus that nobody holds (a hand without stiffness) stays where it is left, which is no instability: without static
+    stiffness of the model the pole z = 1 of its place is left out, with a negative one no factor is stable.
 
     Returns
     -------
     gain : float
         0 for an unstable model, infinite where no gain is too large.
     frequency : float
-        At which the loop begins to oscillate there, in Hz.
+        At which the loop begins to oscillate there, in Hz; 0 where it runs away.
     """
-    from scipy.optimize import brentq
-
     if not isinstance(model, SampledModel):
         return model.largest_stable_gain(device)
     if not model.stable:
         return 0.0, 0.0
-    angles, response = all_angles(), loop_response(model, device)
-    values = response(angles)
-    signs = np.signbit(values.imag)
-    crossings = [
-        brentq(lambda angle: response(angle).imag, angles[i], angles[i + 1], xtol=1e-12)
-        for i in np.nonzero(signs[1:] != signs[:-1])[0]
-        if min(values.real[i], values.real[i + 1]) < 0
+    response = loop_response(model, device)
+    gains = [(-1.0 / found, 0.0) for found in [_static_response(model, device)] if found < 0]
+    for angle in (*_real_crossings(response), np.pi):  # real at π
+        found = response(angle).real
+        if found < 0:
+            gains.append((float(-1.0 / found), float(angle / (2.0 * np.pi * model.sampling_time))))
+    return min(gains, default=(float("inf"), 0.0))
+
+
+def _static_response(model: SampledModel, device: DeviceSettings) -> float:
+    """The loop's response at z = 1, without the pole of a free stylus's place."""
+    stiffness = model.static_stiffness
+    if device.hand_stiffness_N_m:
+        return stiffness / device.hand_stiffness_N_m
+    if stiffness:
+        return float(np.copysign(np.inf, stiffness))
+    # H = −H′(1)(1 − z⁻¹) by z⁻¹, and a force moves the stylus by T/b a sample in the end.
+    slope = np.arange(len(model.numerator)) @ model.numerator / model.denominator.sum()
+    return float(-slope * model.sampling_time / (device.damping_N_s_m + device.hand_damping_N_s_m))
+
+
+def _real_crossings(response: Callable[[np.ndarray], np.ndarray]) -> list[float]:
+    """Angles at which a loop's response crosses the real axis, two close together included."""
+    from scipy.optimize import brentq, minimize_scalar
+
+    def imaginary(angle: float) -> float:
+        return response(angle).imag
+
+    angles = all_angles(smallest=_SLOWEST)
+    values = response(angles).imag
+    size, positive = np.abs(values), np.signbit(values)
+    dips = (size[1:-1] < size[:-2]) & (size[1:-1] < size[2:])
+    dips &= (positive[1:-1] == positive[:-2]) & (positive[1:-1] == positive[2:])
+    between = []
+    for index in np.flatnonzero(dips) + 1:
+        sign = np.sign(values[index])
+        lowest = minimize_scalar(
+            lambda angle, sign=sign: sign * imaginary(angle),
+            bounds=angles[[index - 1, index + 1]],
+            method="bounded",
+        )
+        if lowest.fun < 0:
+            between.append(lowest.x)
+    angles = np.sort(np.r_[angles, between])
+    positive = np.signbit(response(angles).imag)
+    return [
+        brentq(imaginary, angles[i], angles[i + 1], xtol=1e-15)
+        for i in np.flatnonzero(positive[1:] != positive[:-1])
     ]
-    crossings.append(np.pi)  # real there
-    gains = [(float(-1.0 / response(angle).real), angle) for angle in crossings]
-    gain, angle = min((item for item in gains if item[0] > 0), default=(float("inf"), 0.0))
-    return gain, float(angle / (2.0 * np.pi * model.sampling_time))

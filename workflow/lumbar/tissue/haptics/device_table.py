@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,12 +25,12 @@ _DEFINITIONS = {
     "damping_needed_N_s_m": (
         "Smallest damping of the device with which it is passive with the model in any passive hand: largest over all "
         "frequencies of T/2 · Re{(1 − exp(−jωT)) H(exp(jωT))}/(1 − cos ωT), moving average and delays in H; of a model with "
-        "effects the largest of its linearisations"
+        "effects the largest of its linearisations; empty with a negative static stiffness H(1), where none is enough"
     ),
     "passive": "Whether the device has that damping",
     "largest_stable_gain": (
         "Factor on the model's force below which the loop with device and hand is stable for every factor from 0 on; "
-        "exact for the held force; below 1 the model itself is unstable in this hand"
+        "exact for the held force; below 1 the model itself is unstable in this hand; empty where no factor is too large"
     ),
     "stable": "Whether it is above 1",
     "lowest_passive_rate_Hz": (
@@ -37,7 +38,8 @@ _DEFINITIONS = {
         "empty where there is none, where the model has no counterpart at other rates, or where it has effects"
     ),
     "lowest_stable_rate_Hz": "The same for a stable loop in this hand: the lowest safe rate where nothing else holds the device",
-    "oscillation_Hz": "Frequency of what the simulated loop keeps doing; empty where it comes to rest",
+    "oscillation_Hz": "Frequency of what the simulated loop keeps doing; empty where it does not oscillate",
+    "simulated": "What it does: oscillates, runs away until the force is at its limit, or comes to rest",
     "oscillation_N": "Peak to peak force in the last quarter of the simulation",
 }
 
@@ -58,18 +60,27 @@ def device_table(
         {
             "model": item.analysis.name,
             "rate_Hz": item.analysis.rate,
-            "damping_needed_N_s_m": item.analysis.damping,
+            "damping_needed_N_s_m": finite(item.analysis.damping),
             "passive": _yes(item.analysis.passive),
-            "largest_stable_gain": item.analysis.gain,
+            "largest_stable_gain": finite(item.analysis.gain),
             "stable": _yes(item.analysis.stable),
             "lowest_passive_rate_Hz": item.lowest_passive_rate,
             "lowest_stable_rate_Hz": item.lowest_stable_rate,
             "oscillation_Hz": item.run.frequency,
+            "simulated": item.run.outcome,
             "oscillation_N": item.run.peak_to_peak,
         }
         for item in judgements
     ]
-    optional = frozenset({"lowest_passive_rate_Hz", "lowest_stable_rate_Hz", "oscillation_Hz"})
+    optional = frozenset(
+        {
+            "damping_needed_N_s_m",
+            "largest_stable_gain",
+            "lowest_passive_rate_Hz",
+            "lowest_stable_rate_Hz",
+            "oscillation_Hz",
+        }
+    )
     frame = pd.DataFrame(rows, columns=list(_DEFINITIONS)).astype(dict.fromkeys(optional, float))
     effects = "Models with effects are analysed through their linearisations and simulated as their FMUs. "
     return Table(
@@ -80,9 +91,11 @@ def device_table(
         notes=(
             device_text(settings.device),
             f"Moving average of {settings.moving_average_ms:g} ms at the rate of export, over as many samples at every rate. "
-            f"Simulated: the hand pushes {PUSH_MM:g} mm in {PUSH_S:g} s and rests, {DURATION_S:g} s in all, the force within "
+            f"Simulated: the hand pushes {PUSH_MM:g} mm in {PUSH_S:g} s and rests (a stylus that nobody holds "
+            f"comes in at that mean speed), {DURATION_S:g} s in all, the force within "
             f"±{settings.output_limit:g} of the model's unit.",
-            "Forces count with the sign that resists the motion; a model that is inverted on purpose, as IL is, turned round.",
+            "Forces count with the sign that resists the motion; a model that is inverted on purpose, as IL is, is displayed "
+            "like the others and draws the tool in.",
             *([effects] if any(item.analysis.linearised for item in judgements) else []),
             *refused,
         ),
@@ -109,6 +122,11 @@ def device_text(device: DeviceSettings) -> str:
         f"Device: {device.mass_kg:g} kg, {device.damping_N_s_m:g} N·s/m, servo at {device.rate_Hz:g} Hz, encoder of "
         f"{device.encoder_um:g} µm{delay}; hand: {hand}."
     )
+
+
+def finite(value: float) -> float | None:
+    """A number of a table; None, an empty cell, where it is infinite."""
+    return value if math.isfinite(value) else None
 
 
 def _yes(holds: bool) -> str:

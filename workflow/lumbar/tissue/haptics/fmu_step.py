@@ -7,10 +7,12 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.tissue.fmu.conventions import slow_push, told_meaning
 from lumbar.tissue.haptics.rendered_model import RenderedModel, in_units, linearisations, scale_of
 from lumbar.tissue.haptics.simulation import Step
 from lumbar.tissue.models.model_data import Port
@@ -107,7 +109,16 @@ class UnpackedFmu:
         found = linearisations(
             lambda positions: self.response(start + positions / unit), name, self.sampling_time, device
         )
-        return in_units([item.scaled(unit) for item in found], name, x, y, float(given[1].max), device)
+        loops = [item.scaled(unit) for item in found]
+        return in_units(loops, name, x, y, float(given[1].max), device, self._resistance(start))
+
+    def _resistance(self, start: float) -> float:
+        """The sign of `ExportModel.resistance`: what the file tells, of a file without annotation what a push is answered by."""
+        told = told_meaning(ElementTree.parse(Path(self.folder) / "modelDescription.xml").getroot())
+        if told is None:
+            pushed = self.response(start + slow_push(self.sampling_time))
+            return -1.0 if pushed.mean() < pushed[0] else 1.0
+        return 1.0 if told.get("prescribed") else float(told["resisting_sign"])
 
 
 def _description(path: Path) -> ModelDescription:

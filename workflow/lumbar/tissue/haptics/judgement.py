@@ -62,13 +62,14 @@ class Analysis:
     def finding(self) -> str:
         """A few words with the numbers."""
         kind = "its linearisations need" if self.linearised else "it needs"
+        needs = f"{kind} {self.damping:.3g} N·s/m to be passive"
+        if np.isinf(self.damping):
+            needs = "no damping makes it passive: its static stiffness is negative"
         passive = "its linearisations are passive in any hand" if self.linearised else "passive in any hand"
         state = passive if self.passive else "stable in this hand, not passive" if self.stable else "UNSTABLE"
-        begins = f", where it oscillates at {self.gain_frequency:.3g} Hz" if np.isfinite(self.gain) else ""
-        return (
-            f"{self.name} at {self.clocks}: {state} ({kind} {self.damping:.3g} N·s/m to be passive; largest stable gain "
-            f"{self.gain:.3g}{begins})"
-        )
+        begins = f"it oscillates at {self.gain_frequency:.3g} Hz" if self.gain_frequency else "it runs away"
+        begins = f", where {begins}" if np.isfinite(self.gain) else ""
+        return f"{self.name} at {self.clocks}: {state} ({needs}; largest stable gain {self.gain:.3g}{begins})"
 
 
 def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:

@@ -13,6 +13,7 @@ from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
+from lumbar.tissue.haptics.device_table import device_text, finite
 from lumbar.tissue.haptics.judgement import Analysis, analyse
 from lumbar.tissue.haptics.passive_fit import Branches, DeviceCondition, fit_passive
 from lumbar.tissue.haptics.rendered_model import export_at, render_model, renderable, scale_of
@@ -46,8 +47,6 @@ class PassiveFits:
     def table(self, data: str) -> Table:
         """Return the table model × (free, passive); `data` says where the records come from."""
         import pandas as pd
-
-        from lumbar.tissue.haptics.device_table import device_text
 
         names = dict.fromkeys(model.name for model in self.free)
         rows = [row for name in names for row in _rows(name, self)]
@@ -183,7 +182,9 @@ _DEFINITIONS = {
     "vaf_percent": "%VAF (Eq. 3.12) of the free run on the training record",
     "vaf_cost": "Points of %VAF less than the free output-error fit of the same model",
     "vaf_tests_percent": "Mean %VAF on the other records",
-    "damping_at_own_rate_N_s_m": "Damping that makes a device passive with the model at the rate of identification",
+    "damping_at_own_rate_N_s_m": (
+        "Damping that makes a device passive with the model at the rate of identification; empty where none is enough"
+    ),
     "damping_at_servo_rate_N_s_m": "The same at the rate of the servo; empty where the model has no counterpart there",
     "gain_at_servo_rate": "Largest stable gain there, on the device in the hand of the study",
 }
@@ -233,9 +234,9 @@ def _row(
         if best is None or vaf is None or model.estimator == ARX
         else round(best - vaf, 6) + 0.0,
         "vaf_tests_percent": float(np.mean(tests)) if tests else None,
-        "damping_at_own_rate_N_s_m": own and own.damping,
-        "damping_at_servo_rate_N_s_m": servo and servo.damping,
-        "gain_at_servo_rate": servo and servo.gain,
+        "damping_at_own_rate_N_s_m": own and finite(own.damping),
+        "damping_at_servo_rate_N_s_m": servo and finite(servo.damping),
+        "gain_at_servo_rate": servo and finite(servo.gain),
     }
 
 

@@ -37,7 +37,7 @@ class RequiredDamping:
     """Damping that makes a device passive with a model, and the frequency that asks for it."""
 
     damping: float
-    """N·s/m; 0 where the model needs none."""
+    """N·s/m; 0 where the model needs none, infinite where none is enough."""
     frequency: float
     """Hz; of a loop whose ticks repeat after several up to multiples of the rate at which they do."""
 
@@ -60,11 +60,15 @@ def damping_at(model: SampledModel | PeriodicModel, angles: np.ndarray) -> np.nd
 def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) -> RequiredDamping:
     """Return the smallest damping with which the device is passive with a stable model, whatever passive hand holds it.
 
+    Infinite with a negative static stiffness, which gives out energy however slowly it is moved: no damping pays for that.
+
     Parameters
     ----------
     points : int
         Angles at which the condition is looked at before the neighbourhood of the worst is looked at again.
     """
+    if model.static_stiffness < 0:
+        return RequiredDamping(float("inf"), 0.0)
     intervals = in_ticks(model).intervals
     # An angle over a period of several ticks stands for as many frequencies.
     angles = all_angles(max(points // len(intervals), _FEWEST))

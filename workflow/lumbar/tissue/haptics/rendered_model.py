@@ -19,8 +19,6 @@ from lumbar.tissue.haptics.tick_sequence import PeriodicModel
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import Port
 
-_LOOK_AHEAD_S = 1.0
-"""Within which a model's largest force after a step of the position tells which way it acts."""
 _WATCHED_S, _MOST_SAMPLES = 4.0, 4000
 """How long the force after a small step is followed."""
 LARGE_STEP_MM, DEPTH_MM = 1.0, 2.0
@@ -59,8 +57,8 @@ class RenderedModel:
     """The same as the servo of the device meets them."""
     metre: float
     newton: float
-    """`metre`, `newton`: one unit of the model's input in m, one of its output in N with the sign that makes it positive
-    against the motion."""
+    """`metre`, `newton`: one unit of the model's input in m, one of its output in N, positive where it resists as it is
+    displayed."""
     input: Port
     output: Port
     limit: float
@@ -112,7 +110,9 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
         found = [item.scaled(unit).late(model.sampling_time if late else 0.0) for item in found]
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
-    return in_units(found, model.name, model.input, model.output, model.output_limit, device, held=late)
+    return in_units(
+        found, model.name, model.input, model.output, model.output_limit, device, model.resistance, held=late
+    )
 
 
 def in_units(
@@ -122,12 +122,18 @@ def in_units(
     output: Port,
     limit: float,
     device: DeviceSettings,
+    resistance: float,
     *,
     held: bool = False,
 ) -> RenderedModel:
     """Return a model or its linearisations, given in its own units as `limit` is, in those of the device.
 
-    `held` as of `on_servo`.
+    Parameters
+    ----------
+    resistance : {1, -1}
+        Sign of the force that resists where it is displayed, as of `ExportModel.resistance`.
+    held : bool
+        As of `on_servo`.
 
     Raises
     ------
@@ -135,7 +141,7 @@ def in_units(
         As `render_model`.
     """
     metre, newton = scale_of(name, input, output)
-    signed = direction(found[0]) * newton
+    signed = resistance * newton
     sampled = tuple(item.scaled(signed / metre) for item in found)
     loops = tuple(loop for item in sampled for loop in on_servo(item, device, held=held))
     return RenderedModel(name, sampled, loops, metre, signed, input, output, newton * limit)
@@ -156,17 +162,6 @@ def renderable(model: FittedModel | ExportModel) -> bool:
     """Whether a model takes a length and gives a force, which is what a device that moves along a line needs."""
     units = work_units(model.input.unit, model.output.unit)
     return units is not None and units[2] == "N·s/m"
-
-
-def direction(model: SampledModel) -> float:
-    """1 where a position's force is positive with it, −1 where a model such as IL gives the force on the hand itself."""
-    from scipy.signal import lfilter
-
-    held = np.ones(max(2, round(_LOOK_AHEAD_S / model.sampling_time)))
-    with np.errstate(over="ignore", invalid="ignore"):
-        force = lfilter(model.numerator, model.denominator, held)
-    force = force[np.isfinite(force)]
-    return -1.0 if len(force) and force[np.abs(force).argmax()] < 0 else 1.0
 
 
 def _fed_late(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:

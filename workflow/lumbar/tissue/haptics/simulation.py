@@ -46,6 +46,20 @@ class LoopRun:
     ripple: float
     """Peak to peak force in N that the encoder's steps alone may keep up in a stable loop; in an unstable one, that bounds
     of the FMU may calm, the largest force of one step."""
+    limit: float = math.inf
+    """Largest force in N."""
+
+    @property
+    def runs_away(self) -> bool:
+        """Whether nothing but the limit ends the force at last: a stylus pressed against it is not at rest."""
+        return bool((np.abs(self.samples[-(len(self.samples) // 4) :]) >= self.limit).all())
+
+    @property
+    def outcome(self) -> str:
+        """A few words with the numbers."""
+        if self.oscillates:
+            return f"it oscillates at {self.frequency:.3g} Hz with {self.peak_to_peak:.3g} N peak to peak"
+        return f"it runs away, until {self.limit:g} N are the limit" if self.runs_away else "it comes to rest"
 
     @property
     def peak_to_peak(self) -> float:
@@ -120,7 +134,9 @@ def simulate(
     """
     motion = cache(lambda part: [*propagation(device, part)[0].ravel(), *propagation(device, part)[1]])
     resolution = device.encoder_um * 1e-6
-    position = velocity = acting = time = 0.0
+    # Nobody pushes a stylus that nobody holds: it comes in at a push's mean speed.
+    velocity = 0.0 if device.hand_stiffness_N_m else 1e-3 * push_mm / PUSH_S
+    position = acting = time = 0.0
     points, samples, coming = [], [], deque()
     for interval in islice(cycle(intervals), round(duration * len(intervals) / sum(intervals))):
         read = round(position / resolution) * resolution if resolution else position
@@ -142,7 +158,7 @@ def simulate(
                 )
                 time += part
         time = end
-    return LoopRun(*np.array(points).T, np.array(samples), ripple)
+    return LoopRun(*np.array(points).T, np.array(samples), ripple, limit)
 
 
 def _split(length: float) -> list[float]:

@@ -177,6 +177,11 @@ class PeriodicModel:
         """Mean seconds from tick to tick."""
         return sum(self.intervals) / len(self.intervals)
 
+    @property
+    def static_stiffness(self) -> float:
+        """Of the model."""
+        return self.model.static_stiffness
+
     @cached_property
     def taken(self) -> list[np.ndarray]:
         """`shares` of the samples that are taken at the end of each interval."""
@@ -232,8 +237,13 @@ class PeriodicModel:
         """
         free, driven, _ = self.transitions(device)
 
+        drifts = not (device.hand_stiffness_N_m or self.static_stiffness)
+
         def stable(gain: float) -> bool:
-            return bool(np.abs(np.linalg.eigvals(product(free + gain * driven))).max() < 1.0)
+            poles = np.linalg.eigvals(product(free + gain * driven))
+            if drifts:  # a stylus that nobody holds stays where it is left
+                poles = np.delete(poles, np.abs(poles - 1.0).argmin())
+            return bool(np.abs(poles).max() < 1.0)
 
         unstable = next((index for index, gain in enumerate(_GAINS) if not stable(gain)), None)
         if unstable is None:
