@@ -21,6 +21,13 @@ class DeviceSettings:
         unit="N·s/m",
         gt=0,
     )
+    friction_N: float = key(
+        "Dry friction of the device itself, the same at every speed. It calms the simulated loop; damping needed and largest "
+        "stable gain are those without it.",
+        default=0.0,
+        unit="N",
+        ge=0,
+    )
     hand_stiffness_N_m: float = key(
         "Stiffness with which the hand holds the stylus; 0 is a stylus that nobody holds.",
         default=300.0,

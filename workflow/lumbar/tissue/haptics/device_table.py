@@ -117,10 +117,11 @@ def device_text(device: DeviceSettings) -> str:
     hand = f"{device.hand_stiffness_N_m:g} N/m"
     hand += f", {device.hand_damping_N_s_m:g} N·s/m" if device.hand_damping_N_s_m else ""
     hand += f", {device.hand_mass_kg:g} kg" if device.hand_mass_kg else ""
+    friction = f", {device.friction_N:g} N of dry friction" if device.friction_N else ""
     delay = f", forces {device.delay_ms:g} ms late" if device.delay_ms else ""
     return (
-        f"Device: {device.mass_kg:g} kg, {device.damping_N_s_m:g} N·s/m, servo at {device.rate_Hz:g} Hz, encoder of "
-        f"{device.encoder_um:g} µm{delay}; hand: {hand}."
+        f"Device: {device.mass_kg:g} kg, {device.damping_N_s_m:g} N·s/m{friction}, servo at {device.rate_Hz:g} Hz, encoder "
+        f"of {device.encoder_um:g} µm{delay}; hand: {hand}."
     )
 
 

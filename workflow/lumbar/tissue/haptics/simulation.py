@@ -152,6 +152,10 @@ def simulate(
                 xx, xv, vx, vv, x_by_force, v_by_force = motion(part)
                 # The hand moves slowly against a part of at most a millisecond: it is held over it.
                 net = _hand_force(device, time + part / 2, push_mm) - acting
+                # Dry friction is what stops the stylus by the end of the part, where it can be (J. J. Moreau, 1988): then it
+                # sticks, else it slides all along. It is late by a part where the motion turns.
+                stopping = net + (vx * position + vv * velocity) / v_by_force
+                net -= min(max(stopping, -device.friction_N), device.friction_N)
                 position, velocity = (
                     xx * position + xv * velocity + x_by_force * net,
                     vx * position + vv * velocity + v_by_force * net,
