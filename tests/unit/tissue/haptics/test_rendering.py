@@ -17,11 +17,12 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.reference_response import reference_push
-from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_pole, largest_stable_gain
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
 from lumbar.tissue.haptics.device_table import with_device
 from lumbar.tissue.haptics.judgement import analyse, judge, judge_fmu, run_loop
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
+from lumbar.tissue.haptics.tick_sequence import largest_pole
 from study_settings import changed
 
 STYLUS = RuntimeSettings().device
