@@ -148,8 +148,11 @@ def passivity(program: Path, folder: Path) -> list[tuple]:
     rows = []
     for model in exported:
         unit = model.input_unit * model.resistance
-        found = printed(program, "passive", folder, model, MANY_STEPS, model.sampling_time, unit, DAMPING)
-        rows.append((f"passive, {model.name}, given out beyond taken in", -min(found[:3]), "J", 1e-12))
+        for gain, label in ((0, ""), (model.gain_limit, ", switched")):
+            arguments = (MANY_STEPS, model.sampling_time, unit, DAMPING, gain)
+            found = printed(program, "passive", folder, model, *arguments)
+            what = f"passive, {model.name}{label}, given out beyond taken in"
+            rows.append((what, -min(found[:3]), "J", 1e-12))
     return rows
 
 

@@ -5,8 +5,9 @@
  *   fmu_client timing LIBRARY TOKEN STEPS live|decayed H   nanoseconds per set, step of H s and get, the same steps replayed:
  *                                              median and 99.9 % of the fastest replay, median of the slowest; median and
  *                                              99.9 % of each step's least time; 99.9 % of reading the clock alone
- *   fmu_client passive LIBRARY TOKEN STEPS H UNIT DAMPING   least energy in J that a device with this damping and the FMU
- *                                              have taken in at any sample; the work done. UNIT: of positions in m
+ *   fmu_client passive LIBRARY TOKEN STEPS H UNIT DAMPING [GAIN]   least energy in J that a device with this damping and the
+ *                                              FMU have taken in at any sample; the work done. UNIT: of positions in m.
+ *                                              With GAIN, the largest, the hand switches the tissue as well
  *   fmu_client threads LIBRARY TOKEN STEPS     eight instances in threads: number of hashes that differ
  *
  * FMI 2.0; `hash` also plays FMI 3.0 in event mode and prints both hashes.
@@ -132,7 +133,7 @@ static uint64_t play3(long steps, double h) {
 /* A hand that means harm: half of its steps are random, of all sizes, the others take out all that the force then held can
  * give, more or less. Returned is the least energy at any sample: what went into device and FMU, the damping's share included
  * by its least, b d^2 / h. */
-typedef struct { uint32_t seed; double energy, least, most, damping, unit, position, h; } hand;
+typedef struct { uint32_t seed; double energy, least, most, damping, unit, position, h, largest_gain; } hand;
 
 static double share(hand *a) {
     a->seed = a->seed * 1664525u + 1013904223u;
@@ -154,6 +155,53 @@ static double moved_by(hand *a, double force) {
     return a->position;
 }
 
+/* What the hand does to the parameters before a step: gain, and where and how much the tissue presses at rest. The gain: none on
+ * the way in and all on the way out, off and on, a little more or less, or the one of which `force` is the largest now. */
+enum { GAIN = 3, FORCE_OFFSET, POSITION_OFFSET = 6 };
+typedef void setter(void *fmu, uint32_t variable, double value);
+typedef double getter(void *fmu);
+
+static double gain_of(hand *a, double gain, void *fmu, setter *set, getter *force) {
+    static const double SHARES[] = {0.0, 0.01, 0.3, 1.0};
+    double kind = share(a), best = a->largest_gain, most = -1.0;
+    if (kind < 0.5) return gain;
+    if (kind < 0.6) return share(a) < 0.5 ? 0.0 : 1.0;
+    if (kind < 0.7) return a->largest_gain * share(a);
+    if (kind < 0.8) return a->position < 10.0 * share(a) ? 0.0 : a->largest_gain;
+    if (kind < 0.9) return gain * 0.9 + a->largest_gain * 0.1 * share(a);
+    for (int i = 0; force && i < 4; ++i) {
+        set(fmu, GAIN, SHARES[i] * a->largest_gain);
+        double found = force(fmu);
+        if (found * found > most) most = found * found, best = SHARES[i] * a->largest_gain;
+    }
+    return best;
+}
+
+static void switched(hand *a, double *gain, void *fmu, setter *set, getter *force) {
+    if (!(a->largest_gain > 0.0)) return;
+    if (share(a) < 0.01) set(fmu, FORCE_OFFSET, 2.0 * share(a) - 1.0);
+    if (share(a) < 0.01) set(fmu, POSITION_OFFSET, 10.0 * share(a) - 5.0);
+    set(fmu, GAIN, *gain = gain_of(a, *gain, fmu, set, force));
+}
+
+static void set2(void *fmu, uint32_t variable, double value) {
+    LOAD(fmi2SetRealTYPE, fmi2SetReal)
+    REQUIRE(!fmi2SetReal(fmu, &variable, 1, &value));
+}
+
+static void set3(void *fmu, uint32_t variable, double value) {
+    LOAD(fmi3SetFloat64TYPE, fmi3SetFloat64)
+    REQUIRE(!fmi3SetFloat64(fmu, &variable, 1, &value, 1));
+}
+
+static double force3(void *fmu) {
+    LOAD(fmi3GetFloat64TYPE, fmi3GetFloat64)
+    const fmi3ValueReference output = 2;
+    double force;
+    REQUIRE(!fmi3GetFloat64(fmu, &output, 1, &force, 1));
+    return force;
+}
+
 /* A force is displayed at once, as where a device's clock waits for the step, or `late`, from the step's end on. */
 static void passive2(hand *a, long steps, int late) {
     LOAD(fmi2SetRealTYPE, fmi2SetReal)
@@ -162,12 +210,13 @@ static void passive2(hand *a, long steps, int late) {
     LOAD(fmi2FreeInstanceTYPE, fmi2FreeInstance)
     fmi2Component c = start2();
     const fmi2ValueReference input = 1, output = 2;
-    double force, before;
+    double force, before, gain = 1.0;
     REQUIRE(!fmi2GetReal(c, &output, 1, &force));
     before = force;
     for (long k = 0; k < steps; ++k) {
         double position = k ? moved_by(a, late ? before : force) : 0.0;
         before = force;
+        switched(a, &gain, c, set2, NULL);
         REQUIRE(!fmi2SetReal(c, &input, 1, &position) && !fmi2DoStep(c, (double)k * a->h, a->h, 1));
         REQUIRE(!fmi2GetReal(c, &output, 1, &force));
     }
@@ -180,26 +229,25 @@ static void passive3(hand *a, long steps) {
     LOAD(fmi3ExitInitializationModeTYPE, fmi3ExitInitializationMode)
     LOAD(fmi3EnterEventModeTYPE, fmi3EnterEventMode)
     LOAD(fmi3EnterStepModeTYPE, fmi3EnterStepMode)
-    LOAD(fmi3SetFloat64TYPE, fmi3SetFloat64)
-    LOAD(fmi3GetFloat64TYPE, fmi3GetFloat64)
     LOAD(fmi3DoStepTYPE, fmi3DoStep)
     LOAD(fmi3FreeInstanceTYPE, fmi3FreeInstance)
     fmi3Instance c = fmi3InstantiateCoSimulation("client", token, NULL, 0, 0, 1, 0, NULL, 0, NULL, silent3, NULL);
     REQUIRE(c && !fmi3EnterInitializationMode(c, 0, 0, 0.0, 0, 0) && !fmi3ExitInitializationMode(c));
-    const fmi3ValueReference input = 1, output = 2;
-    double force = 0.0, reached;
+    double force = 0.0, reached, gain = 1.0;
     for (long k = 0; k < steps; ++k) {
         fmi3Boolean event, ends, early;
-        double position = k ? moved_by(a, force) : 0.0;
-        REQUIRE(!fmi3SetFloat64(c, &input, 1, &position, 1) && !fmi3GetFloat64(c, &output, 1, &force, 1));
+        set3(c, 1, k ? moved_by(a, force) : 0.0);
+        switched(a, &gain, c, set3, force3);
+        force = force3(c);
         REQUIRE(!fmi3EnterStepMode(c) && !fmi3DoStep(c, (double)k * a->h, a->h, 1, &event, &ends, &early, &reached));
         REQUIRE(event && !fmi3EnterEventMode(c));
     }
     fmi3FreeInstance(c);
 }
 
-static void passive(long steps, double h, double unit, double damping) {
-    hand at_once = {.seed = 1, .h = h, .unit = unit, .damping = damping}, late = at_once, event = at_once;
+static void passive(long steps, double h, double unit, double damping, double largest_gain) {
+    hand at_once = {.seed = 1, .h = h, .unit = unit, .damping = damping, .largest_gain = largest_gain};
+    hand late = at_once, event = at_once;
     passive2(&at_once, steps, 0);
     passive2(&late, steps, 1);
     passive3(&event, steps);
@@ -322,8 +370,10 @@ int main(int count, char *arguments[]) {
     if (!strcmp(arguments[1], "hash")) {
         printf("%016llx %016llx\n", (unsigned long long)play2(steps, 0.01), (unsigned long long)play3(steps, 0.01));
     } else if (!strcmp(arguments[1], "passive")) {
-        REQUIRE(count == 8);
-        passive(steps, strtod(arguments[5], NULL), strtod(arguments[6], NULL), strtod(arguments[7], NULL));
+        REQUIRE(count == 8 || count == 9);
+        double numbers[4] = {0.0};
+        for (int i = 5; i < count; ++i) numbers[i - 5] = strtod(arguments[i], NULL);
+        passive(steps, numbers[0], numbers[1], numbers[2], numbers[3]);
     } else if (!strcmp(arguments[1], "mistimed")) {
         REQUIRE(count == 6);
         mistimed(steps, strtod(arguments[5], NULL));

@@ -110,7 +110,7 @@ def row(name: str, before: str, after: str):
 
 STEPPING = "canHandleVariableCommunicationStepSize"
 NEWTON = '<Unit name="{}N">\n      <BaseUnit kg="1" m="1" s="-2"{} />'
-GAIN_ROLE = 'description="Factor on the model\'s force" causality="parameter" variability="{}"'
+GAIN_ROLE = 'what a rise does" causality="parameter" variability="{}"'
 WRITTEN = {
     "gain of 2 in the description": (
         both(attribute("start", "1.0", "2.0"), row("gain", "parameter 1 1", "parameter 1 2")),

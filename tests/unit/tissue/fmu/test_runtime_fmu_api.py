@@ -285,7 +285,7 @@ PASSIVE = {
         "built from the FMU's own sources",
     ),
     "a bound twice as large": (
-        {"? sqrt(energy / worst)": "? 2.0 * sqrt(energy / worst)"},
+        {"? sqrt(energy / worst_case": "? 2.0 * sqrt(energy / worst_case"},
         "built from the FMU's own sources",
     ),
 }

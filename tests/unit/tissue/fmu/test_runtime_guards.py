@@ -11,6 +11,9 @@ from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import (
     ENERGY,
     FORCE_RATE_LIMIT,
+    GAIN,
+    POSITION,
+    RANGE,
     SETTINGS,
     TARGET,
     entry,
@@ -27,6 +30,7 @@ from lumbar.tissue.fmu.build.guards import guard_forces
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.reference_response import reference_output
 from lumbar.tissue.fmu.check.fmu_check import check_fmus, simulate_fmu
+from lumbar.tissue.fmu.conventions import slow_push
 from study_settings import changed
 
 pytestmark = [ON_LINUX, pytest.mark.usefixtures("without_plots")]
@@ -173,22 +177,36 @@ def test_the_force_changes_no_faster_than_its_limit(version, zig_cache, tmp_path
     ids=["1 kHz", "100 Hz"],
 )
 def test_device_and_fmu_never_give_out_more_than_they_took_in(settings, names, zig_cache, tmp_path):
-    """A hand that means harm takes a hundred thousand steps; the energies are those that it counts itself."""
+    """A hand that means harm takes a hundred thousand steps; the energies are those that it counts itself.
+
+    Then it also switches the tissue, scales it, and moves where it rests.
+    """
     chosen = exported(changed(settings, device_damping=DAMPING), tmp_path, zig_cache, *names)
     client = loader_program(CLIENT, TARGET[0], tmp_path, zig_cache)
     for model in chosen:
-        found = energies(client, model, tmp_path, 100_000)
-        assert min(found[:3]) >= -1e-12, model.name
-        assert min(found[3:]) > 0.01, model.name
+        for gain in (0.0, model.gain_limit):
+            found = energies(client, model, tmp_path, 100_000, gain)
+            assert min(found[:3]) >= -1e-12, model.name
+            assert min(found[3:]) > 0.01, model.name
     unguarded = [model for model in models(settings) if model.name == "HO"]
     export_fmus(unguarded, tmp_path / "free", "synthetic twin", TARGET, zig_cache)
     assert max(energies(client, unguarded[0], tmp_path / "free", 100_000)[:3]) < -0.1
 
 
+@pytest.mark.nightly
+def test_switching_gives_out_nothing_in_ten_million_steps(zig_cache, tmp_path):
+    """As above, 10⁷ steps in each of three ways to display the force."""
+    chosen = exported(changed(DEVICE, device_damping=DAMPING), tmp_path, zig_cache, "KB", EFFECTS["name"])
+    client = loader_program(CLIENT, TARGET[0], tmp_path, zig_cache)
+    for model in chosen:
+        found = energies(client, model, tmp_path, 10_000_000, model.gain_limit)
+        assert min(found[:3]) >= -1e-12, model.name
+
+
 CLIENT = Path(__file__).parents[2] / "fmu_client.c"
 
 
-def energies(client, model, folder, steps: int) -> list[float]:
+def energies(client, model, folder, steps: int, gain: float = 0.0) -> list[float]:
     """Least energies in FMI 2.0, with forces displayed at once and late, and in FMI 3.0's event mode, in J; work done."""
     unzipped = folder / f"{model.identifier}_unzipped"
     with zipfile.ZipFile(folder / f"{model.name}_fmi3.fmu") as archive:
@@ -197,7 +215,7 @@ def energies(client, model, folder, steps: int) -> list[float]:
     token = description.split('instantiationToken="')[1].split('"')[0]
     library = unzipped / "binaries" / "x86_64-linux" / f"{model.identifier}.so"
     unit = model.input_unit * model.resistance
-    command = [client, "passive", library, token, steps, model.sampling_time, unit, DAMPING]
+    command = [client, "passive", library, token, steps, model.sampling_time, unit, DAMPING, gain]
     done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=True)
     return [float(word) for word in done.stdout.split()]
 
@@ -265,6 +283,89 @@ def test_guards_can_be_lowered_while_the_model_runs(zig_cache, tmp_path):
         slave.doStep(k * 1e-3, 1e-3)
         slave.enterEventMode()
     slave.freeInstance()
+
+
+def switching(path, folder, positions, gains) -> tuple[np.ndarray, np.ndarray]:
+    """Forces and, where there is one, energies at these positions and gains, sample by sample in event mode."""
+    slave = instance(path, folder)
+    forces, energies = np.zeros((2, len(positions)))
+    for k, (position, gain) in enumerate(zip(positions, gains, strict=True)):
+        put(slave, GAIN, gain)
+        put(slave, POSITION, position)
+        forces[k] = get(slave)
+        slave.enterStepMode()
+        if "passive" in path.parent.name:
+            energies[k] = get(slave, ENERGY)
+        slave.doStep(k * 1e-3, 1e-3)
+        slave.enterEventMode()
+    slave.freeInstance()
+    return forces, energies
+
+
+@pytest.fixture(scope="module")
+def kelvin(zig_cache, tmp_path_factory):
+    """KB of 0.9 N/mm, and as much again that relaxes: as it is, and passive on a device with damping."""
+    content = models_json(entry("KB", [1.9, -1.2], [1.0, -0.2], valid_for={**RANGE, "highest": 4.0}))
+    found = {}
+    for name, damping in (("free", None), ("passive", DAMPING)):
+        settings = changed(DEVICE, models=["KB"], device_damping=damping, moving_average_ms=0)
+        found[name] = tmp_path_factory.mktemp("gain") / name
+        (model,) = selected(content, settings)
+        export_fmus([model], found[name], "synthetic twin", TARGET, zig_cache)
+    return found, model
+
+
+def test_what_a_rise_gives_out_is_said(kelvin, tmp_path):
+    """Pushed in while the tissue is off, let out while it is on: force and energy are those of the file's own page."""
+    folders, model = kelvin
+    way = 4.0 * slow_push(model.sampling_time)
+    off = np.zeros(len(way))
+    positions, gains = np.concatenate([way, way[::-1]]), np.concatenate([off, off + 1])
+    forces, _ = switching(folders["free"] / "KB_fmi3.fmu", tmp_path, positions, gains)
+    given = -1000 * 1e-3 * float(forces[:-1] @ np.diff(positions))
+    with zipfile.ZipFile(folders["free"] / "KB_fmi3.fmu") as archive:
+        page = archive.read("documentation/index.html").decode()
+    said = (
+        f"from 0 to 1 at 4 mm, the deepest of its data, after a push of 0.2 s, {forces[len(way)]:.2g} N and"
+    )
+    assert said in page
+    assert f"on the way out in the same time, {given:.2g} mJ" in page
+    assert given > 5.0
+
+
+def test_a_tissue_that_is_switched_on_begins_with_nothing(kelvin, tmp_path):
+    """Nothing of what was dissipated before pushes the tool out; it is all there a millimetre deeper, and at the next touch."""
+    folders, _ = kelvin
+    shaken = 2.0 + 2.0 * np.cos(np.pi * np.arange(2000) / 50)
+    held, deeper, out = np.full(500, 4.0), np.linspace(4.0, 5.0, 200), np.linspace(5.0, 0.0, 200)
+    again = np.linspace(0.0, 4.0, 400)
+    positions = np.concatenate([shaken, held, held, deeper, out, again])
+    gains = np.where((np.arange(len(positions)) >= 2000) & (np.arange(len(positions)) < 2500), 0.0, 1.0)
+    free, _ = switching(folders["free"] / "KB_fmi3.fmu", tmp_path / "free", positions, gains)
+    found, energies = switching(folders["passive"] / "KB_fmi3.fmu", tmp_path / "passive", positions, gains)
+    assert energies[1900] > 0.01
+    assert np.abs(free[2500:3000]).min() > 3.0
+    assert not found[2500:3000].any()
+    touched = slice(3000 + 200 + 200 + 5, None)
+    np.testing.assert_allclose(found[3199], free[3199], rtol=1e-12)
+    np.testing.assert_allclose(found[touched], free[touched], rtol=1e-12)
+
+
+def test_the_account_is_exact_whatever_the_gain_does(kelvin, tmp_path):
+    """The FMU's energy against one counted from forces and positions alone, less what rises take of it."""
+    folders, _ = kelvin
+    generator = np.random.default_rng(3)
+    positions = random_motion(3000, seed=9)
+    gains = np.repeat(generator.choice([0.0, 0.5, 1.0, 1.2, 10.0], 300), 10)
+    forces, energies = switching(folders["passive"] / "KB_fmi3.fmu", tmp_path / "passive", positions, gains)
+    moved = 1e-3 * np.diff(positions)
+    energy, expected = 0.0, [0.0]
+    for k, (force, step) in enumerate(zip(forces[:-1], moved, strict=True)):
+        energy = min(energy + force * step + DAMPING * step**2 / 1e-3, 0.2)
+        energy *= min(1.0, gains[k] / gains[k + 1]) if gains[k + 1] else 1.0
+        expected.append(energy)
+    np.testing.assert_allclose(energies, expected, rtol=0, atol=1e-15)
+    assert min(expected) >= 0.0
 
 
 def test_energies_need_units_of_work():

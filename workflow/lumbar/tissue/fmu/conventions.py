@@ -17,13 +17,13 @@ WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"
 """What an importer without event mode reads of an FMI 3.0 FMU: what one of FMI 2.0 reads."""
 ANNOTATION = "lumbar"
 """Name of the annotation that holds `lumbar.tissue.fmu.conventions.meaning`."""
-_PUSH = 0.2
+PUSH = 0.2
 """Seconds of the push that tells which force resists."""
 
 
 def slow_push(sampling_time: float) -> np.ndarray:
     """Positions (from 0 to 1) of a push whose mean answer tells which force resists: relaxation and friction do not decide."""
-    return np.linspace(0.0, 1.0, max(10, round(_PUSH / sampling_time)))
+    return np.linspace(0.0, 1.0, max(10, round(PUSH / sampling_time)))
 
 
 def told_meaning(root: Element) -> dict | None:

@@ -52,7 +52,7 @@ def variables(model: ExportModel) -> list[Variable]:
     x, y, limit = model.input, model.output, model.output_limit
     force, within = y.quantity.capitalize(), (-limit, limit, limit)
     sampled = f"Measured {x.quantity}, sampled by the model; it grows into the model"
-    factor = f"Factor on the model's {y.quantity}"
+    factor = f"Factor on the model's {y.quantity}, at any time: 0 is off; documentation/index.html says what a rise does"
     largest = f"Largest magnitude of the {y.quantity}; it can be lowered, not raised"
     at_rest = f"{x.quantity.capitalize()} at which the model is at rest"
     return [
@@ -76,7 +76,10 @@ def _guards(model: ExportModel) -> list[Variable]:
         f"{y.quantity} more; 0 lets none through"
     )
     counted = "Most energy that counts as taken in: what is dissipated early is not kept for ever"
-    taken = "Energy that model and device damping have taken in up to the last sample; never negative"
+    taken = (
+        "Energy that model and device damping have taken in up to the last sample, less what rises of the gain take of it; "
+        "negative only where device_damping was lowered on the way"
+    )
     rate = Variable(
         f"{y.variable}_rate_limit", 7, "parameter", change, f"{y.unit}/s", steepest, 0.0, steepest, steepest
     )

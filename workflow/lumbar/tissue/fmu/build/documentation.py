@@ -11,7 +11,14 @@ from lumbar.tissue.fmu.build.effect_model import Term
 from lumbar.tissue.fmu.build.equation_svg import equation_svg
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
-from lumbar.tissue.fmu.build.meaning import feedthrough_text, guards_text, range_text, rate_text, sign_text
+from lumbar.tissue.fmu.build.meaning import (
+    feedthrough_text,
+    gain_text,
+    guards_text,
+    range_text,
+    rate_text,
+    sign_text,
+)
 from lumbar.tissue.fmu.build.reference_response import reference_plot
 from lumbar.tissue.models.form import Place
 
@@ -39,7 +46,7 @@ def documentation_html(
         linear_equations=model.dynamics.equations() if linear else [],
         terms=[] if linear else [_term(model, term) for term in model.dynamics.terms],
         averaged=_averaged(model),
-        guards=guards_text(model),
+        guards=[*guards_text(model), gain_text(model)],
         stable=model.stable,
         largest_pole=f"{model.dynamics.largest_pole:.6g}",
         sampling=f"{model.sampling_time:g}",

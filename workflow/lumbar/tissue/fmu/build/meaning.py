@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
+import numpy as np
+
 from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.conventions import PUSH, slow_push
 
 
 def sign_text(model: ExportModel) -> str:
@@ -98,6 +101,49 @@ def guards_text(model: ExportModel) -> list[str]:
             "step per sample, and a device that displays what is read."
         )
     return texts
+
+
+def gain_text(model: ExportModel) -> str:
+    """Say what a change of the gain does while the model runs: switched or scaled as a layer is passed."""
+    y = model.output
+    if model.guards.passive:
+        return (
+            f"Gain, off (0) and on: a change acts at the next sample, and the {y.quantity} stays passive whatever is changed and "
+            "when. A rise leaves the energy that counts as taken in the share that the old gain has of the new one: a tissue "
+            "that is switched on begins with nothing, and is felt as far as the tool then pushes on."
+        )
+    steps = f"the {y.quantity} steps by the change times the model's"
+    if model.guards.rate_limit > 0:
+        steps = f"the {y.quantity} goes there at {y.variable}_rate_limit"
+    given = switched_on(model)
+    size = ""
+    if given is not None:
+        depth, force, energy = given
+        size = (
+            f": from 0 to 1 at {depth:.3g} {model.input.unit}, the deepest of its data, after a push of {PUSH:g} s, "
+            f"{force:.2g} {y.unit} and, on the way out in the same time, {1000 * energy:.2g} mJ"
+        )
+    return (
+        f"Gain, off (0) and on: on a change {steps}. A rise while the tool is in the tissue can give out energy that nobody put "
+        f"in{size}. Nothing here bounds that, and a slow rise can give as much; exported with runtime.device_damping, the file "
+        "has an account of energy that does."
+    )
+
+
+def switched_on(model: ExportModel) -> tuple[float, float, float] | None:
+    """Return the deepest position of the data, the force that comes with the gain there, and what it gives on the way out, in J.
+
+    None where the range is not known, begins deeper than it ends, or the way out gives nothing.
+    """
+    deepest = 0.0 if model.valid_for is None else model.valid_for.highest - model.input.offset
+    if model.work_units is None or not deepest > 0:
+        return None
+    way = deepest * slow_push(model.sampling_time)
+    forces = model.dynamics.response(np.concatenate([way, way[::-1]]))[len(way) :]
+    forces = np.clip(forces, -model.output_limit, model.output_limit)
+    steps = np.diff(way[::-1]) * model.input_unit
+    energy = -model.resistance * model.output_unit * float(forces[:-1] @ steps)
+    return (model.valid_for.highest, float(forces[0]), energy) if energy > 0 else None  # type: ignore[union-attr]
 
 
 def feedthrough_text(model: ExportModel, version: str) -> str:

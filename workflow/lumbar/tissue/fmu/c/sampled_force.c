@@ -129,22 +129,34 @@ typedef struct {
     double at_once, late;
 } energies;
 
+/* Most energy in J that a force in N held for a sample can give out, over its square, whatever the device does: the least of
+ * f d + b d^2 / T over all d is -f^2 T / (4 b). */
+static double worst_case(const force_state *state) { return MODEL.sampling_time / (4.0 * state->device_damping); }
+
+/* What the force of the sample before can still give out where it is displayed late. */
+static double owed(const force_state *state) {
+    double force = state->held_force * MODEL.output_unit;
+    return state->event_mode || !(state->device_damping > 0.0) ? 0.0 : force * force * worst_case(state);
+}
+
 static energies energies_taken(const force_state *state) {
     energies taken = {.at_once = energy_taken(state, state->held_force, state->energy)};
     taken.late = state->event_mode ? taken.at_once : energy_taken(state, state->earlier_force, state->late_energy);
+    if (state->gain > state->held_gain) {
+        /* What comes of a sudden has not been pressed together by anybody. Of what was taken in before it gets the share that
+         * the tissue before it is of it: one that is switched on begins with nothing. */
+        double share = state->held_gain / state->gain, rest = taken.late - owed(state);
+        taken.at_once *= share;
+        taken.late = owed(state) + share * rest;
+    }
     return taken;
 }
 
-/* The largest force that, held for a sample, cannot give out more than the energy at hand whatever the device does: the
- * least of E + f d + b d^2 / T over all d is E - f^2 T / (4 b). Late, the force of the sample before comes first. */
+/* The largest force that, held for a sample, cannot give out more than the energy at hand. */
 static double passive_limit(const force_state *state, energies taken) {
     if (!(state->device_damping > 0.0)) return 0.0;
-    double worst = MODEL.sampling_time / (4.0 * state->device_damping), energy = taken.at_once;
-    if (!state->event_mode) {
-        double first = state->held_force * MODEL.output_unit, rest = taken.late - first * first * worst;
-        if (rest < energy) energy = rest;
-    }
-    return energy > 0.0 ? sqrt(energy / worst) / MODEL.output_unit : 0.0;
+    double rest = taken.late - owed(state), energy = rest < taken.at_once ? rest : taken.at_once;
+    return energy > 0.0 ? sqrt(energy / worst_case(state)) / MODEL.output_unit : 0.0;
 }
 
 /* The force of the pending sample: steady enough, and passive whatever that takes. */
@@ -317,6 +329,7 @@ step_status force_take_sample(force_state *state) {
         state->earlier_force = state->held_force;
         state->held_force = force;
         state->last_input = state->input;
+        state->held_gain = state->gain;
     }
     state->phase = state->phase + 1 < MODEL_PHASES ? state->phase + 1 : 0;
     state->pending = 0;

@@ -45,9 +45,10 @@ typedef struct {
     double energy_reserve;         /* most energy that counts as taken in, J */
     double held_input;             /* averaged input of the last sample taken */
     double held_output;            /* model output of the last sample taken */
-    double held_force;             /* of the last sample taken; this and the next four: with guards */
+    double held_force;             /* of the last sample taken; this and the next five: with guards */
     double earlier_force;          /* of the sample before that */
     double last_input;             /* of the last sample taken */
+    double held_gain;              /* with which that was taken */
     double energy;                 /* taken in by model and device's damping up to then, J */
     double late_energy;            /* the same where every force was displayed a sample later */
     double start_time;
