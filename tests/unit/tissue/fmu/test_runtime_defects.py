@@ -1,5 +1,6 @@
 """Seeded defects of files: each is caught before the library is played, and VDMCheck2 agrees that sound ones are sound."""
 
+import hashlib
 import os
 import re
 import shutil
@@ -14,6 +15,7 @@ from c_programs import ON_LINUX
 from lumbar.tissue.fmu.build.package import write_fmu
 from lumbar.tissue.fmu.check.file_check import check_file
 from lumbar.tissue.fmu.check.lint import lint_fmu
+from lumbar.tissue.fmu.conventions import EXPERIMENTS, MANIFEST, REFERENCE, WITHOUT_EVENT_MODE
 
 pytestmark = ON_LINUX
 DESCRIPTION = "modelDescription.xml"
@@ -108,6 +110,14 @@ BOTH = {
     "another version of FMI": edited('fmiVersion="', 'fmiVersion="1'),
     "no simulation": edited("CoSimulation", "Simulation"),
     "unknown attribute": edited("generationTool", "generatedBy"),
+    "manifest cut off": edited("</fmiReferences>", "", MANIFEST),
+    "manifest of another standard": edited("fmi-ls-ref", "fmi-ls-xcp", MANIFEST),
+    "manifest of a file that is not there": edited("reference_input.csv", "input.csv", MANIFEST),
+    "result called a stimulus": edited('role="result"', 'role="testcase"', MANIFEST),
+    "role that nobody knows": edited('role="testcase"', 'role="stimulus"', MANIFEST),
+    "reference of another day": edited("\n1.3,0.0", "\n1.3,0.1", REFERENCE[0]),
+    "experiment of another rate": edited('stepSize="0.01"', 'stepSize="0.001"', EXPERIMENTS),
+    "experiment without its result": edited("reference_output", "reference_input", EXPERIMENTS),
 }
 """Defects of both versions' files."""
 ONLY = {
@@ -141,6 +151,13 @@ SAID = {
     "bounds the wrong way round": "above max",
     "negative step": "not above 0",
     "wrong token": "built from something else",
+    "manifest of another standard": "fmi-ls-name is 'org.fmi-standard.fmi-ls-xcp'",
+    "manifest of a file that is not there": "resources/input.csv is named and is not there",
+    "result called a stimulus": "resources/reference_output.csv has the role 'testcase'; as the reference result it has",
+    "role that nobody knows": "has the role 'stimulus', which FMI-LS-REF does not know",
+    "reference of another day": "resources/reference_input.csv was changed",
+    "experiment of another rate": "stepSize is 0.001; that of the reference is 0.01",
+    "experiment without its result": "has no experiment with resources/reference_output.csv",
 }
 """Words of the sentence that tells a defect."""
 CASES = [*((name, version, change) for name, change in BOTH.items() for version in (2, 3))] + [
@@ -151,6 +168,16 @@ CASES = [*((name, version, change) for name, change in BOTH.items() for version 
 def contents(path: Path) -> dict[str, bytes]:
     with zipfile.ZipFile(path) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
+
+
+def relabelled(files: dict[str, bytes]) -> dict[str, bytes]:
+    """The files with checksums of what they are now, as one who changes them for good writes them."""
+    manifest = files[MANIFEST].decode()
+    for name in (*REFERENCE, WITHOUT_EVENT_MODE, EXPERIMENTS):
+        found = hashlib.sha3_256(files.get(name, b"")).hexdigest()
+        pattern = rf'({re.escape(name.rpartition("/")[2])}".*checksum=")\w+'
+        manifest = re.sub(pattern, rf"\g<1>{found}", manifest)
+    return {**files, MANIFEST: manifest.encode()}
 
 
 def validated(path: Path) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from c_programs import ON_LINUX
-from test_runtime_defects import BINARY, DESCRIPTION, binary, contents, edited
+from test_runtime_defects import BINARY, DESCRIPTION, binary, contents, edited, relabelled
 
 import lumbar
 from lumbar.base.errors import InputError
@@ -360,7 +360,7 @@ def played_here(monkeypatch):
 def problems(files: dict[str, bytes], version: int, folder: Path, cache: Path) -> tuple[str, ...]:
     """What the check says of an FMU of these files."""
     path = folder / f"KB_fmi{version}.fmu"
-    write_fmu(path, files)
+    write_fmu(path, relabelled(files))
     return check_file(path, cache).problems
 
 
@@ -424,7 +424,7 @@ def test_each_defect_is_told_in_one_sentence_with_its_file(fmu_folder, zig_cache
     for version, factor in ((2, 1.1), (3, 0.9)):
         files = contents(fmu_folder / f"KB_fmi{version}.fmu")
         scaled(REFERENCE[1], factor)(files, version)
-        write_fmu(tmp_path / f"KB_fmi{version}.fmu", files)
+        write_fmu(tmp_path / f"KB_fmi{version}.fmu", relabelled(files))
     with pytest.raises(InputError) as caught:
         check_files(sorted(tmp_path.glob("*.fmu")), zig_cache)
     first, *lines = str(caught.value).splitlines()

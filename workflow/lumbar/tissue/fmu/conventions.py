@@ -15,6 +15,18 @@ REFERENCE = ("resources/reference_input.csv", "resources/reference_output.csv")
 """Signals to try an importer with."""
 WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"
 """What an importer without event mode reads of an FMI 3.0 FMU: what one of FMI 2.0 reads."""
+LAYERED_STANDARD = "org.fmi-standard.fmi-ls-ref"
+"""FMI-LS-REF, which says what files of an FMU are for; its folder below ``extra/`` has this name."""
+MANIFEST = f"extra/{LAYERED_STANDARD}/fmi-ls-manifest.xml"
+EXPERIMENTS = f"extra/{LAYERED_STANDARD}/reference.exp"
+"""`MANIFEST`, `EXPERIMENTS`: what belongs to each reference signal, and how they are played."""
+ROLES = {
+    REFERENCE[0]: ("stimulus", "testcase", "Stimulus: one push into the model"),
+    REFERENCE[1]: ("reference result", "result", "Reference result of the push"),
+    WITHOUT_EVENT_MODE: ("reference result", "result", "Reference result where event mode is not used"),
+    EXPERIMENTS: ("experiment", "experiment/smoke-test", "The push as an experiment"),
+}
+"""Label, role and description of each file in the manifest."""
 ANNOTATION = "lumbar"
 """Name of the annotation that holds `lumbar.tissue.fmu.conventions.meaning`."""
 PUSH = 0.2

@@ -20,6 +20,7 @@ from lumbar.tissue.fmu.build.description import FMI_VERSIONS, build_description,
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.reference_response import reference_output, reference_push
+from lumbar.tissue.fmu.build.related_files import related_files
 from lumbar.tissue.fmu.build.sources import C_FILES, source_files
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
 
@@ -155,7 +156,8 @@ def fmu_contents(
     contents["documentation/index.html"] = documentation_html(model, version, data, push)
     if version == "3.0":
         contents["sources/buildDescription.xml"] = build_description(model)
-    contents.update(resources(model, version, push))
+    signals = resources(model, version, push)
+    contents.update({**signals, **related_files(model, signals)})
     files = {path: text.encode("utf-8") for path, text in contents.items()}
     return {**files, **attachments(model, version), **_binaries(model, version, libraries)}
 

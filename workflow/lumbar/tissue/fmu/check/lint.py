@@ -24,6 +24,7 @@ from lumbar.tissue.fmu.check.lint_files import (
     lint_units,
     ports,
 )
+from lumbar.tissue.fmu.check.lint_related import lint_related
 from lumbar.tissue.fmu.conventions import ANNOTATION, told_meaning
 from lumbar.tissue.models.model_data import MotionRange
 
@@ -111,7 +112,7 @@ def lint_fmu(path: Path) -> list[str]:
     finite, a nominal value that is not positive, a variability that its kind does not have, a unit that is not defined
     or not what its name says, or no place in the model structure; steps and stop times that are not positive;
     capabilities that are not told; numbers that differ between description, sources and documentation; terminals
-    of variables that do not exist; no documentation, licence or reference signals.
+    of variables that do not exist; no documentation, licence or reference signals; a manifest that names these otherwise.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -147,7 +148,7 @@ def lint_fmu(path: Path) -> list[str]:
     problems += lint_resources(files, variables, version, steps.get("stepSize"))
     if not problems:
         problems += [*lint_references(variables), *lint_constants(files, variables, steps)]
-        problems += lint_page(files, root, variables)
+        problems += [*lint_page(files, root, variables), *lint_related(files, steps.get("stepSize"))]
         problems += lint_meaning(files, root, dict(variables)[ports(variables)["input"]].get("unit"))
     return problems
 
