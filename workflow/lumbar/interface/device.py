@@ -125,7 +125,7 @@ def export_fmu(
     else:
         chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
     cache = cache_folder(settings.compiler_cache)
-    asked = with_device(chosen, settings.device)
+    asked = with_device(chosen, settings)
     written = export_fmus(asked, Path(folder), data or NOT_SAID, settings.targets, cache)
     check_new_files(written, cache)
     return written
@@ -370,4 +370,4 @@ def _loop_sentence(item: Judgement) -> str:
         for word, rate in (("stable", item.lowest_stable_rate), ("passive", item.lowest_passive_rate))
         if rate is not None
     ]
-    return "; ".join([item.analysis.finding, f"simulated, {item.run.outcome}", *rates])
+    return "; ".join([item.finding, *rates])

@@ -15,14 +15,16 @@ from tissue_fits import COEFFICIENTS, fitted
 import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import RuntimeSettings
+from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.reference_response import reference_push
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
 from lumbar.tissue.haptics.device_table import with_device
-from lumbar.tissue.haptics.judgement import analyse, judge, judge_fmu, run_loop
+from lumbar.tissue.haptics.judgement import analyse, judge, judge_exported, judge_fmu, run_loop
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from lumbar.tissue.haptics.tick_sequence import largest_pole
+from lumbar.tissue.models.fitted_model import read_models
 from study_settings import changed
 
 STYLUS = RuntimeSettings().device
@@ -40,7 +42,7 @@ def test_the_command_says_what_happens_and_writes_table_and_figures(run, models,
         "render", models, "--model", "KB", "--hand", "300", "--damping", "5.5", "--output", tmp_path / "out"
     )
     assert status == 0, err
-    assert "KB at 100 Hz: UNSTABLE" in out
+    assert "KB at 100 Hz: UNSTABLE (it needs 15.4" in out
     assert "simulated, it oscillates at" in out
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written == {
@@ -128,16 +130,13 @@ def test_an_fmu_of_the_older_standard_is_refused(run, fmu_folder):
 @ON_LINUX
 def test_a_model_with_effects_is_linearised_and_its_fmu_simulated(zig_cache):
     """Without effects the linearisation is the transfer function; a hardening spring is stiffer at depth."""
-    from lumbar.tissue.effects.catalogue import CATALOGUES
-    from lumbar.tissue.models.fitted_model import read_models
-
     settings = changed(SETTINGS, models=["KB+hardening_stiffness"], compiler_cache=str(zig_cache))
     document = models_json(effect_entry("KB", "hardening_stiffness/cubic"))
     model = read_models(document, CATALOGUES)[0]
     meets = render_model(export_at(model, settings, 100.0), STYLUS)
     assert meets.linearised
     cubic = model["hardening_stiffness.cubic_stiffness"].value
-    at_rest, at_depth = (meets.loops[index].response(np.array([1e-3]))[0].real for index in (0, 2))
+    at_rest, at_depth = (meets.loops[index].response(np.array([1e-3]))[0].real for index in (0, 4))
     assert at_depth - at_rest == pytest.approx(1e3 * 3 * cubic * 2.0**2, rel=1e-2)
     found = judge([model], settings)[0][0]
     assert found.run.samples.max() > 0
@@ -158,7 +157,7 @@ def test_export_warns_and_the_page_says_the_numbers(capsys):
     model = selected(
         models_json(entry("KB", [4.638, -4.0663], [1.0, -0.4074])), changed(SETTINGS, models=["KB"])
     )[0]
-    told = with_device([model], STYLUS)[0]
+    told = with_device([model], DEFAULTS)[0]
     err = capsys.readouterr().err
     assert "WARNING: not safe" in err
     assert "it needs 29.3 N·s/m" in err
@@ -172,8 +171,8 @@ def test_export_refuses_what_is_unstable_where_the_study_says_so(capsys):
         models_json(entry("KB", [4.638, -4.0663], [1.0, -0.4074])), changed(SETTINGS, models=["KB"])
     )[0]
     with pytest.raises(NumericalError, match=r"runtime\.device\.unsafe: warn"):
-        with_device([model], replace(STYLUS, unsafe="refuse"))
-    damped = replace(STYLUS, damping_N_s_m=40.0, unsafe="refuse")
+        with_device([model], changed(DEFAULTS, device={"unsafe": "refuse"}))
+    damped = changed(DEFAULTS, device={"damping_N_s_m": 40.0, "unsafe": "refuse"})
     assert with_device([model], damped)[0].on_device
     assert capsys.readouterr().err == ""
 
@@ -307,6 +306,24 @@ def test_a_spring_that_pushes_is_not_passive_and_held_by_the_hand_alone():
     assert largest_stable_gain(model, STYLUS) == (pytest.approx(0.375), 0.0)
     assert abs(largest_pole(model, STYLUS)) > 1.0
     assert required_damping(model).damping == np.inf
+
+
+@ON_LINUX
+def test_dry_friction_is_judged_by_its_slope_and_by_what_it_does(zig_cache):
+    """0.8 N turn within 0.7 mm/s: 1.14 N·s/mm where it turns, of which a step of the encoder shows a fortieth."""
+    settings = changed(SETTINGS, compiler_cache=str(zig_cache))
+    model = read_models(models_json(effect_entry("KB", "coulomb_friction/coulomb")), CATALOGUES)[0]
+    found = judge_exported(export_at(model, settings, 1000.0), settings)
+    slopes = {loop.name.split("steps of ")[1]: loop.numerator[0] for loop in found.model.loops[:4]}
+    base = analysed_spring(found.model)
+    assert slopes["1e-06 mm"] - base == pytest.approx(1e3 * 0.8 / 0.7 * 1e3 / 3, rel=1e-3)
+    assert found.analysis.gain < 0.3 and not found.stable
+    assert ("UNSTABLE by its linearisation about" in found.finding) == found.run.calm
+
+
+def analysed_spring(meets) -> float:
+    """What the base adds to the first value of each impulse response: its springs, over the average of three positions."""
+    return 1e3 * (0.8 + 6.0) / 3
 
 
 def test_lowest_rates_are_where_damping_and_gain_suffice():

@@ -11,7 +11,7 @@ from lumbar.base.errors import NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.haptics.judgement import Analysis, Judgement, analyse
+from lumbar.tissue.haptics.judgement import Judgement, analyse, judge_exported
 from lumbar.tissue.haptics.passivity import FASTEST_HZ
 from lumbar.tissue.haptics.rendered_model import render_model, renderable
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
@@ -27,12 +27,12 @@ _DEFINITIONS = {
         "frequencies of T/2 · Re{(1 − exp(−jωT)) H(exp(jωT))}/(1 − cos ωT), moving average and delays in H; of a model with "
         "effects the largest of its linearisations; empty with a negative static stiffness H(1), where none is enough"
     ),
-    "passive": "Whether the device has that damping",
+    "passive": "Whether the device has that damping, and the simulation comes to rest",
     "largest_stable_gain": (
         "Factor on the model's force below which the loop with device and hand is stable for every factor from 0 on; "
         "exact for the held force; below 1 the model itself is unstable in this hand; empty where no factor is too large"
     ),
-    "stable": "Whether it is above 1",
+    "stable": "Whether it is above 1, and the simulation comes to rest: where both differ the worse counts",
     "lowest_passive_rate_Hz": (
         f"Lowest rate, from that of identification to {FASTEST_HZ:g} Hz, from which on the device is passive with the model; "
         "empty where there is none, where the model has no counterpart at other rates, or where it has effects"
@@ -61,9 +61,9 @@ def device_table(
             "model": item.analysis.name,
             "rate_Hz": item.analysis.rate,
             "damping_needed_N_s_m": finite(item.analysis.damping),
-            "passive": _yes(item.analysis.passive),
+            "passive": _yes(item.passive),
             "largest_stable_gain": finite(item.analysis.gain),
-            "stable": _yes(item.analysis.stable),
+            "stable": _yes(item.stable),
             "lowest_passive_rate_Hz": item.lowest_passive_rate,
             "lowest_stable_rate_Hz": item.lowest_stable_rate,
             "oscillation_Hz": item.run.frequency,
@@ -96,7 +96,7 @@ def device_table(
             f"±{settings.output_limit:g} of the model's unit.",
             "Forces count with the sign that resists the motion; a model that is inverted on purpose, as IL is, is displayed "
             "like the others and draws the tool in.",
-            *([effects] if any(item.analysis.linearised for item in judgements) else []),
+            *([effects] if any(item.model.linearised for item in judgements) else []),
             *refused,
         ),
         decimals={
@@ -140,17 +140,13 @@ _ADVICE = (
 )
 
 
-_CLIENTS = (("In FMI 3.0's event mode", False), ("Read as FMI 2.0 reads, the position set after", True))
-_ANY_CLIENT = (("However it is read", False),)
-
-
-def with_device(models: Sequence[ExportModel], device: DeviceSettings) -> list[ExportModel]:
-    """Analyse the models on the device, say so in them, and warn of those that are not safe.
+def with_device(models: Sequence[ExportModel], settings: RuntimeSettings) -> list[ExportModel]:
+    """Judge the models on the device, say so in them, and warn of those that are not safe.
 
     Parameters
     ----------
-    device : DeviceSettings
-        Its ``unsafe`` says whether an unstable loop is told on standard error or is an error.
+    settings : RuntimeSettings
+        ``device.unsafe`` says whether an unstable loop is told on standard error or is an error.
 
     Returns
     -------
@@ -162,29 +158,35 @@ def with_device(models: Sequence[ExportModel], device: DeviceSettings) -> list[E
     NumericalError
         A loop is unstable and ``unsafe`` is ``"refuse"``.
     """
-    told, unsafe = [], []
+    device, told, unsafe = settings.device, [], []
     for model in models:
         if not renderable(model):
             told.append(model)
             continue
+        judged = judge_exported(model, settings)
         sentences = [device_text(device)]
         guarded = model.guards.passive and model.guards.device_damping <= device.damping_N_s_m
         if guarded:
             sentences.append(
-                "The bound by device_damping, which the following leaves out, keeps the device passive whatever they say."
+                "The bound by device_damping, which the analysis leaves out, keeps the device passive whatever it says."
             )
+        if not (judged.stable or guarded):
+            unsafe.append(judged)
         # A force that does not depend on the position of its own sample is read alike.
-        for client, late in _CLIENTS if model.feedthrough else _ANY_CLIENT:
-            found = analyse(render_model(model, device, late=late), device)
-            sentences.append(f"{client}: {found.finding}.")
-            if not (found.stable or late or guarded):
-                unsafe.append(found)
+        sentences.append(
+            f"{'In event mode' if model.feedthrough else 'However it is read'}: {judged.finding}."
+        )
+        if model.feedthrough:
+            late = analyse(render_model(model, device, late=True), device)
+            sentences.append(
+                f"Read as FMI 2.0 reads, the position set after, by the analysis: {late.finding}."
+            )
         told.append(replace(model, on_device=tuple(sentences)))
     _tell(unsafe, device)
     return told
 
 
-def _tell(unsafe: list[Analysis], device: DeviceSettings) -> None:
+def _tell(unsafe: list[Judgement], device: DeviceSettings) -> None:
     if not unsafe:
         return
     text = "\n".join(f"  {found.finding}" for found in unsafe)

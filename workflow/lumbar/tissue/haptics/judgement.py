@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +18,22 @@ from lumbar.tissue.haptics.closed_loop import largest_stable_gain
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import RenderedModel, export_at, render_model, scale_of
 from lumbar.tissue.haptics.servo import TissueForce
-from lumbar.tissue.haptics.simulation import LoopRun, difference_equation, encoder_ripple, one_step, simulate
+from lumbar.tissue.haptics.simulation import (
+    PUSH_MM,
+    LoopRun,
+    difference_equation,
+    encoder_ripple,
+    one_step,
+    simulate,
+)
 from lumbar.tissue.haptics.tick_sequence import in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
+
+if TYPE_CHECKING:
+    from lumbar.tissue.haptics.fmu_step import UnpackedFmu
+
+PUSHES_MM = (PUSH_MM, PUSH_MM / 10.0)
+"""Depths that a model which is not linear is pushed to."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +52,8 @@ class Analysis:
     gain_frequency: float
     """`gain`, `gain_frequency`: largest stable factor on the model's force, and the frequency in Hz of the oscillation
     that begins there."""
-    linearised: bool
-    """Whether the model has effects."""
+    loop: str
+    """Name of the loop that gain is of: of a model with effects which linearisation."""
 
     @property
     def passive(self) -> bool:
@@ -60,31 +74,37 @@ class Analysis:
 
     @property
     def finding(self) -> str:
-        """A few words with the numbers."""
-        kind = "its linearisations need" if self.linearised else "it needs"
-        needs = f"{kind} {self.damping:.3g} N·s/m to be passive"
+        """What the analysis alone says."""
+        state = "stable in this hand, not passive" if self.stable else "UNSTABLE"
+        return f"{self.name} at {self.clocks}: {'passive in any hand' if self.passive else state} ({self.numbers})"
+
+    @property
+    def numbers(self) -> str:
+        """A few words on damping and gain."""
+        needs = f"it needs {self.damping:.3g} N·s/m to be passive"
         if np.isinf(self.damping):
             needs = "no damping makes it passive: its static stiffness is negative"
-        passive = "its linearisations are passive in any hand" if self.linearised else "passive in any hand"
-        state = passive if self.passive else "stable in this hand, not passive" if self.stable else "UNSTABLE"
+        if np.isinf(self.gain):
+            return f"{needs}; no gain is too large"
         begins = f"it oscillates at {self.gain_frequency:.3g} Hz" if self.gain_frequency else "it runs away"
-        begins = f", where {begins}" if np.isfinite(self.gain) else ""
-        return f"{self.name} at {self.clocks}: {state} ({needs}; largest stable gain {self.gain:.3g}{begins})"
+        return f"{needs}; largest stable gain {self.gain:.3g}, where {begins}"
 
 
 def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
     """Analyse the loop of a model, or of all its linearisations."""
-    dampings = [required_damping(item) for item in model.loops]
-    worst = max(dampings, key=lambda found: found.damping)
-    gain = min(largest_stable_gain(item, device) for item in model.loops)
+    worst = max(map(required_damping, model.loops), key=lambda found: found.damping)
+    gains = [largest_stable_gain(item, device) for item in model.loops]
+    gain = min(gains)
+    loop = model.loops[gains.index(gain)].name
     rate = 1.0 / model.sampled[0].sampling_time
-    return Analysis(
-        model.name, rate, device, worst.damping, worst.frequency, *gain, linearised=model.linearised
-    )
+    return Analysis(model.name, rate, device, worst.damping, worst.frequency, *gain, loop)
 
 
 def run_loop(
-    model: RenderedModel, device: DeviceSettings, force_of: Callable[[float], float] | None = None
+    model: RenderedModel,
+    device: DeviceSettings,
+    force_of: Callable[[float], float] | None = None,
+    push_mm: float = PUSH_MM,
 ) -> LoopRun:
     """Simulate a push into the model and what follows.
 
@@ -95,19 +115,18 @@ def run_loop(
         a linear one is simulated by its difference equation without it.
     """
     first = in_ticks(model.loops[0])
-    ripple = max(
-        encoder_ripple(item, device) if largest_stable_gain(item, device)[0] > 1.0 else one_step(item, device)
-        for item in model.loops
-    )
+    bounded = all(largest_stable_gain(item, device)[0] > 1.0 for item in model.loops)
+    ripple = max((encoder_ripple if bounded else one_step)(item, device) for item in model.of_large_motion)
     sampled = model.sampled[0]
     step = difference_equation(sampled) if force_of is None else model.in_loop(force_of)
     tick = TissueForce(step, sampled.sampling_time)
-    return simulate(tick, first.intervals, device, model.limit, delay=1e-3 * device.delay_ms, ripple=ripple)
+    delay = 1e-3 * device.delay_ms
+    return simulate(tick, first.intervals, device, model.limit, delay=delay, ripple=ripple, push_mm=push_mm)
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """A model at one rate on the device of the settings."""
+    """A model at one rate on the device of the settings: of analysis and simulation the worse one is the verdict."""
 
     model: RenderedModel
     analysis: Analysis
@@ -118,6 +137,29 @@ class Judgement:
     lowest_stable_rate: float | None = None
     """`lowest_passive_rate`, `lowest_stable_rate`: in Hz; None where there is none, or where the model has effects and
     only its own rate was looked at."""
+
+    @property
+    def passive(self) -> bool:
+        """Whether the device is passive with the model, in any passive hand, and does nothing else in the simulation."""
+        return self.analysis.passive and self.run.calm
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable in the hand of the settings, by analysis and simulation."""
+        return self.analysis.stable and self.run.calm
+
+    @property
+    def finding(self) -> str:
+        """The verdict, which of both decided where they differ, and the numbers of both."""
+        analysis, run = self.analysis, self.run
+        state = "passive in any hand" if self.passive else "stable in this hand, not passive"
+        if not self.stable:
+            state = "UNSTABLE"
+            if run.calm:
+                state += f" by its linearisation{analysis.loop.removeprefix(analysis.name)}"
+            elif analysis.stable:
+                state += " by the simulation"
+        return f"{analysis.name} at {analysis.clocks}: {state} ({analysis.numbers}; simulated, {run.outcome})"
 
 
 def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[list[Judgement], list[str]]:
@@ -154,21 +196,21 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
             except NumericalError as error:
                 refused.append(str(error))
             else:
-                found.append(_judgement(exported, model, settings, lowest))
+                passive, stable = lowest
+                judged = judge_exported(exported, settings)
+                found.append(
+                    replace(judged, fitted=model, lowest_passive_rate=passive, lowest_stable_rate=stable)
+                )
     return found, list(dict.fromkeys(refused))
 
 
-def _judgement(exported: ExportModel, model: FittedModel, settings: RuntimeSettings, lowest) -> Judgement:
+def judge_exported(exported: ExportModel, settings: RuntimeSettings) -> Judgement:
+    """Judge a model as it is exported, a linear one by its difference equation, others with the FMU itself in the loop."""
     device = settings.device
     meets = render_model(exported, device)
     guards = exported.guards
-    plain = isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact)
-    run = run_loop(meets, device) if plain else _run_of_fmu(exported, meets, settings)
-    return Judgement(meets, analyse(meets, device), run, model, *lowest)
-
-
-def _run_of_fmu(exported: ExportModel, meets: RenderedModel, settings: RuntimeSettings) -> LoopRun:
-    """Compile a model with effects or guards and simulate the loop with its FMU: what is felt is what is exported."""
+    if isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact):
+        return Judgement(meets, analyse(meets, device), run_loop(meets, device))
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.build.package import export_fmus
     from lumbar.tissue.haptics.fmu_step import UnpackedFmu
@@ -176,8 +218,17 @@ def _run_of_fmu(exported: ExportModel, meets: RenderedModel, settings: RuntimeSe
     with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
         cache = cache_folder(settings.compiler_cache)
         (file,) = export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])
-        with UnpackedFmu(file) as fmu, fmu.stepping() as step:
-            return run_loop(meets, settings.device, step)
+        with UnpackedFmu(file) as fmu:
+            return Judgement(meets, analyse(meets, device), worst_run(fmu, meets, device))
+
+
+def worst_run(fmu: UnpackedFmu, meets: RenderedModel, device: DeviceSettings) -> LoopRun:
+    """Simulate pushes of several depths, each into a new instance; the run that is least at rest."""
+    runs = []
+    for push_mm in PUSHES_MM:
+        with fmu.stepping() as step:
+            runs.append(run_loop(meets, device, step, push_mm))
+    return max(runs, key=lambda run: (not run.calm, run.peak_to_peak))
 
 
 def judge_fmu(path: Path, settings: RuntimeSettings) -> Judgement:
@@ -192,8 +243,7 @@ def judge_fmu(path: Path, settings: RuntimeSettings) -> Judgement:
 
     with UnpackedFmu(path) as fmu:
         meets = fmu.rendered(settings.device)
-        with fmu.stepping() as step:
-            return Judgement(meets, analyse(meets, settings.device), run_loop(meets, settings.device, step))
+        return Judgement(meets, analyse(meets, settings.device), worst_run(fmu, meets, settings.device))
 
 
 def oscillating_and_calm(judgements: Sequence[Judgement]) -> tuple[Judgement, Judgement] | None:

@@ -21,8 +21,11 @@ from lumbar.tissue.models.model_data import Port
 
 _WATCHED_S, _MOST_SAMPLES = 4.0, 4000
 """How long the force after a small step is followed."""
-LARGE_STEP_MM, DEPTH_MM = 1.0, 2.0
-"""A model with effects is linearised about rest and about this depth, with steps of the encoder and with large ones."""
+STEPS_MM, DEPTH_MM = (1e-6, 1e-3, 1.0), 2.0
+"""A model with effects is linearised about rest and about this depth: by its slope, which a step of a nanometre gives where
+friction turns its sign within a fraction of a millimetre a second, and by steps of other sizes, the encoder's among them."""
+_ENDED = 1e-12
+"""Share of an impulse response's size below which its end is left out."""
 
 
 def export_at(model: FittedModel, settings: RuntimeSettings, rate: float) -> ExportModel:
@@ -63,6 +66,12 @@ class RenderedModel:
     output: Port
     limit: float
     """Largest force in N."""
+
+    @property
+    def of_large_motion(self) -> list[SampledModel | PeriodicModel]:
+        """Those of the loops that are linearised by the largest steps: forces are of the size that a push gives."""
+        large = [item for item in self.loops if item.name.endswith(_by_steps(STEPS_MM[-1]))]
+        return large or list(self.loops)
 
     @property
     def linearised(self) -> bool:
@@ -194,12 +203,23 @@ def linearisations(
     settled = followed = min(_MOST_SAMPLES, round(_WATCHED_S / sampling_time))
     found = []
     for depth in (0.0, DEPTH_MM):
-        for step in (max(device.encoder_um * 1e-3, 1e-3), LARGE_STEP_MM):
+        for step in sorted({*STEPS_MM, 1e-3 * device.encoder_um} - {0.0}):
             moved = np.concatenate([np.zeros(settled), np.full(followed, step)])
             forth, back = (response(depth + sign * moved)[settled:] for sign in (1.0, -1.0))
             impulse = np.diff((forth - back) / (2.0 * step), prepend=0.0)
-            label = f"{name} about {depth:g} mm, steps of {step:g} mm"
+            label = f"{name} about {depth:g} mm, {_by_steps(step)}"
             found.append(SampledModel(label, impulse, np.ones(1), sampling_time))
     size = np.abs(found[0].numerator).max()
     same = all(np.allclose(item.numerator, found[0].numerator, rtol=0.0, atol=1e-9 * size) for item in found)
-    return found[:1] if same else found
+    return [_without_end(item) for item in (found[:1] if same else found)]
+
+
+def _by_steps(step_mm: float) -> str:
+    return f"steps of {step_mm:g} mm"
+
+
+def _without_end(model: SampledModel) -> SampledModel:
+    """An impulse response up to where it has died away."""
+    size = np.abs(model.numerator)
+    last = np.flatnonzero(size > _ENDED * size.max())
+    return replace(model, numerator=model.numerator[: last[-1] + 1 if len(last) else 1])

@@ -23,6 +23,8 @@ PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
 """The hand's push: depth, time of its flank of half a cosine, and how long all is watched."""
 _FINEST_S = 1e-3
 _ROUNDING_S = 1e-11
+_TOLD_N = 0.01
+"""Peak to peak force from which on a hand may notice it: what dies away below it is no oscillation."""
 _PERSISTS = 0.5
 """An oscillation lasts where it keeps this part of its size from the third quarter of the time to the last one."""
 _LONGEST, _CHUNK, _NEGLIGIBLE = 20_000, 200, 1e-6
@@ -55,11 +57,19 @@ class LoopRun:
         return bool((np.abs(self.samples[-(len(self.samples) // 4) :]) >= self.limit).all())
 
     @property
+    def calm(self) -> bool:
+        """Whether it comes to rest."""
+        return not (self.oscillates or self.runs_away)
+
+    @property
     def outcome(self) -> str:
         """A few words with the numbers."""
         if self.oscillates:
             return f"it oscillates at {self.frequency:.3g} Hz with {self.peak_to_peak:.3g} N peak to peak"
-        return f"it runs away, until {self.limit:g} N are the limit" if self.runs_away else "it comes to rest"
+        if self.runs_away:
+            return f"it runs away, until {self.limit:g} N are the limit"
+        left = f" but for {self.peak_to_peak:.2g} N that the encoder's steps keep up"
+        return f"it comes to rest{left if self.peak_to_peak >= _TOLD_N else ''}"
 
     @property
     def peak_to_peak(self) -> float:
@@ -71,7 +81,7 @@ class LoopRun:
         """Whether the force keeps moving, more than the encoder's steps account for, though the hand rests."""
         quarter = len(self.samples) // 4
         before = float(np.ptp(self.samples[-2 * quarter : -quarter]))
-        return self.peak_to_peak > max(_PERSISTS * before, self.ripple)
+        return self.peak_to_peak > max(_PERSISTS * before, self.ripple, _TOLD_N)
 
     @property
     def frequency(self) -> float | None:
