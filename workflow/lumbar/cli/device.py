@@ -25,6 +25,7 @@ def run_export(options) -> None:
         rate_Hz=options.rate,
         targets=options.target,
         effect_files=settings.improvement.effect_files,
+        sign=options.sign,
         settings=settings.runtime,
     )
     for file in made:
@@ -56,6 +57,11 @@ EXPORT = Command(
             help="platform to build for, may be repeated: host, x86_64-windows … (default: runtime.targets)",
         ),
         option("--rate", type=float, metavar="HZ", help="rate of the haptic loop (default: runtime.rate_Hz)"),
+        path(
+            "--sign",
+            metavar="KEY",
+            help="sign each file with this key of ssh-keygen: FILE.fmu.sig beside it, for 'lumbar check --key KEY.pub'",
+        ),
         OUTPUT,
     ),
 )

@@ -114,10 +114,12 @@ def run_check(options) -> None:
     settings = load_settings(*options.config)
     files = _files(options.paths)
     fmus = [file for file in files if _is_fmu(file)]
+    if options.key and not fmus:
+        raise InputError("--key verifies FMUs, and there is none among these files")
     if fmus:
         from lumbar.interface.device import check_fmu
 
-        for check in check_fmu(fmus, settings=settings.runtime):
+        for check in check_fmu(fmus, key=options.key, settings=settings.runtime):
             print(f"runtime: {check}")
     plan = [_reading(file, options.chapter, settings) for file in files if not _is_fmu(file)]
     for chapter, recordings in check_recordings(plan, read_upright).items():
@@ -180,6 +182,11 @@ CHECK = Command(
     run_check,
     (
         path("paths", nargs="+", metavar="FILE|FOLDER"),
+        path(
+            "--key",
+            metavar="KEY.pub",
+            help="public keys, a line each: every FMU must be signed with one of them (FILE.fmu.sig), or nothing of it is run",
+        ),
         option(
             "--chapter",
             choices=("surgeon", "tissue", "survey", "lifting"),

@@ -65,6 +65,7 @@ def export_fmu(
     rate_Hz: float | None = None,
     targets: Iterable[Platform] | None = None,
     effect_files: Iterable[str | os.PathLike] = (),
+    sign: str | os.PathLike | None = None,
     settings: RuntimeSettings | None = None,
     data: str = "",
 ) -> list[Path]:
@@ -85,6 +86,8 @@ def export_fmu(
         Platforms to build for: ``host``, ``x86_64-windows`` …; default the settings'.
     effect_files : iterable of path, optional
         Of a file: files with effects of your own.
+    sign : path, optional
+        Key of OpenSSH to sign the files with: ``<model>_fmi3.fmu.sig`` beside each.
     settings : RuntimeSettings, optional
         Moving average, limits, guards of the force, what to do with an unstable model, the compiler's cache.
     data : str
@@ -98,7 +101,8 @@ def export_fmu(
     Raises
     ------
     InputError
-        A model that is not there or cannot be exported, an unknown platform, or a file with a problem: it is removed.
+        A model that is not there or cannot be exported, an unknown platform, a file with a problem, or a key that does not
+        sign: the files are removed.
     NumericalError
         An unstable model, or one that is unstable on the settings' device, where the settings refuse it.
 
@@ -128,6 +132,10 @@ def export_fmu(
     asked = with_device(chosen, settings)
     written = export_fmus(asked, Path(folder), data or NOT_SAID, settings.targets, cache)
     check_new_files(written, cache)
+    if sign is not None:
+        from lumbar.tissue.fmu.signature import sign_new_files
+
+        sign_new_files(written, Path(sign))
     return written
 
 
@@ -160,7 +168,10 @@ def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained
 
 
 def check_fmu(
-    path: str | os.PathLike | Iterable[str | os.PathLike], *, settings: RuntimeSettings | None = None
+    path: str | os.PathLike | Iterable[str | os.PathLike],
+    *,
+    key: str | os.PathLike | None = None,
+    settings: RuntimeSettings | None = None,
 ) -> list[FileCheck]:
     """Check FMUs: description, library, reference signals and sources must say and do the same.
 
@@ -171,6 +182,8 @@ def check_fmu(
     path : path or iterable of path
         FMUs of `export_fmu`, of any platform; the library is played, and built anew from the sources in the FMU,
         where it is one for this machine.
+    key : path, optional
+        Public keys of OpenSSH, a line each: every file must have been signed with one of them, or nothing in it is run.
     settings : RuntimeSettings, optional
         For the compiler's cache.
 
@@ -193,9 +206,15 @@ def check_fmu(
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.check.file_check import check_files
 
-    paths = [path] if isinstance(path, str | os.PathLike) else path
+    paths = [Path(item) for item in ([path] if isinstance(path, str | os.PathLike) else path)]
     cache = cache_folder((settings or RuntimeSettings()).compiler_cache)
-    return check_files(map(Path, paths), cache)
+    if key is None:
+        return check_files(paths, cache)
+    from lumbar.tissue.fmu.signature import verify
+
+    signers = verify(paths, Path(key))
+    checks = check_files(paths, cache)
+    return [replace(check, signed_with=signer) for check, signer in zip(checks, signers, strict=True)]
 
 
 def render(

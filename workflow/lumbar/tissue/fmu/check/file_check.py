@@ -27,13 +27,16 @@ class FileCheck:
     """Whether there was a library for this machine to play; only then was it built anew from the sources."""
     same_bytes: bool = False
     """Whether the library built from the sources is the shipped one to the byte; else its forces are."""
+    signed_with: str = ""
+    """Key that it was signed with, where that was asked."""
 
     def __str__(self) -> str:
         """One line for a sound file."""
+        signed = f"; signed with {self.signed_with}" if self.signed_with else ""
         if not self.played:
-            return f"{self.path.name}: sound as a file; it has no library for this machine to play"
+            return f"{self.path.name}: sound as a file; it has no library for this machine to play{signed}"
         built = "the same library" if self.same_bytes else "a library of the same forces"
-        return f"{self.path.name}: sound; plays its reference, and its sources give {built}"
+        return f"{self.path.name}: sound; plays its reference, and its sources give {built}{signed}"
 
 
 def check_file(path: Path, cache: Path) -> FileCheck:
