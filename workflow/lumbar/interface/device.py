@@ -124,12 +124,11 @@ def export_fmu(
     )
     if isinstance(model, str | os.PathLike):
         selected, read_from = chosen_models(Path(model), settings, names, trained_on, effect_files)
-        chosen = export_models(selected, settings)
         data = data or read_from
     else:
-        chosen = export_models([model] if isinstance(model, FittedModel) else list(model), settings)
+        selected = [model] if isinstance(model, FittedModel) else list(model)
     cache = cache_folder(settings.compiler_cache)
-    asked = with_device(chosen, settings)
+    asked = with_device(export_models(selected, settings), settings, selected)
     written = export_fmus(asked, Path(folder), data or NOT_SAID, settings.targets, cache)
     check_new_files(written, cache)
     if sign is not None:

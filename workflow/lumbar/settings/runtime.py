@@ -52,9 +52,26 @@ class DeviceSettings:
     encoder_um: float = key(
         "Resolution of the position that the device reads; 0 is exact.", default=30.0, unit="µm", ge=0
     )
+    hands: int = key(
+        "How many hands are drawn, and fits within the intervals of their parameters, to say in which share of them a model is "
+        "stable; 0 leaves it out.",
+        default=256,
+        within="[0, 100000]",
+    )
+    hands_stiffness_N_m: tuple[float, float] = key(
+        "Loosest and firmest of these hands.", default=(50.0, 1500.0), unit="N/m"
+    )
+    hands_damping_N_s_m: tuple[float, float] = key(
+        "Smallest and largest damping of these hands.", default=(0.0, 50.0), unit="N·s/m"
+    )
+    least_stable_share: float = key(
+        "Share of fits and hands in which a model must be stable: below it, it counts as unsafe.",
+        default=0.9,
+        within="[0, 1]",
+    )
     unsafe: Literal["warn", "refuse"] = key(
-        "What export does with a model that oscillates on this device in this hand: warn says so and exports, refuse "
-        "stops with an error.",
+        "What export does with a model that oscillates on this device in this hand, or in too many others: warn says so and "
+        "exports, refuse stops with an error.",
         default="warn",
     )
 

@@ -25,6 +25,7 @@ from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from lumbar.tissue.haptics.tick_sequence import largest_pole
 from lumbar.tissue.models.fitted_model import read_models
+from lumbar.tissue.models.model_data import FittedParameter
 from study_settings import changed
 
 STYLUS = RuntimeSettings().device
@@ -157,7 +158,7 @@ def test_export_warns_and_the_page_says_the_numbers(capsys):
     model = selected(
         models_json(entry("KB", [4.638, -4.0663], [1.0, -0.4074])), changed(SETTINGS, models=["KB"])
     )[0]
-    told = with_device([model], DEFAULTS)[0]
+    told = with_device([model], DEFAULTS, [fitted("KB")])[0]
     err = capsys.readouterr().err
     assert "WARNING: not safe" in err
     assert "it needs 29.3 N·s/m" in err
@@ -171,9 +172,9 @@ def test_export_refuses_what_is_unstable_where_the_study_says_so(capsys):
         models_json(entry("KB", [4.638, -4.0663], [1.0, -0.4074])), changed(SETTINGS, models=["KB"])
     )[0]
     with pytest.raises(NumericalError, match=r"runtime\.device\.unsafe: warn"):
-        with_device([model], changed(DEFAULTS, device={"unsafe": "refuse"}))
+        with_device([model], changed(DEFAULTS, device={"unsafe": "refuse"}), [fitted("KB")])
     damped = changed(DEFAULTS, device={"damping_N_s_m": 40.0, "unsafe": "refuse"})
-    assert with_device([model], damped)[0].on_device
+    assert with_device([model], damped, [fitted("KB")])[0].on_device
     assert capsys.readouterr().err == ""
 
 
@@ -324,6 +325,39 @@ def test_dry_friction_is_judged_by_its_slope_and_by_what_it_does(zig_cache):
 def analysed_spring(meets) -> float:
     """What the base adds to the first value of each impulse response: its springs, over the average of three positions."""
     return 1e3 * (0.8 + 6.0) / 3
+
+
+def test_the_share_of_stable_hands_is_that_of_a_grid():
+    """The inverted spring of −125 N/m is held by every hand that is stiffer, at any damping."""
+    found = judge_exported(export_at(fitted("IL"), DEFAULTS, 1000.0), DEFAULTS).hands
+    assert found.share == pytest.approx(np.log(1500 / 125) / np.log(1500 / 50), abs=0.01)
+    assert found.stiffness < 60 and found.fit == {}
+    assert "% of the hands, least so in a hand of 5" in found.finding
+
+
+def test_fits_are_drawn_within_the_intervals_of_their_parameters():
+    """Of a branch of 4 N/mm that may be five times as stiff, the stiff ones shake the stylus."""
+    known = fitted("Maxwell")
+    stiffness, time = 6.0, 0.0245
+    sure, unsure = (
+        replace(
+            known,
+            parameters=(
+                FittedParameter(
+                    "branch_stiffness", "k_b", "N/mm", stiffness, stiffness * low, stiffness * high
+                ),
+                FittedParameter("relaxation_time", "tau", "s", time, 0.98 * time, 1.02 * time),
+            ),
+        )
+        for low, high in ((0.99, 1.01), (0.2, 5.0))
+    )
+    exported = export_at(known, DEFAULTS, 1000.0)
+    shares = [judge_exported(exported, DEFAULTS, model).hands for model in (known, sure, unsure)]
+    assert [item.share == 1.0 for item in shares] == [True, True, False]
+    assert shares[2].fit["branch_stiffness"] > 2 * stiffness
+    assert "of the fits and hands" in shares[2].finding
+    asked = changed(DEFAULTS, device={"least_stable_share": 0.99})
+    assert not judge_exported(exported, asked, unsure).safe and judge_exported(exported, asked, sure).safe
 
 
 def test_lowest_rates_are_where_damping_and_gain_suffice():

@@ -15,6 +15,7 @@ from lumbar.tissue.haptics.judgement import Judgement, analyse, judge_exported
 from lumbar.tissue.haptics.passivity import FASTEST_HZ
 from lumbar.tissue.haptics.rendered_model import render_model, renderable
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
+from lumbar.tissue.models.fitted_model import FittedModel
 
 _DEFINITIONS = {
     "model": "Name of the model",
@@ -40,6 +41,9 @@ _DEFINITIONS = {
     "lowest_stable_rate_Hz": "The same for a stable loop in this hand: the lowest safe rate where nothing else holds the device",
     "oscillation_Hz": "Frequency of what the simulated loop keeps doing; empty where it does not oscillate",
     "simulated": "What it does: oscillates, runs away until the force is at its limit, or comes to rest",
+    "stable_share_percent": "Share of hands, and of fits within the intervals of their parameters, in which the loop is stable, "
+    "by its poles; empty where it was not looked at",
+    "worst_hand": "The hand, and the fit, in which it is least so",
     "oscillation_N": "Peak to peak force in the last quarter of the simulation",
 }
 
@@ -68,6 +72,8 @@ def device_table(
             "lowest_stable_rate_Hz": item.lowest_stable_rate,
             "oscillation_Hz": item.run.frequency,
             "simulated": item.run.outcome,
+            "stable_share_percent": 100 * item.hands.share if item.hands else None,
+            "worst_hand": item.hands.worst if item.hands else "",
             "oscillation_N": item.run.peak_to_peak,
         }
         for item in judgements
@@ -79,6 +85,7 @@ def device_table(
             "lowest_passive_rate_Hz",
             "lowest_stable_rate_Hz",
             "oscillation_Hz",
+            "stable_share_percent",
         }
     )
     frame = pd.DataFrame(rows, columns=list(_DEFINITIONS)).astype(dict.fromkeys(optional, float))
@@ -106,9 +113,10 @@ def device_table(
             "lowest_passive_rate_Hz": 0,
             "lowest_stable_rate_Hz": 0,
             "oscillation_Hz": 1,
+            "stable_share_percent": 0,
             "oscillation_N": 2,
         },
-        may_be_empty=optional,
+        may_be_empty=optional | {"worst_hand"},
     )
 
 
@@ -140,11 +148,15 @@ _ADVICE = (
 )
 
 
-def with_device(models: Sequence[ExportModel], settings: RuntimeSettings) -> list[ExportModel]:
+def with_device(
+    models: Sequence[ExportModel], settings: RuntimeSettings, fitted: Sequence[FittedModel]
+) -> list[ExportModel]:
     """Judge the models on the device, say so in them, and warn of those that are not safe.
 
     Parameters
     ----------
+    fitted : sequence of FittedModel
+        What they were exported from.
     settings : RuntimeSettings
         ``device.unsafe`` says whether an unstable loop is told on standard error or is an error.
 
@@ -159,18 +171,18 @@ def with_device(models: Sequence[ExportModel], settings: RuntimeSettings) -> lis
         A loop is unstable and ``unsafe`` is ``"refuse"``.
     """
     device, told, unsafe = settings.device, [], []
-    for model in models:
+    for model, source in zip(models, fitted, strict=True):
         if not renderable(model):
             told.append(model)
             continue
-        judged = judge_exported(model, settings)
+        judged = judge_exported(model, settings, source)
         sentences = [device_text(device)]
         guarded = model.guards.passive and model.guards.device_damping <= device.damping_N_s_m
         if guarded:
             sentences.append(
                 "The bound by device_damping, which the analysis leaves out, keeps the device passive whatever it says."
             )
-        if not (judged.stable or guarded):
+        if not (judged.safe or guarded):
             unsafe.append(judged)
         # A force that does not depend on the position of its own sample is read alike.
         sentences.append(

@@ -26,6 +26,7 @@ from lumbar.tissue.haptics.simulation import (
     one_step,
     simulate,
 )
+from lumbar.tissue.haptics.stable_share import StableShare, stable_share
 from lumbar.tissue.haptics.tick_sequence import in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
 
@@ -133,6 +134,8 @@ class Judgement:
     run: LoopRun
     fitted: FittedModel | None = None
     """None for an FMU."""
+    hands: StableShare | None = None
+    """In which share of fits and hands it is stable; None where that was not looked at."""
     lowest_passive_rate: float | None = None
     lowest_stable_rate: float | None = None
     """`lowest_passive_rate`, `lowest_stable_rate`: in Hz; None where there is none, or where the model has effects and
@@ -159,7 +162,15 @@ class Judgement:
                 state += f" by its linearisation{analysis.loop.removeprefix(analysis.name)}"
             elif analysis.stable:
                 state += " by the simulation"
-        return f"{analysis.name} at {analysis.clocks}: {state} ({analysis.numbers}; simulated, {run.outcome})"
+        hands = f"; {self.hands.finding}" if self.hands else ""
+        return f"{analysis.name} at {analysis.clocks}: {state} ({analysis.numbers}; simulated, {run.outcome}{hands})"
+
+    @property
+    def safe(self) -> bool:
+        """Whether it is stable in the hand of the settings, and in as many others as they ask for."""
+        return self.stable and (
+            self.hands is None or self.hands.share >= self.analysis.device.least_stable_share
+        )
 
 
 def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[list[Judgement], list[str]]:
@@ -197,20 +208,24 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
                 refused.append(str(error))
             else:
                 passive, stable = lowest
-                judged = judge_exported(exported, settings)
-                found.append(
-                    replace(judged, fitted=model, lowest_passive_rate=passive, lowest_stable_rate=stable)
-                )
+                judged = judge_exported(exported, settings, model)
+                found.append(replace(judged, lowest_passive_rate=passive, lowest_stable_rate=stable))
     return found, list(dict.fromkeys(refused))
 
 
-def judge_exported(exported: ExportModel, settings: RuntimeSettings) -> Judgement:
-    """Judge a model as it is exported, a linear one by its difference equation, others with the FMU itself in the loop."""
+def judge_exported(
+    exported: ExportModel, settings: RuntimeSettings, fitted: FittedModel | None = None
+) -> Judgement:
+    """Judge a model as it is exported, a linear one by its difference equation, others with the FMU itself in the loop.
+
+    `fitted` is what it was exported from: intervals of its parameters count.
+    """
     device = settings.device
     meets = render_model(exported, device)
+    hands = stable_share(meets, exported.moving_average, fitted, device)
     guards = exported.guards
     if isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact):
-        return Judgement(meets, analyse(meets, device), run_loop(meets, device))
+        return Judgement(meets, analyse(meets, device), run_loop(meets, device), fitted, hands)
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.build.package import export_fmus
     from lumbar.tissue.haptics.fmu_step import UnpackedFmu
@@ -219,7 +234,7 @@ def judge_exported(exported: ExportModel, settings: RuntimeSettings) -> Judgemen
         cache = cache_folder(settings.compiler_cache)
         (file,) = export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])
         with UnpackedFmu(file) as fmu:
-            return Judgement(meets, analyse(meets, device), worst_run(fmu, meets, device))
+            return Judgement(meets, analyse(meets, device), worst_run(fmu, meets, device), fitted, hands)
 
 
 def worst_run(fmu: UnpackedFmu, meets: RenderedModel, device: DeviceSettings) -> LoopRun:

@@ -177,6 +177,11 @@ class PeriodicModel:
         """Mean seconds from tick to tick."""
         return sum(self.intervals) / len(self.intervals)
 
+    @cached_property
+    def states(self) -> States:
+        """State space of the model."""
+        return realisation(self.model)
+
     @property
     def static_stiffness(self) -> float:
         """Of the model."""
@@ -212,7 +217,7 @@ class PeriodicModel:
         by_readings : numpy.ndarray, shape (ticks, n, 2)
             What an error of the position that is read at the one and at the other tick adds.
         """
-        states, forces = realisation(self.model), 1 + max(age for parts in self.acting for age, _ in parts)
+        states, forces = self.states, 1 + max(age for parts in self.acting for age, _ in parts)
         ticks = zip(self.acting, self.taken, strict=True)
         found = [tick_transition(states, device, forces, parts, line) for parts, line in ticks]
         free, driven, by_readings = map(np.array, zip(*found, strict=True))

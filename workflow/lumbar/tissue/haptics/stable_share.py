@@ -1,0 +1,128 @@
+"""In which share of the fits and hands a loop is stable: hands from loose to firm, fits within their parameters' intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.settings.runtime import DeviceSettings
+from lumbar.tissue.haptics.closed_loop import SampledModel
+from lumbar.tissue.haptics.passive_fit import Branches
+from lumbar.tissue.haptics.rendered_model import RenderedModel
+from lumbar.tissue.haptics.servo import on_servo
+from lumbar.tissue.haptics.tick_sequence import in_ticks
+from lumbar.tissue.models.fitted_model import FittedModel
+
+_PARAMETERS = ("spring_stiffness", "branch_stiffness", "relaxation_time")
+_NORMAL_95 = 1.959964
+_LARGEST = 100
+"""States of a loop that is looked at in many hands: a linearisation that is kept as its long impulse response has more."""
+
+
+@dataclass(frozen=True)
+class StableShare:
+    """What was found over the draws."""
+
+    share: float
+    """Of the draws in which the loop is stable."""
+    stiffness: float
+    damping: float
+    """`stiffness`, `damping`: of the hand in which it is least so, N/m and N·s/m."""
+    fit: dict[str, float]
+    """Parameters of the fit in that draw; empty where the file has no intervals, and hands alone vary."""
+
+    @property
+    def worst(self) -> str:
+        """The draw in which the loop is least stable, in words."""
+        fit = "".join(f", {name.replace('_', ' ')} {value:.3g}" for name, value in self.fit.items())
+        return f"a hand of {self.stiffness:.0f} N/m and {self.damping:.2g} N·s/m{fit}"
+
+    @property
+    def finding(self) -> str:
+        """A few words with the numbers."""
+        return f"stable in {100 * self.share:.0f} % of the {'fits and ' if self.fit else ''}hands, least so in {self.worst}"
+
+
+def stable_share(
+    meets: RenderedModel, moving_average: int, fitted: FittedModel | None, device: DeviceSettings
+) -> StableShare | None:
+    """Draw hands, and fits where their intervals are known, and look at the poles of each loop.
+
+    Hands are drawn evenly in the logarithm of their stiffness and in their damping, within the settings' ranges; parameters
+    of a fit one by one, normal with their 95 % intervals, as the file holds no covariance of them. The draws are Halton's
+    points and the same for every model.
+
+    Parameters
+    ----------
+    moving_average : int
+        Samples of the average before the model.
+
+    Returns
+    -------
+    StableShare or None
+        None where no hands are asked for, or a linearisation has too many states.
+    """
+    from scipy.stats import qmc
+
+    parameters = _parameters(fitted) if len(meets.sampled) == 1 else {}
+    loops = [in_ticks(loop) for loop in meets.loops]
+    if not device.hands or any(len(loop.states[0]) > _LARGEST for loop in loops):
+        return None
+    points = qmc.Halton(2 + len(parameters), scramble=False)
+    points.fast_forward(1)
+    radii, draws = [], []
+    for hand, lean, *chances in points.random(device.hands).tolist():
+        held = _hand(device, hand, lean)
+        fit = {
+            name: _drawn(item, chance)
+            for (name, item), chance in zip(parameters.items(), chances, strict=True)
+        }
+        own = _loops_of(fit, meets, moving_average, held) if fit else loops
+        radii.append(max(float(np.abs(np.linalg.eigvals(loop.monodromy(held))).max()) for loop in own))
+        draws.append((held.hand_stiffness_N_m, held.hand_damping_N_s_m, fit))
+    return StableShare(float(np.mean(np.array(radii) < 1.0)), *draws[int(np.argmax(radii))])
+
+
+def _hand(device: DeviceSettings, hand: float, lean: float) -> DeviceSettings:
+    (loose, firm), (low, high) = device.hands_stiffness_N_m, device.hands_damping_N_s_m
+    return replace(
+        device,
+        hand_stiffness_N_m=loose * (firm / loose) ** hand,
+        hand_damping_N_s_m=low + lean * (high - low),
+    )
+
+
+def _parameters(fitted: FittedModel | None) -> dict:
+    """Those of a spring, a Maxwell branch or both, where all have intervals."""
+    if fitted is None or not fitted.discrete:
+        return {}
+    found = {item.name: item for item in fitted.parameters if item.name in _PARAMETERS and not item.derived}
+    return found if found and all(item.low is not None for item in found.values()) else {}
+
+
+def _drawn(parameter, chance: float) -> float:
+    from scipy.special import ndtri
+
+    at = ndtri(chance) / _NORMAL_95
+    end = parameter.high if at > 0 else parameter.low
+    return max(parameter.value + abs(at) * (end - parameter.value), 1e-9 * parameter.value)
+
+
+def _loops_of(
+    fit: dict[str, float], meets: RenderedModel, moving_average: int, device: DeviceSettings
+) -> list:
+    """The loops of a model whose parameters are drawn."""
+    times = {"spring_stiffness": np.inf, "branch_stiffness": fit.get("relaxation_time", np.inf)}
+    springs = [name for name in times if name in fit]
+    nominal = meets.sampled[0]
+    branches = Branches(tuple(fit[name] for name in springs), tuple(times[name] for name in springs))
+    drawn = branches.transfer_function(nominal.sampling_time)
+    average = np.full(moving_average, meets.newton / meets.metre / moving_average)
+    model = SampledModel(
+        nominal.name,
+        np.convolve(drawn.numerator, average),
+        np.array(drawn.denominator),
+        nominal.sampling_time,
+    )
+    return [in_ticks(loop) for loop in on_servo(model, device)]
