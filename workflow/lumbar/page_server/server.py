@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lumbar.page_server.own_recordings import OwnDiagnosis
 
 MOST_BYTES = 1_000_000
-"""Largest message that a page may send: what it asks for is a line."""
+"""Largest request that is read; files have a limit of their own."""
 _LOST = """
 document.body.removeAttribute("aria-busy");
 const message = document.getElementById("message");
@@ -58,6 +58,8 @@ def new_server(
     from bokeh.application.handlers.function import FunctionHandler
     from bokeh.server.server import Server
 
+    from lumbar.page_server import page_socket
+
     served = ServedSets(sets)
     pages: dict[str, Callable[[Document], ExploredSet | None]] = {
         address: partial(_given, explored=explored) for address, explored in served.given.items()
@@ -72,7 +74,7 @@ def new_server(
             port=port,
             address=HOST,
             allow_websocket_origin=[f"{HOST}:{port}", f"localhost:{port}"] if port else None,
-            websocket_max_message_size=MOST_BYTES,
+            websocket_max_message_size=page_socket.MOST_BYTES,
             # What a page is told of its session holds none of its cookies, and is taken from no other hand.
             include_headers=[],
             include_cookies=[],
@@ -99,17 +101,21 @@ def _route(
     from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
     from bokeh.server.views.metadata_handler import MetadataHandler
     from bokeh.server.views.root_handler import RootHandler
+    from bokeh.server.views.ws import WSHandler
     from tornado.routing import PathMatches, Rule
     from tornado.web import RedirectHandler
 
     from lumbar.page_server import waiting
     from lumbar.page_server.own_handlers import own_rules
+    from lumbar.page_server.page_socket import PageSocket
 
     application = server._tornado
     inner = application.wildcard_router.rules
     inner[:] = [
         rule for rule in inner if rule.target not in (AutoloadJsHandler, MetadataHandler, RootHandler)
     ]
+    for rule in inner:
+        rule.target = PageSocket if rule.target is WSHandler else rule.target
     home = [*served.given, *([] if own is None else [OWN])][:1]
     application.default_router.rules[:0] = [
         Rule(Outside(visitors), DoorHandler, {"visitors": visitors}),
