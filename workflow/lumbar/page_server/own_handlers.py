@@ -12,7 +12,8 @@ from tornado.web import Finish, RequestHandler, stream_request_body
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background, page_message
-from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis, OwnRecordings, OwnTabs
+from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis, OwnRecordings
+from lumbar.page_server.own_tabs import OwnTabs
 from lumbar.page_server.recording_preview import FIELDS
 from lumbar.page_server.requests import read_request
 from lumbar.page_server.served_sets import OWN, ServedSets

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import secrets
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from lumbar.base.errors import InputError
 from lumbar.interface.importing import ForeignFile, ImportedRecordings, import_recordings
 from lumbar.page_server.background import WRITING, page_message
+from lumbar.page_server.own_choices import LONGEST_TEXT, checked_choices, checked_name, checked_training
 from lumbar.page_server.recording_preview import FIELDS, in_fields, preview, tables_columns
-from lumbar.page_server.served_sets import OWN, ExploredSet, ServedSets
-from lumbar.settings.key import NAME
+from lumbar.page_server.served_sets import ExploredSet, ServedSets
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
@@ -26,11 +25,8 @@ if TYPE_CHECKING:
 
 MOST_FILE, MOST_HELD, MOST_PACKED = 50_000_000, 150_000_000, 5_000_000
 """Bytes of one file, of all files of a tab, and of one packed file, which may unpack to a hundred times as many."""
-MOST_FILES, MOST_TABS = 12, 16
-"""Files of a tab, and tabs that are held; the one that was used longest ago is let go for one more."""
-_TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table")
-_SWITCHES = ("flip_force", "accept_clipped")
-_LONGEST_TEXT = 200
+MOST_FILES = 12
+"""Files of a tab."""
 _PACKED = (b"\x1f\x8b", b"PK\x03\x04")
 
 
@@ -47,28 +43,6 @@ class OwnDiagnosis:
     change of the study. None without a study."""
     study: str = ""
     """The study's file, for the page."""
-
-
-class OwnTabs:
-    """The tabs that recordings were given in, each by a name that nobody guesses."""
-
-    def __init__(self) -> None:
-        self._tabs: dict[str, OwnRecordings] = {}
-
-    def new(self) -> str:
-        """Return the name of a new tab."""
-        while len(self._tabs) >= MOST_TABS:
-            del self._tabs[next(iter(self._tabs))]
-        name = secrets.token_urlsafe(16)
-        self._tabs[name] = OwnRecordings(f"{OWN}?tab={name}")
-        return name
-
-    def find(self, name: str) -> OwnRecordings | None:
-        """Return a tab's recordings; None where it is not held any more."""
-        found = self._tabs.pop(name, None)
-        if found is not None:
-            self._tabs[name] = found  # now the last to be let go
-        return found
 
 
 @dataclass(eq=False)
@@ -93,7 +67,7 @@ class OwnRecordings:
         InputError
             If it cannot be held: without a name, too many, too large.
         """
-        name = re.split(r"[/\\]", name)[-1][:_LONGEST_TEXT]
+        name = re.split(r"[/\\]", name)[-1][:LONGEST_TEXT]
         with self._one_at_a_time:
             others = {key: value for key, value in self.files.items() if key != name}
             if not name:
@@ -215,82 +189,6 @@ class OwnRecordings:
             imported, name = self._imported(), checked_name(asked.get("name"))
             study = imported.save(own.output / name / "records")
             return f"{len(imported)} records and {study.name} written to {study.parent}; next: {imported.next_command(study)}"
-
-
-def checked_choices(given: Any) -> dict[str, Any]:
-    """Return what a page chose as arguments of `lumbar.import_recordings`.
-
-    Raises
-    ------
-    InputError
-        Naming the option as the command line does.
-    """
-    if not isinstance(given, Mapping):
-        raise InputError("choices that are no mapping")
-    chosen: dict[str, Any] = {}
-    for name in _TEXTS:
-        value = given.get(name)
-        option = f"--{name.replace('_', '-')}"
-        if value is None or value == "":
-            continue
-        if not isinstance(value, str) or len(value) > _LONGEST_TEXT:
-            raise InputError(f"{option}: words of up to {_LONGEST_TEXT} characters are needed")
-        chosen[name] = value
-    for name in _SWITCHES:
-        if given.get(name) is True:
-            chosen[name] = True
-    if given.get("rate") not in (None, ""):
-        chosen["rate"] = _number(given["rate"], "--rate")
-        if not 0 < chosen["rate"] < math.inf:
-            raise InputError(f"--rate {given['rate']!s:.40}: a positive number of hertz is needed")
-    if given.get("trim") not in (None, [], ["", ""], [None, None]):
-        chosen["trim"] = _trim(given["trim"])
-    return chosen
-
-
-def _trim(given: Any) -> tuple[float, float]:
-    if not isinstance(given, list | tuple) or len(given) != 2:
-        raise InputError("--trim: a start and a stop in seconds are needed")
-    start, stop = (
-        default if value in (None, "") else _number(value, "--trim")
-        for value, default in zip(given, (-math.inf, math.inf), strict=True)
-    )
-    if not start < stop:
-        raise InputError(f"--trim: the start, {start:g} s, must lie before the stop, {stop:g} s")
-    return start, stop
-
-
-def _number(value: Any, option: str) -> float:
-    try:
-        found = float(value) if isinstance(value, str | int | float) else math.nan
-    except (ValueError, OverflowError):
-        found = math.nan
-    if math.isnan(found):
-        raise InputError(f"{option}: {value!s:.40} is no number")
-    return found
-
-
-def checked_name(given: Any) -> str:
-    """Return the name of a set, which names a folder."""
-    if not isinstance(given, str) or len(given) > 60 or not re.fullmatch(NAME, given):
-        raise InputError(f"name {given!s:.60}: up to 60 letters, digits, _ and - are needed")
-    return given
-
-
-def checked_training(given: Any, records: Sequence[Record]) -> list[str]:
-    """Return the names of the records to fit on; the longest where none is named.
-
-    Raises
-    ------
-    InputError
-        If one is unknown, or none is left to test on.
-    """
-    names = [record.name for record in records]
-    if not given:
-        return [max(records, key=lambda record: record.duration).name]
-    if not isinstance(given, list) or not all(name in names for name in given):
-        raise InputError(f"training {given!s:.80}: the records are {', '.join(names)}")
-    return [name for name in names if name in given]
 
 
 def at_one_rate(records: Sequence[Record]) -> list[Record]:
