@@ -63,7 +63,7 @@ def test_other_accounts_of_the_machine_get_nothing(served, wrong):
 def test_a_stranger_s_file_is_not_awaited(served):
     connection = http.client.HTTPConnection(HOST, served.visitors.port, timeout=PATIENCE_S)
     connection.putrequest("POST", "/_own/file?name=a.csv")
-    connection.putheader("Content-Length", "900000")
+    connection.putheader("Content-Length", "90000")
     connection.endheaders()  # and not a byte of the file
     assert connection.getresponse().status == 403
 

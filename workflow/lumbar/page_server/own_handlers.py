@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import secrets
 from typing import Any
 
@@ -83,33 +84,52 @@ class _PageHandler(_OwnHandler):
 class _FileHandler(_OwnHandler):
     """One file, piece by piece; what is too large is refused before it is read."""
 
+    body: mmap.mmap | None = None
+    """What has come, in memory of its own: the system has it back as soon as it is let go."""
+
     def prepare(self) -> None:
         """Refuse what is not to be taken, before the body comes."""
-        self.pieces: list[bytes] = []
-        self.left = MOST_FILE
+        name = self.get_query_argument("name", "") or "the file"
         size = self.request.headers.get("Content-Length", "")
+        self.set_header("Connection", "close")  # a file that is refused is not read
         if self.request.method != "POST":
             self.refuse(405, "POST is needed")
         if not (size.isascii() and size.isdecimal()):
             self.refuse(411, "a file of unknown size")
         if int(size[:20]) > MOST_FILE:
-            # Nothing more is read: the connection ends here.
-            self.set_header("Connection", "close")
-            self.refuse(413, too_large(self.get_query_argument("name", "the file")))
+            self.refuse(413, too_large(name))
         self.held = self.recordings()
+        try:
+            self.tabs.expect(self.held, name, int(size))
+        except InputError as error:
+            self.refuse(413, str(error))
+        self.expected = int(size)
+        self.body = mmap.mmap(-1, max(1, self.expected))
         self.request.connection.set_max_body_size(MOST_FILE)
+
+    def on_finish(self) -> None:
+        """Let the file go: its tab has it, or it was refused."""
+        if self.body is not None:
+            self.tabs.arrived(self.expected)
+            self.body.close()
+            self.body = None
+
+    def on_connection_close(self) -> None:
+        """Let go what came of the file."""
+        super().on_connection_close()
+        self.on_finish()
 
     def data_received(self, chunk: bytes) -> None:
         """Take a piece."""
-        self.left -= len(chunk)
-        if self.left >= 0:
-            self.pieces.append(chunk)
+        if self.body is not None:
+            self.body.write(chunk)
 
     async def post(self) -> None:
         """Read the file."""
         name = self.get_query_argument("name", "")
+        content = self.body[: self.expected]
         try:
-            self.write(await in_background(self.held.add, name, b"".join(self.pieces)))
+            self.write(await in_background(self.held.add, name, content))
         except Exception as error:
             self.refuse(400, page_message(error))
 

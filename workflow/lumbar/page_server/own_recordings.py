@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from lumbar.page_server.study_change import Change
     from lumbar.records.record import Record
 
-MOST_FILE, MOST_HELD, MOST_PACKED = 50_000_000, 150_000_000, 5_000_000
-"""Bytes of one file, of all files of a tab, and of one packed file, which may unpack to a hundred times as many."""
+MOST_FILE, MOST_PACKED = 50_000_000, 5_000_000
+"""Bytes of one file, and of one packed file, which may unpack to a hundred times as many."""
 MOST_FILES = 12
 """Files of a tab."""
 _PACKED = (b"\x1f\x8b", b"PK\x03\x04")
@@ -59,28 +59,27 @@ class OwnRecordings:
     _read: dict[tuple[str, str | None], ForeignFile] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
+    def size_besides(self, name: str = "") -> int:
+        """Bytes of all files but one."""
+        return sum(len(content) for key, content in self.files.copy().items() if key != name)
+
     def add(self, name: str, content: bytes) -> dict[str, Any]:
         """Hold a file more; return what `look` does.
 
         Raises
         ------
         InputError
-            If it cannot be held: without a name, too many, too large.
+            If it cannot be held: without a name, too many, packed and too large.
         """
         name = re.split(r"[/\\]", name)[-1][:LONGEST_TEXT]
         with self._one_at_a_time:
-            others = {key: value for key, value in self.files.items() if key != name}
             if not name:
                 raise InputError("a file without a name")
-            if len(others) >= MOST_FILES:
+            if len(self.files.keys() - {name}) >= MOST_FILES:
                 raise InputError(f"{name}: {MOST_FILES} files are held at most; take one away")
             if content.startswith(_PACKED) and len(content) > MOST_PACKED:
                 raise InputError(
                     f"{name}: a packed file of more than {MOST_PACKED / 1e6:.0f} MB; unpack it, or save it as text"
-                )
-            if sum(map(len, others.values())) + len(content) > MOST_HELD:
-                raise InputError(
-                    f"{name}: more than {MOST_HELD / 1e6:.0f} MB together; take a file away, or use lumbar import"
                 )
             self._forget(name)
             self.files[name] = content

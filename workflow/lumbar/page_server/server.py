@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
     from lumbar.page_server.own_recordings import OwnDiagnosis
 
-MOST_BYTES = 1_000_000
+MOST_BYTES = 100_000
 """Largest request that is read; files have a limit of their own."""
+SLOWEST_S = 120
+"""Within this time a request must be there, a file too; else its connection is ended."""
 _LOST = """
 document.body.removeAttribute("aria-busy");
 const message = document.getElementById("message");
@@ -81,7 +83,11 @@ def new_server(
             sign_sessions=True,
             secret_key=secrets.token_bytes(32),
             log_function=log_refused,
-            http_server_kwargs={"max_body_size": MOST_BYTES, "max_buffer_size": 4 * MOST_BYTES},
+            http_server_kwargs={
+                "max_body_size": MOST_BYTES,
+                "max_buffer_size": 4_000_000,
+                "body_timeout": SLOWEST_S,
+            },
         )
     except OSError as error:
         raise InputError(f"port {port}: {error.strerror or error}; choose another with --port") from error
