@@ -59,7 +59,7 @@ class Analysis:
     @property
     def passive(self) -> bool:
         """Whether the device is passive with the model, in any passive hand."""
-        return self.damping <= self.device.damping_N_s_m
+        return self.damping <= self.device.damping_N_s_m and self.stable
 
     @property
     def stable(self) -> bool:
@@ -85,8 +85,8 @@ class Analysis:
         needs = f"it needs {self.damping:.3g} N·s/m to be passive"
         if np.isinf(self.damping):
             needs = "no damping makes it passive: its static stiffness is negative"
-        if np.isinf(self.gain):
-            return f"{needs}; no gain is too large"
+        if self.gain == 0 or np.isinf(self.gain):
+            return f"{needs}; no gain is {'too large' if self.gain else 'stable'}"
         begins = f"it oscillates at {self.gain_frequency:.3g} Hz" if self.gain_frequency else "it runs away"
         return f"{needs}; largest stable gain {self.gain:.3g}, where {begins}"
 

@@ -78,7 +78,7 @@ def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) ->
     values = damping_at(model, angles)
     worst = int(values.argmax())
     return RequiredDamping(
-        max(float(values[worst]), 0.0), float(angles[worst] / (2.0 * np.pi * sum(intervals)))
+        max(0.0, float(values[worst])), float(angles[worst] / (2.0 * np.pi * sum(intervals)))
     )
 
 
