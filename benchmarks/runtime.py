@@ -170,8 +170,8 @@ def builds(folder: Path, exported: list) -> list[tuple]:
     written = export_fmus(exported[1:], folder, "benchmark", list(TARGETS), CACHE)
     seconds = (sum(os.times()[:4]) - sum(begin[:4])) / len(exported[1:])
     return [
-        ("five platforms, processor time per model", seconds, "s", 5),
-        ("largest FMU", max(path.stat().st_size for path in written) / 1000, "kB", 180),
+        ("all platforms, processor time per model", seconds, "s", 6),
+        ("largest FMU", max(path.stat().st_size for path in written) / 1000, "kB", 200),
     ]
 
 

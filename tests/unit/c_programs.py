@@ -3,6 +3,7 @@
 import ctypes
 import itertools
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +20,10 @@ from lumbar.tissue.models.evaluation import NUMPY
 ON_LINUX = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"
 )
+WINE = (
+    shutil.which("wine64") or shutil.which("wine") or next(iter(Path("/usr/lib/wine").glob("wine64")), None)
+)
+with_wine = pytest.mark.skipif(WINE is None, reason="no Wine: apt-get install wine64")
 _DOUBLE = ctypes.POINTER(ctypes.c_double)
 _NUMBERS = itertools.count()
 

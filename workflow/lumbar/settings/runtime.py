@@ -77,7 +77,13 @@ class DeviceSettings:
 
 
 Platform = Literal[
-    "host", "x86_64-linux", "x86_64-windows", "aarch64-linux", "x86_64-darwin", "aarch64-darwin"
+    "host",
+    "x86_64-linux",
+    "x86_64-windows",
+    "aarch64-linux",
+    "x86_64-darwin",
+    "aarch64-darwin",
+    "wasm32-wasi",
 ]
 ModelName = Annotated[str, Each(pattern="^[A-Za-z][A-Za-z0-9_.+-]*$")]
 
@@ -152,8 +158,8 @@ class RuntimeSettings:
         within="(0, 1000]",
     )
     targets: Annotated[tuple[Platform, ...], UNIQUE] = key(
-        "Platforms the FMUs hold binaries for; host is this machine's. The compiler builds what it "
-        "needs of a platform once, which takes a minute for Windows and seconds for the others.",
+        "Platforms the FMUs hold binaries for; host is this machine's, wasm32-wasi WebAssembly for browsers and Node. The "
+        "compiler builds what it needs of a platform once, which takes a minute for Windows and seconds for the others.",
         default=("host",),
         min_length=1,
     )

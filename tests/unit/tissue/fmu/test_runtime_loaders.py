@@ -1,6 +1,7 @@
 """The loaders of examples/haptic_runtime: compiled, run on exported FMUs at any rate, and misused."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -9,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from c_programs import ON_LINUX, loader_program, zig_cc
+from c_programs import ON_LINUX, WINE, loader_program, with_wine, zig_cc
 from runtime_models import RANGE
 
-from lumbar.tissue.fmu.build.compiler import TARGETS
+from lumbar.tissue.fmu.build.compiler import TARGETS, compile_library
+from lumbar.tissue.fmu.build.sources import C_FILES
 from running import PROJECT
 
 pytestmark = ON_LINUX
@@ -23,6 +25,7 @@ with_mono = pytest.mark.skipif(
     shutil.which("mcs") is None or shutil.which("mono") is None,
     reason="no C# compiler: apt-get install mono-mcs mono-runtime libmono-system-xml4.0-cil",
 )
+with_node = pytest.mark.skipif(shutil.which("node") is None, reason="no Node: apt-get install nodejs")
 with_cpp = pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler: apt-get install g++")
 
 
@@ -51,13 +54,14 @@ def player(zig_cache, tmp_path_factory):
     return lambda *arguments: played([program], *arguments)
 
 
-def played(command: list, folder: Path, rows, *parameters: str) -> np.ndarray:
+def played(command: list, folder: Path, rows, *parameters: str, environment=None) -> np.ndarray:
     """Forces that a player prints for rows of time and position, or for a file of them."""
     file = rows
     if not isinstance(rows, Path):
         file = folder.parent / "rows.csv"
         np.savetxt(file, rows, delimiter=",", header="time,position", comments="", fmt="%.17g")
-    done = subprocess.run([*command, folder, file, *parameters], capture_output=True, text=True, check=False)
+    command = [*command, folder, file, *parameters]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
     head, *lines = done.stdout.splitlines()
     assert head == "time,position,force"
@@ -78,6 +82,37 @@ def csharp_player(tmp_path_factory):
         ["mcs", "-warn:4", "-warnaserror", f"-out:{program}", "-r:System.Xml", *sources], check=True
     )
     return lambda *arguments: played(["mono", program], *arguments)
+
+
+def built_for(target: str, unzipped: Path, cache: Path) -> None:
+    """Give the FMUs a library for this target, of their own sources."""
+    platform = TARGETS[target]
+    for folder in (unzipped / "KB", unzipped / "effects"):
+        (native,) = (folder / "binaries" / "x86_64-linux").iterdir()
+        library = folder / "sources" / f"{native.stem}{platform.suffix}"
+        compile_library([library.parent / name for name in C_FILES], library, target, cache)
+        place = folder / "binaries" / platform.fmi3
+        place.mkdir()
+        shutil.move(library, place / library.name)
+
+
+@pytest.fixture(scope="module")
+def wasm_player(unzipped, zig_cache):
+    """Return the same for the loader in JavaScript."""
+    built_for("wasm32-wasi", unzipped, zig_cache)
+    return lambda *arguments: played(["node", LOADERS / "play_fmu.mjs"], *arguments)
+
+
+@pytest.fixture(scope="module")
+def windows_player(unzipped, zig_cache, tmp_path_factory):
+    """Return the same for the loader in C as a program of Windows."""
+    built_for("x86_64-windows", unzipped, zig_cache)
+    folder = tmp_path_factory.mktemp("windows")
+    program = loader_program(LOADERS / "play_fmu.c", "x86_64-windows", folder, zig_cache)
+    environment = {**os.environ, "WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all"}
+    # Wine's first run makes its folder, and says so.
+    subprocess.run([WINE, program], env=environment, check=False, capture_output=True)
+    return lambda *arguments: played([WINE, program], *arguments, environment=environment)
 
 
 @pytest.mark.parametrize("name", ["KB", "effects"])
@@ -133,7 +168,34 @@ def test_parameters_are_those_of_the_fmu(unzipped, player):
     assert np.abs(player(folder, reference, "force_limit=2")).max() == 2.0
 
 
-@pytest.mark.parametrize(
+@with_wine
+@pytest.mark.parametrize("name", ["KB", "effects"])
+def test_windows_plays_the_reference_to_the_same_bits(name, unzipped, player, windows_player):
+    folder = unzipped / name
+    reference = folder / "resources" / "reference_input.csv"
+    forces = windows_player(folder, reference)
+    np.testing.assert_array_equal(forces, player(folder, reference))
+    np.testing.assert_allclose(forces, signal(folder, "output")[:, 1], atol=1e-13)
+
+
+@with_node
+@pytest.mark.parametrize("name", ["KB", "effects"])
+def test_webassembly_gives_the_same_bits(name, unzipped, player, wasm_player):
+    """Under the reference, and under walks at rates that are the model's, faster, slower and uneven; parameters too."""
+    folder, generator = unzipped / name, np.random.default_rng(7)
+    reference = folder / "resources" / "reference_input.csv"
+    forces = wasm_player(folder, reference)
+    np.testing.assert_array_equal(forces, player(folder, reference))
+    np.testing.assert_allclose(forces, signal(folder, "output")[:, 1], atol=1e-13)
+    for step in (0.01, 0.001, 0.03, None):
+        steps = np.full(5000, step) if step else generator.uniform(0.0, 0.02, 5000)
+        rows = np.column_stack([np.cumsum(steps), np.cumsum(generator.standard_normal(5000)) * 0.1])
+        np.testing.assert_array_equal(wasm_player(folder, rows), player(folder, rows))
+    given = (folder, rows, "gain=0.5", "force_offset=1", "force_limit=2")
+    np.testing.assert_array_equal(wasm_player(*given), player(*given))
+
+
+MISUSES = pytest.mark.parametrize(
     ("rows", "parameters", "words"),
     [
         ([[0, 0], [1, 0], [2, 0]], [], "1 s since the last step; 0 to 0.25 are allowed. Are they seconds?"),
@@ -144,13 +206,29 @@ def test_parameters_are_those_of_the_fmu(unzipped, player):
     ],
     ids=["milliseconds", "backwards", "no position", "raised limit", "no such parameter"],
 )
-def test_misuse_is_an_error(rows, parameters, words, unzipped, zig_cache, tmp_path):
-    program = loader_program(LOADERS / "play_fmu.c", "x86_64-linux", tmp_path, zig_cache)
-    np.savetxt(tmp_path / "rows.csv", rows, delimiter=",", header="time,position", comments="")
-    command = [program, unzipped / "KB", tmp_path / "rows.csv", *parameters]
+
+
+def refused(program: list, rows, parameters: list[str], folder: Path, work: Path) -> str:
+    """What a player says of what it does not play."""
+    np.savetxt(work / "rows.csv", rows, delimiter=",", header="time,position", comments="")
+    command = [*program, folder, work / "rows.csv", *parameters]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert words in done.stderr
+    return done.stderr
+
+
+@MISUSES
+def test_misuse_is_an_error(rows, parameters, words, unzipped, zig_cache, tmp_path):
+    program = loader_program(LOADERS / "play_fmu.c", "x86_64-linux", tmp_path, zig_cache)
+    assert words in refused([program], rows, parameters, unzipped / "KB", tmp_path)
+
+
+@with_node
+@MISUSES
+@pytest.mark.usefixtures("wasm_player")
+def test_misuse_of_webassembly_is_the_same_error(rows, parameters, words, unzipped, tmp_path):
+    program = ["node", LOADERS / "play_fmu.mjs"]
+    assert words in refused(program, rows, parameters, unzipped / "KB", tmp_path)
 
 
 @pytest.mark.parametrize("target", ["x86_64-windows", "aarch64-linux", "aarch64-darwin"])

@@ -32,6 +32,8 @@ class Target:
     names."""
     libraries: tuple[str, ...] = ()
     """Linker options."""
+    kind: tuple[str, ...] = ("-shared", "-fPIC")
+    """What makes a library of it."""
 
 
 TARGETS = {
@@ -40,6 +42,14 @@ TARGETS = {
     "aarch64-linux": Target("aarch64-linux-gnu.2.17", ".so", "aarch64-linux", "aarch64-linux", ("-lm",)),
     "x86_64-darwin": Target("x86_64-macos", ".dylib", "darwin64", "x86_64-darwin"),
     "aarch64-darwin": Target("aarch64-macos", ".dylib", "aarch64-darwin", "aarch64-darwin"),
+    # WebAssembly: FMI's functions and malloc are exported, nothing is imported, so that a browser needs no more than the file.
+    "wasm32-wasi": Target(
+        "wasm32-wasi",
+        ".wasm",
+        "wasm32-wasi",
+        "wasm32-wasi",
+        kind=("-mexec-model=reactor", "-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free"),
+    ),
 }
 """Platforms that FMUs can be built for. One more row is all that another platform needs."""
 _LINES_OF_THE_COMPILER = 30
@@ -66,8 +76,6 @@ FLAGS = (
     "-Wl,--gc-sections",
     "-g0",
     "-s",
-    "-shared",
-    "-fPIC",
 )
 
 
@@ -174,7 +182,7 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
             f"runtime.compiler_cache: {cache} cannot be made ({error.strerror}); name another"
         ) from error
     platform = TARGETS[target]
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", platform.triple, *FLAGS]
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", platform.triple, *FLAGS, *platform.kind]
     # Names relative to the sources' folder: no path of this machine can enter the library.
     command += [source.name for source in sources]
     command += [*platform.libraries, "-o", library.name]

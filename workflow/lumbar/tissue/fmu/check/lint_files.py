@@ -20,8 +20,9 @@ _MACHINES = {
     "x86_64-windows": lambda data: data[:2] == b"MZ" and _pe_machine(data) == b"\x64\x86",
     "x86_64-darwin": lambda data: data[:8] == b"\xcf\xfa\xed\xfe\x07\x00\x00\x01",
     "aarch64-darwin": lambda data: data[:8] == b"\xcf\xfa\xed\xfe\x0c\x00\x00\x01",
+    "wasm32-wasi": lambda data: data[:4] == b"\0asm",
 }
-"""How a library of each target begins: ELF, PE and Mach-O."""
+"""How a library of each target begins: ELF, PE, Mach-O and WebAssembly."""
 _FUNCTIONS = {"2.0": b"fmi2DoStep", "3.0": b"fmi3DoStep"}
 _INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)
 
