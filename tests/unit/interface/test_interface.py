@@ -13,6 +13,7 @@ from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.base.files import read_json
 from lumbar.interface.verb import data_label
 from lumbar.records.record import RecordSet
 from lumbar.settings.improvement import ImprovementSettings
@@ -155,6 +156,19 @@ def test_a_model_from_a_file_simulates_as_the_one_that_was_saved(diagnosis, reco
     diagnosis.save(tmp_path, pictures=False)
     loaded = lumbar.load_models(tmp_path / "refined.json")[-1]
     assert np.allclose(loaded.simulate(records[1]), diagnosis.model.simulate(records[1]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("lost", ["evidence", "page"])
+def test_the_verdict_is_written_before_what_may_fail_beside_it(diagnosis, tmp_path, monkeypatch, lost):
+    def fails(*arguments, **keywords):
+        raise RuntimeError(lost)
+
+    monkeypatch.setattr(type(diagnosis), lost, property(fails) if lost == "evidence" else fails)
+    with pytest.raises(RuntimeError, match=lost):
+        diagnosis.save(tmp_path)
+    kept = read_json(tmp_path / "diagnosis.json")
+    assert diagnosis.verdict.to_json().items() <= kept.items()
+    assert (tmp_path / "ladder.csv").is_file()
 
 
 def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_path):

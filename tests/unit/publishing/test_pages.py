@@ -104,7 +104,7 @@ def test_json_keeps_the_contract_and_adds_keys(hardening, tmp_path):
         "ties", "separating_excitation", "false_alarm_threshold", "detectable_rms", "data",
     }  # fmt: skip
     (tmp_path / EXCITATION).write_text("of an earlier diagnosis")
-    write_diagnosis(diagnosis, evidence, tmp_path, "x")
+    write_diagnosis(diagnosis, lambda: evidence, tmp_path, "x")
     assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "ladder.csv"}
     assert json.loads((tmp_path / "diagnosis.json").read_text())["separating_excitation"] is None
 

@@ -289,15 +289,14 @@ class Diagnosis:
         from lumbar.tissue.diagnosis.evidence.evidence import write_diagnosis
         from lumbar.tissue.diagnosis.selection.refine import refined_document
 
-        folder, drawn = Path(folder), {}
-        if pictures:
-            drawn = self._save_pictures(folder)
+        folder = Path(folder)
+        write_diagnosis(self.verdict, lambda: self.evidence, folder, self.data)
         kept = self.verdict if effects is None else self.with_effects(effects)
         document = refined_document(kept.path, kept.experiment, self.data)
         write_json(folder / "refined.json", document)
-        write_text(folder / "diagnosis.html", self.page(drawn, thesis=pictures).to_html())
-        write_diagnosis(self.verdict, self.evidence, folder, self.data)
         self._save_law(folder / "proposed_law.yaml")
+        drawn = self._save_pictures(folder) if pictures else {}
+        write_text(folder / "diagnosis.html", self.page(drawn, thesis=pictures).to_html())
 
     def _save_law(self, path: Path) -> None:
         """Write the effect's file; one that an earlier diagnosis left there is taken away."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -195,18 +196,20 @@ def _too_small(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     ]
 
 
-def write_diagnosis(diagnosis: Verdict, evidence: Evidence, folder: Path, data: str) -> None:
+def write_diagnosis(diagnosis: Verdict, gather: Callable[[], Evidence], folder: Path, data: str) -> None:
     """Write ``diagnosis.json``, ``ladder.csv`` and, where effects are tied, ``separating_excitation.csv``.
 
-    An excitation that an earlier diagnosis left in the folder is taken away: it does not belong to this one.
+    The verdict is written first, alone: it stays where the evidence beside it cannot be gathered. An excitation that an earlier
+    diagnosis left in the folder is taken away: it does not belong to this one.
 
-    `data` says where the data come from.
+    `gather` returns the evidence, `data` says where the data come from.
     """
-    write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, data))
+    write_json(folder / "diagnosis.json", {**diagnosis.to_json(), "data": data})
     write_text(folder / "ladder.csv", ladder_csv(diagnosis, data))
-    if evidence.separation is None or not evidence.separation.improves:
-        (folder / EXCITATION).unlink(missing_ok=True)
-    else:
+    (folder / EXCITATION).unlink(missing_ok=True)
+    evidence = gather()
+    write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, data))
+    if evidence.separation is not None and evidence.separation.improves:
         write_text(folder / EXCITATION, excitation_csv(evidence.separation, diagnosis))
 
 
