@@ -18,6 +18,9 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.fitting.session import with_past
+from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
+from lumbar.tissue.diagnosis.law.surface import surfaces
+from lumbar.tissue.diagnosis.law.validation import alternate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
@@ -101,6 +104,25 @@ def test_a_diagnosis_on_two_records_names_them_and_tests_on_the_others():
     assert found.to_json()["train"] == "a+b"
     assert [item.name for item in found.experiment.tests] == ["c"]
     assert found.model.test_rms == pytest.approx(0.05, rel=0.1)
+
+
+def test_zeros_that_moved_are_taken_up_record_by_record():
+    """Evidence and law stand on what no refit takes up, and neither does a constant that is added to one record."""
+    records = [softening_record(name, seed, 8.0) for name, seed in (("a", 7), ("b", 8), ("c", 9))]
+    shifted = [one.with_values(output=one["output"] + step) for one, step in zip(records, (5, -3, 1), strict=True)]
+    found = []
+    for own in (records, shifted):
+        experiment = prepare(own, ["a", "b"]).with_own_zeros()
+        fit = fit_base(Structure(BASES["KV"]), experiment.training)
+        together = [experiment.training, *experiment.tests]
+        basis = tangent_basis(fit, together)
+        assert basis.shape[1] == 2 + 3  # stiffness and damping, and the zero of each record
+        assert np.abs(beyond(basis, np.repeat([5.0, -3.0, 1.0], 750))).max() < 1e-9
+        found.append([(pair.first.symbol, pair.second.symbol, pair.share) for pair in surfaces(fit, experiment)[:2]])
+        first, second = alternate(experiment)
+        assert np.mean(fit.errors(first.tests[0])) == pytest.approx(0, abs=1e-9)
+    assert [pair[:2] for pair in found[0]] == [pair[:2] for pair in found[1]]
+    np.testing.assert_allclose(*([pair[2] for pair in each] for each in found), rtol=1e-6)
 
 
 def test_where_all_records_are_fitted_the_end_of_each_is_held_back():

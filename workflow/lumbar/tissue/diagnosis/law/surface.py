@@ -16,6 +16,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.uncertainty import sensitivities_over
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.operators import relaxation
 
@@ -86,7 +87,7 @@ def surfaces(fit: Fit, experiment: Experiment) -> list[Surface]:
     """Estimate the force missing from a fitted model over every pair of coordinates, most explaining pair first."""
     records = [item.without_whitening() for item in (experiment.training, *experiment.tests)]
     force = np.concatenate([-fit.errors(item) for item in records])
-    tangent = np.concatenate([fit.sensitivities(item) for item in records])
+    tangent = sensitivities_over(fit, records)
     folds = np.concatenate([_folds(item, experiment) for item in records])
     branch_time = float(fit.nonlinear[0]) if fit.structure.base.state else _BRANCH_TIME
     each = [(item, coordinate_values(item.motion, branch_time)) for item in records]

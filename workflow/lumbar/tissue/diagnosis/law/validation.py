@@ -51,10 +51,16 @@ class PartialData(FitData):
             whole.force,
             whole.whitening,
             whole.settling_time,
-            begins=whole.begins,
+            whole.own_zero,
+            whole.begins,
             whole=whole,
             keep=keep,
         )
+
+    @property
+    def zeros(self) -> np.ndarray:
+        """What the sensor's zeros add, as in the whole."""
+        return self.whole.zeros
 
     @property
     def size(self) -> int:
