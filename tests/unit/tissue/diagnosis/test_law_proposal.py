@@ -241,6 +241,9 @@ def test_an_exponential_that_is_a_straight_line_becomes_one():
     assert {item.name for item in laws[-1].terms} == {"friction", "friction_z"}
     assert laws[-1].shared
     assert form_of(laws[-1].terms, shared=True).nonlinear[0].symbol == "v_s"
+    exponential = terms("friction_exp", "friction_z")
+    law = search.refit(laws[-1], exponential, np.array([2.0, 30.0]), shared=True)
+    assert ({item.name for item in law.terms}, law.shared) == ({"friction", "friction_z"}, True)
 
 
 def test_of_noise_no_surface_explains_a_share():

@@ -232,6 +232,11 @@ def distinct(terms: tuple[Term, ...], shared: bool = False) -> tuple[Term, ...]:
     return tuple(found)
 
 
+def symbols_of(terms: tuple[Term, ...], shared: bool = False) -> list[str]:
+    """Symbols of the nonlinear parameters of `distinct` terms, each once."""
+    return list(dict.fromkeys(item.symbol for term in distinct(terms, shared) for item in term.nonlinear))
+
+
 def form_of(
     terms: tuple[Term, ...], effect: str = "", signs: tuple[int, ...] | None = None, shared: bool = False
 ) -> Form:

@@ -19,7 +19,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit, nonlinear_starts, shape_bounds, solve_linear
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import added_forces, beyond, tangent_basis
-from lumbar.tissue.diagnosis.law.law_form import distinct, form_of
+from lumbar.tissue.diagnosis.law.law_form import distinct, form_of, symbols_of
 from lumbar.tissue.diagnosis.law.terms import Term
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, unseen_improvement
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN, WORTHWHILE
@@ -168,24 +168,27 @@ class Search:
         if not np.isfinite(found.squared_error):
             return None
         if _at_bound(found, self.experiment.training, len(before)):
-            return self.in_the_limit(law, terms, found.nonlinear[len(before) :])
+            return self.in_the_limit(law, terms, found.nonlinear[len(before) :], shared)
         candidate = evaluate(found, self.experiment)
         return Law(law.start, terms, candidate, shared) if np.isfinite(candidate.score) else None
 
-    def in_the_limit(self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray) -> Law | None:
+    def in_the_limit(
+        self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool
+    ) -> Law | None:
         """The law with what exponential terms become; None where there is none, or where that is there already."""
         names = [term.becomes or term.name for term in terms]
         plain = tuple(item for name in names for item in self.library if item.name == name)
         if names == [term.name for term in terms] or len(set(names)) < len(terms) or len(plain) < len(terms):
             return None
+        value = dict(zip(symbols_of(terms, shared), nonlinear, strict=True))
         kept = [
-            value
-            for (term, item), value in zip(
-                ((term, item) for term in terms for item in term.nonlinear), nonlinear, strict=True
-            )
+            value[mine.symbol]
+            for term, own in zip(terms, distinct(terms, shared), strict=True)
+            for item, mine in zip(term.nonlinear, own.nonlinear, strict=True)
             if not (term.becomes and item.symbol == "z_e")
         ]
-        return self.refit(law, plain, np.array(kept))
+        each = [item.symbol for term in distinct(plain, shared) for item in term.nonlinear]
+        return self.refit(law, plain, np.array(list(dict(zip(each, kept, strict=True)).values())), shared)
 
     def exchange(self, law: Law) -> Law:
         """The law with each term in turn taken out and what then fits best put in, as long as that scores better."""
@@ -210,13 +213,11 @@ class Search:
 
     def simplify(self, law: Law) -> Law:
         """The law with parameters of several terms that mean the same as one, where it then scores better."""
-        each = distinct(law.terms)
-        apart = [item.symbol for term in each for item in term.nonlinear]
-        value = dict(zip(apart, law.own_nonlinear, strict=True))
-        kept = [item.symbol for term in distinct(law.terms, True) for item in term.nonlinear]
-        if len(set(kept)) == len(apart):
+        value = dict(zip(symbols_of(law.terms), law.own_nonlinear, strict=True))
+        kept = symbols_of(law.terms, shared=True)
+        if len(kept) == len(value):
             return law
-        start = np.array([value[symbol] for symbol in dict.fromkeys(kept)])
+        start = np.array([value[symbol] for symbol in kept])
         shared = self.refit(law, law.terms, start, shared=True)
         return law if shared is None or shared.candidate.score > law.candidate.score else shared
 
