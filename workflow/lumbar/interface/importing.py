@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -130,7 +130,8 @@ def import_recordings(
     for item, path in zip(sources, places, strict=True):
         try:
             found = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.table)
-            recordings.append(to_record(found.table, choices, found.name, found.sha256))
+            recording = to_record(found.table, choices, found.name, found.sha256)
+            recordings.append(_with_sign(recording, flip_force))
         except InputError as error:
             what = str(error).replace(str(path), "").split(COLUMNS_FOLLOW)[0]
             alike = told.setdefault(what, path)
@@ -138,6 +139,19 @@ def import_recordings(
             problems.add("", words.replace("\n", "\n    "))
     problems.raise_if_any()
     return ImportedRecordings(tuple(recordings))
+
+
+def _with_sign(recording: ImportedRecording, flipped: bool) -> ImportedRecording:
+    """The recording with a note where its force is surely counted against the motion."""
+    from lumbar.tissue.diagnosis.linear.direction import of_other_sign
+
+    reason = of_other_sign(recording.record)
+    if not reason:
+        return recording
+    force = recording.record.channels["output"].quantity
+    remedy = "leave --flip-force out" if flipped else "--flip-force changes it"
+    note = f"the sign of the {force} seems to be the other way: {reason}; {remedy}"
+    return replace(recording, notes=(*recording.notes, note))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -312,6 +312,19 @@ def test_a_spring_of_the_other_sign_is_told_from_a_mass():
     assert kind((position, 0.01 * acceleration + 0.01 * np.gradient(position, STEP))) is None
 
 
+def test_a_mass_that_is_moved_from_place_to_place_keeps_its_sign():
+    """A carriage on a rack: force while it gains speed, friction while it moves, one move or there and back."""
+    speed = (
+        np.interp(TIME, [5, 5.5, 40, 40.5], [0, 1, 1, 0]),
+        np.interp(TIME, [1, 2, 3, 4, 5, 6], [0, 8, 0, 0, -8, 0]),
+    )
+    for moving in speed:
+        position, acceleration = np.cumsum(moving) * STEP, np.gradient(moving, STEP)
+        force = 16.0 * acceleration + 0.3 * np.sign(moving) + 0.05 * noise(len(TIME), 3)
+        pair = position + 1e-4 * noise(len(TIME), 4), force
+        assert kind(pair) is None
+
+
 def test_a_force_that_comes_late_is_no_sign():
     """A spring behind 20 ms gives energy, as far as the record shows."""
     position = drive(6)

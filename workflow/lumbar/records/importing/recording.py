@@ -120,7 +120,7 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
     notes += contradictions(record, table.rates)
     record, resampled = even_clock(record, lines)
     check_record(record, lines=None if resampled else lines)
-    notes += [*resampled, *_suspicions(record, choices)]
+    notes += resampled
     return ImportedRecording(record, table.form, grounds, tuple(notes), samples, sha256, choices.clipped)
 
 
@@ -166,17 +166,3 @@ def _check_complete(record: Record, lines: Sequence[int] | None) -> None:
             advice = longest(record.time, parts[best : best + 2], step)
             problems.add("", "a record has no gaps", advice)
     problems.raise_if_any()
-
-
-def _suspicions(record: Record, choices: Choices) -> list[str]:
-    """What in the numbers looks like a slip."""
-    position, force = record["input"], record["output"]
-    along = float(np.corrcoef(position, force)[0, 1])
-    with_speed = float(np.corrcoef(np.gradient(position), force)[0, 1])
-    if along < -0.3 or (along < 0.3 and with_speed < -0.3):
-        other = "leave --flip-force out" if choices.flip_force else "--flip-force changes it"
-        return [
-            f"the force falls where position or speed grow (correlations {along:.2f} and {with_speed:.2f}): a tissue's "
-            f"force, counted as it resists, grows; {other} if the sensor counts the other way"
-        ]
-    return []

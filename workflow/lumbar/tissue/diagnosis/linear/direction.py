@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lumbar.records.record import Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.finding import Finding
@@ -24,8 +25,9 @@ _LOSS = 0.1
 """Energy, as the correlation of force and speed, that is no longer a sensor's lag or backlash."""
 _ROUGHER, _SMOOTHER, _MUCH_SMOOTHER = 1.1, 0.95, 0.6
 """Detail of the input in that of the output from which on it is the rougher or the smoother one, or beyond any spring."""
-_BEYOND_MASS = 0.1
-"""By how much a correlation must exceed that of a mass: its force is −|ẋ|²/(|x||ẍ|), correlated with its position."""
+_BEYOND_MASS = 0.2
+"""Share of the force by which spring, damper and mass must explain its opposite better. The force of a mass alone falls where the
+position grows, with the correlation −|ẋ|²/(|x||ẍ|)."""
 _ALONG = 0.3
 """Correlation of force and position above which energy given may be a lag."""
 _BLOCKS = 12
@@ -47,8 +49,8 @@ class _Pair:
 
     `energy` is the correlation of the output with the input's speed and `swapped_energy` that of the input with the
     output's, `blocks` and `swapped_blocks` these energies in stretches of the record, `roughness` the detail of the
-    input in that of the output, `correlation` that of both, `spread` how broad the input's band is (|x||ẍ|/|ẋ|², 1 of
-    a sine), `jump` and `follows` the largest steps of both.
+    input in that of the output, `correlation` that of both, `as_counted` and `turned` the share of the output, as it is
+    counted and of the other sign, that a spring, a damper and a mass explain, `jump` and `follows` the largest steps of both.
     """
 
     energy: float
@@ -57,7 +59,8 @@ class _Pair:
     swapped_blocks: np.ndarray
     roughness: float
     correlation: float
-    spread: float
+    as_counted: float
+    turned: float
     jump: float
     follows: float
     held: bool
@@ -83,10 +86,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
             f"next, and the {experiment.output_quantity} follows it smoothly: no position moves so, a command does"
         )
         return _direction(experiment, layout, reason, jump)
-    energy, swapped, roughness, correlation, spread = (
-        float(np.median([getattr(pair, name) for pair in pairs]))
-        for name in ("energy", "swapped_energy", "roughness", "correlation", "spread")
-    )
+    swapped, roughness = (_median(pairs, name) for name in ("swapped_energy", "roughness"))
     surely_taken = _standard_errors([pair.swapped_blocks for pair in pairs]) > _SURE
     if surely_taken and swapped > _LOSS and roughness > _ROUGHER:
         reason = (
@@ -95,22 +95,35 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
             "sensor slower than the motion)"
         )
         return _direction(experiment, layout, reason, roughness)
+    reason, value = _of_other_sign(pairs, experiment.input_quantity, experiment.output_quantity)
+    return _sign(experiment, layout, reason, value) if reason else None
+
+
+def of_other_sign(record: Record) -> str:
+    """Why the force of a record of position and force is surely counted against the motion; empty where it is not."""
+    channels = record.channels["input"], record.channels["output"]
+    pair = _pair(*(channel.values for channel in channels))
+    return _of_other_sign([pair], *(channel.quantity for channel in channels))[0]
+
+
+def _of_other_sign(pairs: list[_Pair], position: str, force: str) -> tuple[str, float]:
+    energy, roughness, correlation, as_counted, turned = (
+        _median(pairs, name) for name in ("energy", "roughness", "correlation", "as_counted", "turned")
+    )
     surely_given = _standard_errors([pair.blocks for pair in pairs]) < -_SURE
     detailed = roughness < _MUCH_SMOOTHER or (roughness < _SMOOTHER and correlation < _ALONG)
     against = roughness < _ROUGHER and correlation < -_ALONG
     if surely_given and energy < -_LOSS and (detailed or against):
-        reason = (
-            f"over the records the material gives energy in place of taking it (correlation of {experiment.output_quantity} "
-            f"and speed {energy:+.2f})"
-        )
-        return _sign(experiment, layout, reason, energy)
-    if correlation < -(1 / spread + _BEYOND_MASS):
-        reason = (
-            f"the {experiment.output_quantity} falls where the {experiment.input_quantity} grows (correlation "
-            f"{correlation:+.2f}), and no material at rest pulls away from its rest"
-        )
-        return _sign(experiment, layout, reason, correlation)
-    return None
+        reason = f"the material gives energy in place of taking it (correlation of {force} and speed {energy:+.2f})"
+        return f"over the records {reason}", energy
+    if correlation < 0 and turned > as_counted + _BEYOND_MASS:
+        falls = f"the {force} falls where the {position} grows (correlation {correlation:+.2f})"
+        return f"{falls}, and no material at rest pulls away from its rest", correlation
+    return "", 0.0
+
+
+def _median(pairs: list[_Pair], name: str) -> float:
+    return float(np.median([getattr(pair, name) for pair in pairs]))
 
 
 def _pair(position: np.ndarray, force: np.ndarray) -> _Pair:
@@ -128,7 +141,8 @@ def _pair(position: np.ndarray, force: np.ndarray) -> _Pair:
         swapped_blocks=_in_blocks(first * rate),
         roughness=_detail(first, speed) / _detail(second, rate),
         correlation=_correlation(first, second),
-        spread=_detail(speed, np.gradient(speed)) / _detail(first, speed),
+        as_counted=_resisted(second, first, speed),
+        turned=_resisted(-second, first, speed),
         jump=jump,
         follows=follows,
         held=bool(np.mean(steps == 0) > _FEWEST_RESTING),
@@ -149,6 +163,16 @@ def _detail(signal: np.ndarray, rate: np.ndarray) -> float:
 def _correlation(one: np.ndarray, other: np.ndarray) -> float:
     size = float(np.sqrt((one @ one) * (other @ other)))
     return float(one @ other) / size if size > 0 else 0.0
+
+
+def _resisted(force: np.ndarray, position: np.ndarray, speed: np.ndarray) -> float:
+    """Share of a force that a spring, a damper and a mass explain, none of them negative."""
+    from scipy.optimize import nnls
+
+    columns = [signal - signal.mean() for signal in (position, speed, np.gradient(speed))]
+    columns = np.column_stack([signal / max(float(np.std(signal)), 1e-300) for signal in columns])
+    size = float(np.linalg.norm(force))
+    return 1 - (nnls(columns, force / size)[1]) ** 2 if size > 0 else 0.0
 
 
 def _in_blocks(power: np.ndarray) -> np.ndarray:
