@@ -74,15 +74,17 @@ def late(s):
     return (0.5 + 0.9 * s / (s + 1 / 0.15)) * np.exp(-0.023 * s)
 
 
-def experiment(impedance, sigma: float = SIGMA, step: float = 0.01, extra=lambda position: 0.0):
-    """A training record and two unseen ones; `extra` is added to the force."""
+def experiment(
+    impedance, sigma: float = SIGMA, step: float = 0.01, extra=lambda position: 0.0, clock: float = 1.0
+):
+    """A training record and two unseen ones; `extra` is added to the force; what takes a second is told to take `clock`."""
     records = []
     for name, seed, seconds in (("training", 1, 60.0), ("second", 2, 20.0), ("third", 3, 20.0)):
         position = motion(seed, seconds, step)
         force = response(impedance, position, step) + extra(position) + 0.04
         force = force + sigma * noise(len(position), seed + 50)
         channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-        records.append(Record(name, np.arange(len(position)) * step, channels))
+        records.append(Record(name, np.arange(len(position)) * step * clock, channels))
     return prepare(records)
 
 
@@ -113,6 +115,12 @@ def test_a_delay_is_found():
     found = linear_dynamics(experiment(late))
     assert found.kind == "delayed"
     assert found.poles.delay == pytest.approx(0.023, abs=5e-4)
+
+
+def test_a_delay_of_minutes_is_found_in_records_of_a_slow_clock():
+    found = linear_dynamics(experiment(late, clock=4096.0))
+    assert found.kind == "delayed"
+    assert found.poles.delay == pytest.approx(0.023 * 4096, rel=0.02)
 
 
 def test_a_base_that_is_right_is_not_made_any_larger():

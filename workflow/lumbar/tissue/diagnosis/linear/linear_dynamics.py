@@ -37,8 +37,8 @@ _DELAYED_ORDER = 1
 """Poles of the model that is also tried behind a delay; higher orders come near small delays by themselves."""
 _DELAYS = (1.0, 4.0, 16.0)
 """Starting delays in samples."""
-_LONGEST_DELAY = 0.3
-"""Seconds."""
+_LONGEST_DELAY = 64.0
+"""Samples: a few cycles of the fastest motion, at the rate that records are searched at."""
 _EVALUATIONS = 15
 _WORTHWHILE = 0.997
 """Share of the squared error that a higher order must leave at most for a still higher one to be tried."""
@@ -221,8 +221,8 @@ def _without_derivatives(data: FitData, fitted: LinearDynamics) -> LinearDynamic
 def _with_delay(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
     """The same poles behind a pure delay, both refined."""
     step = data.motion.sampling_time
-    delays = [delay * step for delay in _DELAYS if delay * step < _LONGEST_DELAY]
-    found = [_solve("delayed", data, replace(fitted.poles, delay=delay), fitted.held) for delay in delays]
+    late = [replace(fitted.poles, delay=delay * step) for delay in _DELAYS]
+    found = [_solve("delayed", data, poles, fitted.held) for poles in late]
     return _refine(data, min(found, key=lambda item: item.squared_error))
 
 
@@ -232,7 +232,7 @@ def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
 
     force, vector = data.whiten(data.force), start.poles.to_vector()
     low, high = _rates_seen(data)
-    bounds = _bounds(start.poles, low, 10 * high)
+    bounds = _bounds(start.poles, low, high)
 
     @lru_cache(maxsize=1)
     def solution(numbers):
@@ -259,7 +259,8 @@ def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
 
 
 def _bounds(poles: Poles, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    delay = [(1e-2 / high, 2 * _LONGEST_DELAY)] if poles.delay else []
+    delay = [(1e-3 / high, _LONGEST_DELAY / high)] if poles.delay else []
+    high = 10 * high
     pairs = [(0.1 * low, 10 * high), (low**2, high**2)] * len(poles.sections)
     bounds = np.array([*delay, *pairs, *[(low, high)] * len(poles.rates)])
     return np.log(bounds[:, 0]) - 1e-9, np.log(bounds[:, 1]) + 1e-9
