@@ -62,6 +62,20 @@ def test_chapters_and_artefacts_are_targets(fresh):
     assert {target: run.jobs.get(target) for target in targets} == dict.fromkeys(targets, 1)
 
 
+def test_braces_in_free_text_are_text(tmp_path):
+    folder, text = copy_project(tmp_path / "project"), "{input.__class__} {lift} {nothing} {} {"
+    person = folder / "config" / "subjects" / "novice.yaml"
+    content = person.read_text(encoding="utf-8")
+    person.write_text(content.replace("experience: novice", f"experience: '{text}'"), encoding="utf-8")
+    free = {"title": text, "survey": {"statement": text}, "runtime": {"compiler_cache": text}}
+    free["stability"] = {"compare": {"groups": [text, "expert"]}}
+    (tmp_path / "study.yaml").write_text(json.dumps(free), encoding="utf-8")
+    run = snakemake(
+        folder, "--dry-run", "--cores", "1", "crate", "--configfile", str(tmp_path / "study.yaml")
+    )
+    assert run.status == 0, run.text[-3000:]
+
+
 def test_the_graph_of_rules_that_is_drawn_is_snakemakes_own(tmp_path):
     folder = copy_project(tmp_path)
     with (folder / "Snakefile").open("a", encoding="utf-8") as snakefile:

@@ -130,7 +130,7 @@ rule examine_claims:
         code=library_code("claims.py"),
         names=list(EVIDENCE),
         synthetic=study.synthetic,
-        groups=list(settings.stability.compare.groups),
+        groups=lambda wildcards: list(settings.stability.compare.groups),
         data=DATA,
     message:
         "Claims: the thesis's values against this run's"

@@ -35,7 +35,6 @@ settings = study.settings
 STUDY = study.name
 ARTEFACTS = study.artefacts
 SHEET = {row.id: row for row in read_artefacts(Path(workflow.basedir) / "config" / "artefacts.tsv")}
-DATA = study.data_label
 CATEGORIES = {
     "twin": "0 Recordings",
     "surgeon": "1 Surgeon motion",
@@ -59,6 +58,11 @@ STAGES = CATEGORIES | {
 QUALITY = ("quality", "quality_of_trials")
 RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
+
+
+def DATA(wildcards):
+    """Words for the data, as a parameter: in a plain text Snakemake would take what stands in braces for wildcards."""
+    return study.data_label
 
 
 def placed(path):

@@ -28,7 +28,7 @@ rule run_crate:
         **job_size(peak_mb=200, seconds=1),
     params:
         study=STUDY,
-        title=settings.title,
+        title=lambda wildcards: settings.title,
         data=DATA,
         source={} if study.synthetic else plain(settings.data_source),
         epoch=DECLARED_EPOCH,

@@ -62,7 +62,7 @@ if study.has("population"):
         params:
             code=library_code("compare_people.py"),
             settings=plain(settings.population),
-            groups=list(settings.stability.compare.groups),
+            groups=lambda wildcards: list(settings.stability.compare.groups),
             labels=study.labels,
             seed=settings.seed,
             data=DATA,

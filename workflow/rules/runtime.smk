@@ -26,7 +26,7 @@ rule warm_compiler:
     params:
         code=library_code("warm_compiler.py"),
         targets=plain(settings.runtime.targets),
-        compiler_cache=settings.runtime.compiler_cache,
+        compiler_cache=lambda wildcards: settings.runtime.compiler_cache,
     message:
         "What the C compiler needs of each platform, once"
     script:

@@ -46,8 +46,8 @@ rule survey_figures:
         **job_size(peak_mb=95, seconds=3),
     params:
         code=library_code("survey_figures.py"),
-        scale_labels=plain(settings.survey.scale_labels),
-        statement=settings.survey.statement,
+        scale_labels=lambda wildcards: plain(settings.survey.scale_labels),
+        statement=lambda wildcards: settings.survey.statement,
         confidence=settings.survey.confidence,
     message:
         "Ratings and best picks of the models as pictures"

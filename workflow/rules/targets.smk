@@ -36,7 +36,7 @@ onsuccess:
     missing = Path(at_hand(f"results/{STUDY}/stability/failures.csv"))
     failed = announcement(missing) if study.has("stability") and missing.is_file() else ""
     print(closing if failed in closing else f"{closing}\n{failed}")
-    print(f"Results of the study {STUDY!r} ({DATA}): {address(f'results/{STUDY}')}")
+    print(f"Results of the study {STUDY!r} ({study.data_label}): {address(f'results/{STUDY}')}")
 
 
 onerror:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from asking import ended
 
+from lumbar.base.errors import InputError
 from lumbar.page_server import own_recordings
-from lumbar.page_server.own_recordings import OwnRecordings
+from lumbar.page_server.own_recordings import OwnDiagnosis, OwnRecordings
 from lumbar.page_server.recording_preview import FIELDS, in_fields
 from lumbar.twin.examples import example_records
 
@@ -76,6 +77,14 @@ def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents, b
     assert written == {
         f"mine/records/{name}" for name in ("multisine.csv", "other.csv", "study.yaml", "imported.json")
     }
+
+
+def test_records_are_not_written_where_a_link_leads(tmp_path, contents):
+    (tmp_path / "own").symlink_to(tmp_path / "elsewhere")
+    held = OwnRecordings("")
+    held.add("a.txt", contents["other.txt"])
+    with pytest.raises(InputError, match=r"own/mine/records: leads by a link to .*elsewhere"):
+        held.save({"choices": {"force_unit": "N"}, "name": "mine"}, OwnDiagnosis(None, tmp_path / "own"))
 
 
 def test_a_diagnosis_is_cancelled(own_tab, served, contents, begin):
@@ -153,13 +162,20 @@ def test_malformed_files_are_refused_in_words(kind):
 def test_names_are_names_and_no_paths(own_tab, served, tmp_path):
     record = example_records()[0]
     content = text_of(record, f"t [ms];{SCRIPT} pos [m];F [N]")
-    for name in ("../../../etc/cron.d/x.txt", "/etc/passwd.txt", "..%5C..%5Cx.txt", f"%3Cb%3E{'x' * 500}"):
+    for name in (
+        "../../../etc/cron.d/x.txt",
+        "/etc/passwd.txt",
+        "..%5C..%5Cx.txt",
+        "con.txt",
+        f"%3Cb%3E{'x' * 500}",
+    ):
         status, state = own_tab(f"file?name={name}", content)
         assert status == 200
     assert all("/" not in item["file"] and len(item["file"]) <= 200 for item in state["files"])
     assert all(re.fullmatch(r"[A-Za-z0-9_.-]+", item["record"]) for item in state["files"])
+    assert "con_" in [item["record"] for item in state["files"]]  # a device on Windows
     assert SCRIPT in json.dumps(state)  # as it stands: the page shows it as text
-    for name in ("../x", "/etc", "a/b", "", ".hidden", "x" * 61, 7, None, "a\0"):
+    for name in ("../x", "/etc", "a/b", "", ".hidden", "x" * 61, "con", "Lpt1", 7, None, "a\0"):
         for action in ("start", "save"):
             status, answer = own_tab(action, {"choices": {}, "name": name})
             assert status == 400 and "letters, digits" in answer["error"]
@@ -206,7 +222,7 @@ def test_too_many_and_large_packed_files_are_refused(monkeypatch):
     held.add("a.csv", b"x")
     held.add("a.csv", b"y")  # in its place
     monkeypatch.setattr(own_recordings, "MOST_FILES", 1)
-    with pytest.raises(own_recordings.InputError, match="1 files are held at most"):
+    with pytest.raises(InputError, match="1 files are held at most"):
         held.add("b.csv", b"")
-    with pytest.raises(own_recordings.InputError, match="unpack it"):
+    with pytest.raises(InputError, match="unpack it"):
         OwnRecordings("").add("b.gz", b"\x1f\x8b" + b"\0" * own_recordings.MOST_PACKED)

@@ -112,6 +112,19 @@ def test_effects_are_kept_after_a_look_at_the_change(tab, explored):
     assert "holds this already" in asked(tab, "keep", "coulomb_friction")[0]["text"]
 
 
+@pytest.mark.parametrize("where", ["out", "out/pictures", "out/refined.json"])
+def test_nothing_is_written_where_a_link_leads(tab, explored, tmp_path, monkeypatch, where):
+    """As in a folder that somebody else prepared."""
+    monkeypatch.setattr(explored, "output", tmp_path / "out")
+    link, elsewhere = tmp_path / where, tmp_path / "elsewhere"
+    link.parent.mkdir(exist_ok=True)
+    elsewhere.mkdir()
+    link.symlink_to(elsewhere)
+    assert f"{link}: leads by a link to {elsewhere}" in asked(tab, "save", "coulomb_friction")[0]["error"]
+    assert not any(elsewhere.iterdir())
+    assert sorted(tmp_path.rglob("*")) == sorted({link.parent, link, elsewhere} - {tmp_path})
+
+
 def test_a_record_is_sketched_between_its_extremes():
     record = example_records()[0]
     sketch = Sketch.of(record)

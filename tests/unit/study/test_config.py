@@ -254,6 +254,22 @@ def test_recordings_cannot_be_named_outside_the_root(config, folder, name):
     assert "without '..'" in message_of(config, folder)
 
 
+def test_names_are_of_files_on_every_system_and_for_snakemake(config, folder):
+    (folder / "data").mkdir()
+    (folder / "data" / "{lift}.csv").write_text("x")
+    config["survey"]["file"] = "{lift}.csv"
+    config["improvement"]["effect_files"] = ["{own}.yaml"]
+    assert "{lift}.csv'; no braces, which Snakemake takes for wildcards" in message_of(
+        recorded(config, "data"), folder
+    )
+    assert "improvement.effect_files.0: '{own}.yaml'; no braces" in message_of(config, folder)
+    config["study"] = "CON"
+    config["tissue"]["records"] = [{"name": "aux.1", "file": "a.csv"}]
+    message = message_of(config, folder)
+    assert "study: 'CON' is a device on Windows, where no file can be called so; allowed: text" in message
+    assert "tissue.records.0.name: 'aux.1' is a device on Windows" in message
+
+
 def test_links_cannot_lead_out_of_the_root(config, folder):
     (folder / "data").mkdir()
     (folder / "secret.csv").write_text("x")

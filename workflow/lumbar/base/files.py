@@ -1,4 +1,4 @@
-"""Writing files whole or not at all, and reading JSON strictly."""
+"""Names of files, writing them whole or not at all, and reading JSON strictly."""
 
 from __future__ import annotations
 
@@ -15,6 +15,48 @@ from lumbar.base.errors import InputError, NumericalError
 
 _TEMPORARY = re.compile(r"\.(?P<file>.+)\.[a-z0-9_]{8}")
 """Folders of `replacing`: the file's name, and eight characters of `tempfile`."""
+
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+
+
+def is_device(name: str) -> bool:
+    """Whether this names a device on Windows, whatever its ending: no file can be called so there.
+
+    Examples
+    --------
+    >>> is_device("con"), is_device("Aux.csv"), is_device("control.csv")
+    (True, True, False)
+    """
+    return _DEVICE.fullmatch(name) is not None
+
+
+def as_name(text: str, otherwise: str, others: str = "_-") -> str:
+    """Return a text with ``_`` for what no name holds: letters, digits and `others` stay; `otherwise` where nothing is left.
+
+    Examples
+    --------
+    >>> as_name("../gait trial 3", "study"), as_name("???", "study"), as_name("con", "study")
+    ('gait_trial_3', 'study', 'con_')
+    """
+    name = re.sub(rf"[^A-Za-z0-9{re.escape(others)}]+", "_", text).strip(others) or otherwise
+    return f"{name}_" if is_device(name) else name
+
+
+def refuse_links(folder: str | os.PathLike) -> None:
+    """Refuse a folder that is to be written to where a link leads out of it, or on the way to it elsewhere.
+
+    Raises
+    ------
+    InputError
+        Naming the link.
+    """
+    place = Path(folder).absolute()
+    links = [place, *(path for path in place.rglob("*") if path.is_symlink())]
+    for path in links:
+        if not path.resolve().is_relative_to(place):
+            raise InputError(
+                f"{path}: leads by a link to {path.resolve()}; nothing is written there: remove the link"
+            )
 
 
 @contextlib.contextmanager

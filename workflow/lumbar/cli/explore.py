@@ -38,6 +38,7 @@ def run_explore(options) -> None:
     from lumbar.page_server.server import new_server
     from lumbar.study.load_study import DEFAULT_FILES
 
+    options.output = options.output and options.output.resolve()  # what a person names may be a link
     if options.target is not None and options.target.is_dir():
         lifts = _lifts_of_folder(options)
         sets, own = ([], None) if lifts else _of_folder(options)

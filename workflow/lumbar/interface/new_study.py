@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError
+from lumbar.base.files import as_name, write_text
 from lumbar.interface.lift import marker_files
 from lumbar.interface.marker_set import MarkerSet, alias_text, joined_aliases, marker_set
 from lumbar.records.marker_file import NoMarkers
@@ -91,8 +92,6 @@ class NewStudy:
         InputError
             If one of them is there: what a person filled in is not written over.
         """
-        from lumbar.base.files import write_text
-
         paths = [Path(project) / name for name in self.files]
         there = [str(path) for path in paths if path.exists()]
         if there:
@@ -129,7 +128,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
-    name = _as_name(name or folder.resolve().name)
+    name = as_name(name or folder.resolve().name, "study")
     found = [_looked_at(path, folder, name) for path in marker_files(folder, tables=True)]
     recordings = [item for item in found if item is not None]
     read = [item for item in recordings if not item.problem]
@@ -153,14 +152,10 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
     return NewStudy(name, files, recordings)
 
 
-def _as_name(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_-") or "study"
-
-
 def _looked_at(path: Path, folder: Path, study: str) -> FoundRecording | None:
     """What is in one file; None for a table without markers."""
     below = path.relative_to(folder)
-    person = study if len(below.parts) == 1 else f"{study}_{_as_name(below.parts[0])}"
+    person = study if len(below.parts) == 1 else f"{study}_{as_name(below.parts[0], 'study')}"
     try:
         recording, unit = _read(path)
         found = marker_set(recording)

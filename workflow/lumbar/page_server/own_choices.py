@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import is_device
 from lumbar.settings.key import NAME
 
 if TYPE_CHECKING:
@@ -73,8 +74,10 @@ def _number(value: Any, option: str) -> float:
 
 def checked_name(given: Any) -> str:
     """Return the name of a set, which names a folder."""
-    if not isinstance(given, str) or len(given) > 60 or not re.fullmatch(NAME, given):
-        raise InputError(f"name {given!s:.60}: up to 60 letters, digits, _ and - are needed")
+    if not isinstance(given, str) or len(given) > 60 or not re.fullmatch(NAME, given) or is_device(given):
+        raise InputError(
+            f"name {given!s:.60}: up to 60 letters, digits, _ and - are needed, and no device of Windows"
+        )
     return given
 
 

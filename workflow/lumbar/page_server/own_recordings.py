@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import refuse_links
 from lumbar.interface.importing import ForeignFile, ImportedRecordings, import_recordings
 from lumbar.page_server.background import WRITING, page_message
 from lumbar.page_server.own_choices import LONGEST_TEXT, checked_choices, checked_name, checked_training
@@ -186,7 +187,9 @@ class OwnRecordings:
         with self._one_at_a_time, WRITING:
             self.choices = checked_choices(asked.get("choices") or {})
             imported, name = self._imported(), checked_name(asked.get("name"))
-            study = imported.save(own.output / name / "records")
+            folder = own.output / name / "records"
+            refuse_links(folder)
+            study = imported.save(folder)
             return f"{len(imported)} records and {study.name} written to {study.parent}; next: {imported.next_command(study)}"
 
 

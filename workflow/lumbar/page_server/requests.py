@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import refuse_links
 from lumbar.page_server.background import DRAWING, WRITING, page_message
 from lumbar.page_server.served_sets import ExploredSet
 from lumbar.page_server.study_change import Change
@@ -156,6 +157,7 @@ def save_refinement(refit: Refinement, folder) -> list[str]:
     """Write the model, its tables and figures, and its FMUs; return the files' names."""
     from lumbar.interface.device import export_fmu
 
+    refuse_links(folder)
     with WRITING, DRAWING:
         refit.save(folder)
         refit.compare().save(folder)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal, get_args
 
 from lumbar.base.errors import InputError
-from lumbar.settings.key import NAME, UNIQUE, key, required, settings
+from lumbar.settings.key import UNIQUE, FolderName, key, required, settings
 from lumbar.settings.layout import ColumnLayout, RecordSettings
 
 TissueBase = Literal[
@@ -32,7 +32,7 @@ def system_of(base: str) -> Literal["tissue", "pendulum"]:
 class RecordSetSettings:
     """One set of records that is diagnosed."""
 
-    name: str = required("Name of the set and its folder.", pattern=NAME)
+    name: FolderName = required("Name of the set and its folder.")
     base: TissueBase | Literal["pendulum"] | None = key(
         "Base model of this set, instead of improvement.base. The records of a pendulum are read by "
         "lifting.moment_layout, all others by tissue.layout.",

@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
+from lumbar.base.files import is_device
+
 SEED = 2023
 
 
@@ -97,9 +99,27 @@ class Unique:
 
 
 UNIQUE = Unique()
+
+
+class NoDevice:
+    """No name of a device, for ``Annotated``: files of that name cannot be copied to Windows."""
+
+    def __get_pydantic_core_schema__(self, kind, handler):
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_after_validator_function(self._check, handler(kind))
+
+    @staticmethod
+    def _check(name: str) -> str:
+        if is_device(name):
+            raise ValueError(f"{name!r} is a device on Windows, where no file can be called so")
+        return name
+
+
 Positive = Annotated[float, Each(gt=0)]
 Word = Annotated[str, Each(min_length=1)]
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
 """Names that become folders: a letter or digit, then letters, digits, ``_`` and ``-``."""
-RECORD_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+FolderName = Annotated[str, Each(pattern=NAME), NoDevice()]
+RecordName = Annotated[str, Each(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"), NoDevice()]
 """Names of records, which may hold a point."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Union
 
-from lumbar.settings.key import RECORD_NAME, UNIQUE, Each, key, required, settings
+from lumbar.settings.key import UNIQUE, Each, RecordName, key, required, settings
 
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
@@ -128,7 +128,7 @@ class MarkerLayout:
 class RecordSettings:
     """One recording of a column file."""
 
-    name: str = required("Name of the record in tables and file names.", pattern=RECORD_NAME)
+    name: RecordName = required("Name of the record in tables and file names.")
     file: str = required("File below data_root.", min_length=1)
     period_s: float | None = key(
         "Period of the excitation, where it is periodic.", default=None, unit="s", gt=0

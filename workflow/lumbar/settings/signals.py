@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from lumbar.settings.key import RECORD_NAME, key, required, section, settings
+from lumbar.settings.key import RecordName, key, required, section, settings
 from lumbar.settings.layout import ColumnLayout, columns
 
 
@@ -12,9 +12,7 @@ from lumbar.settings.layout import ColumnLayout, columns
 class SurgeonRecord:
     """One trial."""
 
-    name: str = required(
-        "Name of the trial, each once (pooled is the name of the mean).", pattern=RECORD_NAME
-    )
+    name: RecordName = required("Name of the trial, each once (pooled is the name of the mean).")
     file: str = required("Recording, below the data root.", min_length=1)
     surgeon: str = required("Who moved the tool; trials of one surgeon are resampled together.", min_length=1)
 

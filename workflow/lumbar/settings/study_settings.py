@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.key import NAME, SEED, UNIQUE, key, required, section, settings
+from lumbar.settings.key import SEED, UNIQUE, FolderName, key, required, section, settings
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.population import PopulationSettings
 from lumbar.settings.pushes import PerturbationsSettings, PushesSettings
@@ -46,10 +46,9 @@ class SourceSettings:
 class StudySettings:
     """The whole configuration of a study."""
 
-    study: str = key(
+    study: FolderName = key(
         "Name of the study and of its folder in results/: letters, digits, _ and -.",
         default="study",
-        pattern=NAME,
     )
     title: str = key("One line that stands in the report.", default="")
     data: Literal["twin", "recordings"] = key(

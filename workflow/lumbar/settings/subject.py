@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from lumbar.settings.key import NAME, key, required, settings
+from lumbar.settings.key import FolderName, key, required, settings
 
 
 @settings
@@ -51,7 +51,7 @@ class TrialSettings:
 class SubjectSettings:
     """One person (a file of config/subjects); given to the workflow by itself, this person runs alone."""
 
-    name: str = required("The file's name.", pattern=NAME)
+    name: FolderName = required("The file's name.")
     sex: Literal["female", "male", "unknown"] = required(
         "female, male or unknown; picks the segment table where it differs."
     )

@@ -125,9 +125,15 @@ def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> Non
     add : callable
         Takes key, what was found and what is allowed.
     """
+    for number, file in enumerate(improvement.effect_files):
+        if set("{}") & set(file):
+            add(f"improvement.effect_files.{number}", repr(file), _NO_BRACES)
     if improvement.effects or improvement.effect_files:
         files, base = improvement.effect_files, improvement.base
         _check_effects(improvement.effects, "improvement.effects", files, base, root, add)
+
+
+_NO_BRACES = "no braces, which Snakemake takes for wildcards: rename it"
 
 
 def _check_effects(
@@ -253,7 +259,10 @@ def _check_recordings(study: Study, add: Add) -> None:
     for chapter, files in recordings_of(study).items():
         for name in files:
             path = Path(name)
-            if path.is_absolute() or ".." in path.parts:
+            place = f"{study.data_root or 'twin'}/{name}"
+            if set("{}") & set(place):
+                add(chapter, f"file {place!r}", _NO_BRACES)
+            elif path.is_absolute() or ".." in path.parts:
                 add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
             elif isinstance(study.data_root, Path):
                 found = (study.data_root / path).resolve()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import io
-import re
 from pathlib import Path
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import as_name
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.text_table import read_text, table_of_lines
 from lumbar.records.unpacking import check_zip, unpack
@@ -109,4 +109,4 @@ def _reader(content: bytes, path: Path):
 def record_name(path: Path) -> str:
     """Name of a file's record: the file's without endings, with ``_`` for what a name may not hold."""
     stem = Path(path.name.removesuffix(".gz")).stem
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).strip("_.-") or "record"
+    return as_name(stem, "record", "_.-")

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lumbar.base.errors import InputError
-from lumbar.base.files import read_json, write_csv, write_json, write_text
+from lumbar.base.files import as_name, read_json, write_csv, write_json, write_text
 from lumbar.records.importing.recording import ImportedRecording
 
 SCHEMA = "lumbar.import/1"
@@ -141,7 +141,7 @@ def study_text(content: dict, folder: Path) -> str:
     if not records:
         return ""
     folder = folder.resolve()
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", folder.name).strip("_-") or "study"
+    name = as_name(folder.name, "study")
     sources = ", ".join(Path(entry["source"]).name for entry in records)
     label = content["data"] or f"recordings {folder.name}"
     longest = max(records, key=lambda entry: entry["duration_s"])

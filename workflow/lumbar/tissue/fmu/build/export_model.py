@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import NumericalError, Problems
+from lumbar.base.files import is_device
 from lumbar.tissue.fmu.build.effect_model import EffectModel, effect_model
 from lumbar.tissue.fmu.build.guards import UNGUARDED, Guards
 from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
@@ -26,8 +27,6 @@ AS_IN_THESIS = "-thesis"
 _LARGEST_N = 15.0
 """Force in N that the thesis's device gives for a moment."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
-_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
-"""What no file can be called on Windows, whatever its ending."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class ExportModel:
 
     def __post_init__(self):
         problems = Problems(f"model {self.name!r}")
-        if not _NAME.fullmatch(self.name) or _DEVICE.fullmatch(self.name):
+        if not _NAME.fullmatch(self.name) or is_device(self.name):
             allowed = "a letter, then letters, digits, _ . + -, at most 200, and no device of Windows"
             problems.add("name", repr(self.name), f"{allowed} (it becomes a file name)")
         if not (self.moving_average >= 1 and self.history <= MAX_HISTORY):
