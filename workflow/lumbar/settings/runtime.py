@@ -49,6 +49,18 @@ class DeviceSettings:
         unit="ms",
         within="[0, 1000]",
     )
+    jitter_percent: float = key(
+        "How far the time from a tick of the servo to the next may be from the even one, in percent of it; models are judged "
+        "in the worst of these timings.",
+        default=0.0,
+        unit="%",
+        within="[0, 90]",
+    )
+    missed_ticks: int = key(
+        "Most ticks in a row that the servo may leave out; models are judged in the worst case.",
+        default=0,
+        within="[0, 20]",
+    )
     encoder_um: float = key(
         "Resolution of the position that the device reads; 0 is exact.", default=30.0, unit="µm", ge=0
     )

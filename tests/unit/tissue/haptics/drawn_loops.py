@@ -1,9 +1,13 @@
-"""Models and devices drawn at random, soft to stiff and slow to fast."""
+"""Models and devices drawn at random, soft to stiff and slow to fast, and how their loops move in time."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
+from lumbar.tissue.haptics.servo import TissueForce
+from lumbar.tissue.haptics.simulation import difference_equation, simulate
 
 
 def drawn_device(rng: np.random.Generator) -> DeviceSettings:
@@ -37,3 +41,13 @@ def drawn_model(rng: np.random.Generator) -> SampledModel:
     ).max()
     model = SampledModel("drawn", stiffness / size * numerator, denominator, period)
     return model.late(float(rng.choice([0.0, rng.uniform(0.0, 1.5) * period])))
+
+
+def growth(model: SampledModel, intervals, device, delay: float = 0.0, seconds: float = 4.0) -> float:
+    """By how much the force moves more in the second half of a time than in the first, behind the push."""
+    tick = TissueForce(difference_equation(model), model.sampling_time)
+    exact = replace(device, encoder_um=0.0)
+    run = simulate(tick, intervals, exact, np.inf, delay=delay, duration=0.3 + seconds)
+    moving = run.samples[-int(seconds / np.mean(intervals)) :]
+    first, second = np.array_split(np.diff(moving), 2)
+    return float(np.ptp(second) / np.ptp(first))

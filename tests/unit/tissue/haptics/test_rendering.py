@@ -23,7 +23,7 @@ from lumbar.tissue.haptics.device_table import with_device
 from lumbar.tissue.haptics.judgement import analyse, judge, judge_exported, judge_fmu, run_loop
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
-from lumbar.tissue.haptics.tick_sequence import largest_pole
+from lumbar.tissue.haptics.ticks.sequence import largest_pole
 from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.model_data import FittedParameter
 from study_settings import changed

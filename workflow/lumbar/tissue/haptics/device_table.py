@@ -31,8 +31,10 @@ _DEFINITIONS = {
     "passive": "Whether the device has that damping, and the simulation comes to rest",
     "largest_stable_gain": (
         "Factor on the model's force below which the loop with device and hand is stable for every factor from 0 on; "
-        "exact for the held force; below 1 the model itself is unstable in this hand; empty where no factor is too large"
+        "exact for the held force; below 1 the model itself is unstable in this hand; empty where no factor is too large; with "
+        "uneven ticks that of the worst timing that was found"
     ),
+    "proved_gain": "Factor up to which the loop is proved to be stable whenever the ticks come; empty where they are even",
     "stable": "Whether it is above 1, and the simulation comes to rest: where both differ the worse counts",
     "lowest_passive_rate_Hz": (
         f"Lowest rate, from that of identification to {FASTEST_HZ:g} Hz, from which on the device is passive with the model; "
@@ -67,6 +69,7 @@ def device_table(
             "damping_needed_N_s_m": finite(item.analysis.damping),
             "passive": _yes(item.passive),
             "largest_stable_gain": finite(item.analysis.gain),
+            "proved_gain": item.analysis.proved_gain if item.analysis.timings else None,
             "stable": _yes(item.stable),
             "lowest_passive_rate_Hz": item.lowest_passive_rate,
             "lowest_stable_rate_Hz": item.lowest_stable_rate,
@@ -82,6 +85,7 @@ def device_table(
         {
             "damping_needed_N_s_m",
             "largest_stable_gain",
+            "proved_gain",
             "lowest_passive_rate_Hz",
             "lowest_stable_rate_Hz",
             "oscillation_Hz",
@@ -110,6 +114,7 @@ def device_table(
             "rate_Hz": 0,
             "damping_needed_N_s_m": 2,
             "largest_stable_gain": 2,
+            "proved_gain": 2,
             "lowest_passive_rate_Hz": 0,
             "lowest_stable_rate_Hz": 0,
             "oscillation_Hz": 1,
@@ -127,9 +132,11 @@ def device_text(device: DeviceSettings) -> str:
     hand += f", {device.hand_mass_kg:g} kg" if device.hand_mass_kg else ""
     friction = f", {device.friction_N:g} N of dry friction" if device.friction_N else ""
     delay = f", forces {device.delay_ms:g} ms late" if device.delay_ms else ""
+    jitter = f", ticks up to {device.jitter_percent:g} % early or late" if device.jitter_percent else ""
+    missed = f", up to {device.missed_ticks} in a row left out" if device.missed_ticks else ""
     return (
-        f"Device: {device.mass_kg:g} kg, {device.damping_N_s_m:g} N·s/m{friction}, servo at {device.rate_Hz:g} Hz, encoder "
-        f"of {device.encoder_um:g} µm{delay}; hand: {hand}."
+        f"Device: {device.mass_kg:g} kg, {device.damping_N_s_m:g} N·s/m{friction}, servo at {device.rate_Hz:g} Hz{jitter}"
+        f"{missed}, encoder of {device.encoder_um:g} µm{delay}; hand: {hand}."
     )
 
 

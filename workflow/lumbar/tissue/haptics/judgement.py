@@ -27,7 +27,7 @@ from lumbar.tissue.haptics.simulation import (
     simulate,
 )
 from lumbar.tissue.haptics.stable_share import StableShare, stable_share
-from lumbar.tissue.haptics.tick_sequence import in_ticks
+from lumbar.tissue.haptics.ticks.sequence import in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
 
 if TYPE_CHECKING:
@@ -55,11 +55,16 @@ class Analysis:
     that begins there."""
     loop: str
     """Name of the loop that gain is of: of a model with effects which linearisation."""
+    timings: int = 0
+    """How many timings were looked at; 0 where ticks are even. `gain` is that of the worst."""
+    even_gain: float = 0.0
+    proved_gain: float = 0.0
+    """`even_gain`, `proved_gain`: that of even ticks, and the one up to which every timing is proved to be stable."""
 
     @property
     def passive(self) -> bool:
-        """Whether the device is passive with the model, in any passive hand."""
-        return self.damping <= self.device.damping_N_s_m and self.stable
+        """Whether the device is passive with the model, in any passive hand; with uneven ticks that is not known."""
+        return self.damping <= self.device.damping_N_s_m and self.stable and not self.timings
 
     @property
     def stable(self) -> bool:
@@ -76,19 +81,34 @@ class Analysis:
     @property
     def finding(self) -> str:
         """What the analysis alone says."""
-        state = "stable in this hand, not passive" if self.stable else "UNSTABLE"
-        return f"{self.name} at {self.clocks}: {'passive in any hand' if self.passive else state} ({self.numbers})"
+        return f"{self.name} at {self.clocks}: {self.state} ({self.numbers})"
+
+    @property
+    def state(self) -> str:
+        """The verdict of the analysis in words."""
+        if self.passive:
+            return "passive in any hand"
+        if not self.stable:
+            return "UNSTABLE" + (" where ticks are uneven" if self.even_gain > 1.0 else "")
+        if not self.timings:
+            return "stable in this hand, not passive"
+        if self.proved_gain >= 1.0:
+            return "stable in this hand whenever ticks come"
+        return f"stable in this hand in the worst of {self.timings} timings, which is no proof"
 
     @property
     def numbers(self) -> str:
         """A few words on damping and gain."""
-        needs = f"it needs {self.damping:.3g} N·s/m to be passive"
+        least, most = ("at least ", "at most ") if self.timings else ("", "")
+        needs = f"it needs {least}{self.damping:.3g} N·s/m to be passive"
         if np.isinf(self.damping):
             needs = "no damping makes it passive: its static stiffness is negative"
+        if self.timings:
+            needs += f"; all timings are proved to be stable up to a gain of {self.proved_gain:.3g}"
         if self.gain == 0 or np.isinf(self.gain):
             return f"{needs}; no gain is {'too large' if self.gain else 'stable'}"
         begins = f"it oscillates at {self.gain_frequency:.3g} Hz" if self.gain_frequency else "it runs away"
-        return f"{needs}; largest stable gain {self.gain:.3g}, where {begins}"
+        return f"{needs}; largest stable gain {most}{self.gain:.3g}, where {begins}"
 
 
 def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
@@ -98,7 +118,15 @@ def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
     gain = min(gains)
     loop = model.loops[gains.index(gain)].name
     rate = 1.0 / model.sampled[0].sampling_time
-    return Analysis(model.name, rate, device, worst.damping, worst.frequency, *gain, loop)
+    found = Analysis(model.name, rate, device, worst.damping, worst.frequency, *gain, loop)
+    if not model.timings:
+        return found
+    return replace(
+        found,
+        timings=sum(item.tried for item in model.timings),
+        even_gain=min(gains[: -len(model.timings)])[0],
+        proved_gain=min(item.proved for item in model.timings),
+    )
 
 
 def run_loop(
@@ -115,14 +143,16 @@ def run_loop(
         From a position to its force in the model's units, sample by sample: the FMU itself. A model with effects needs it;
         a linear one is simulated by its difference equation without it.
     """
-    first = in_ticks(model.loops[0])
-    bounded = all(largest_stable_gain(item, device)[0] > 1.0 for item in model.loops)
+    gains = [largest_stable_gain(item, device)[0] for item in model.loops]
+    bounded = min(gains) > 1.0
+    # Ticks are alike, or the worst there may be.
+    ticks = in_ticks(model.loops[int(np.argmin(gains))]).ticks()
     ripple = max((encoder_ripple if bounded else one_step)(item, device) for item in model.of_large_motion)
     sampled = model.sampled[0]
     step = difference_equation(sampled) if force_of is None else model.in_loop(force_of)
     tick = TissueForce(step, sampled.sampling_time)
     delay = 1e-3 * device.delay_ms
-    return simulate(tick, first.intervals, device, model.limit, delay=delay, ripple=ripple, push_mm=push_mm)
+    return simulate(tick, ticks, device, model.limit, delay=delay, ripple=ripple, push_mm=push_mm)
 
 
 @dataclass(frozen=True)
@@ -155,13 +185,11 @@ class Judgement:
     def finding(self) -> str:
         """The verdict, which of both decided where they differ, and the numbers of both."""
         analysis, run = self.analysis, self.run
-        state = "passive in any hand" if self.passive else "stable in this hand, not passive"
-        if not self.stable:
-            state = "UNSTABLE"
-            if run.calm:
-                state += f" by its linearisation{analysis.loop.removeprefix(analysis.name)}"
-            elif analysis.stable:
-                state += " by the simulation"
+        state = analysis.state
+        if run.calm and not analysis.stable:
+            state += f" by its linearisation{analysis.loop.removeprefix(analysis.name)}"
+        elif analysis.stable and not run.calm:
+            state = "UNSTABLE by the simulation"
         hands = f"; {self.hands.finding}" if self.hands else ""
         return f"{analysis.name} at {analysis.clocks}: {state} ({analysis.numbers}; simulated, {run.outcome}{hands})"
 

@@ -26,7 +26,8 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
-from lumbar.tissue.haptics.tick_sequence import PeriodicModel, in_ticks
+from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, in_ticks
+from lumbar.tissue.haptics.ticks.uneven import even
 from lumbar.tissue.models.fitted_model import FittedModel
 
 _REFINED, _FEWEST = 101, 12
@@ -87,7 +88,7 @@ _SCANNED, _HALVINGS, _POINTS = 8, 8, 400
 
 
 def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float | None, float | None]:
-    """Lowest rates in Hz for a passive and a stable loop of a transfer function, on a servo that is as fast as the model.
+    """Lowest rates in Hz for a passive and a stable loop of a transfer function, on an even servo that is as fast as the model.
 
     Returns
     -------
@@ -101,7 +102,7 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
     def loop_at(rate: float) -> SampledModel | None:
         """The model at a rate; None where it has no counterpart there."""
         try:
-            return render_model(export_at(model, settings, rate), replace(device, rate_Hz=rate)).loops[0]
+            return render_model(export_at(model, settings, rate), even(device, rate)).loops[0]
         except (InputError, NumericalError):
             return None
 
@@ -167,7 +168,7 @@ def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
 
 
 def _needed(model: FittedModel, rate: float, settings: RuntimeSettings) -> float:
-    device = replace(settings.device, rate_Hz=rate)
+    device = even(settings.device, rate)
     try:
         return required_damping(
             render_model(export_at(model, settings, rate), device).loops[0], _POINTS

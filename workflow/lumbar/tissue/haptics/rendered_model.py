@@ -15,7 +15,8 @@ from lumbar.tissue.fmu.conventions import work_units
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.servo import on_servo
 from lumbar.tissue.haptics.simulation import Step
-from lumbar.tissue.haptics.tick_sequence import PeriodicModel
+from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
+from lumbar.tissue.haptics.ticks.uneven import WorstTiming, worst_timing
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import Port
 
@@ -57,7 +58,9 @@ class RenderedModel:
     sampled: tuple[SampledModel, ...]
     """The model, or its linearisations, at the FMU's own samples, in N/m."""
     loops: tuple[SampledModel | PeriodicModel, ...]
-    """The same as the servo of the device meets them."""
+    """The same as the servo of the device meets them, with ticks that are uneven in their worst timings too."""
+    timings: tuple[WorstTiming, ...]
+    """Those timings; empty where ticks are even."""
     metre: float
     newton: float
     """`metre`, `newton`: one unit of the model's input in m, one of its output in N, positive where it resists as it is
@@ -153,7 +156,10 @@ def in_units(
     signed = resistance * newton
     sampled = tuple(item.scaled(signed / metre) for item in found)
     loops = tuple(loop for item in sampled for loop in on_servo(item, device, held=held))
-    return RenderedModel(name, sampled, loops, metre, signed, input, output, newton * limit)
+    uneven = device.jitter_percent or device.missed_ticks
+    timings = tuple(worst_timing(item, device, held=held) for item in sampled) if uneven else ()
+    loops += tuple(item.loop for item in timings)
+    return RenderedModel(name, sampled, loops, timings, metre, signed, input, output, newton * limit)
 
 
 def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:

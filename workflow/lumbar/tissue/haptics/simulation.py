@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
-from itertools import cycle, islice
+from itertools import cycle
 
 import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, propagation
-from lumbar.tissue.haptics.tick_sequence import PeriodicModel, in_ticks
+from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, in_ticks
 
 PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
 """The hand's push: depth, time of its flank of half a cosine, and how long all is watched."""
@@ -113,7 +113,7 @@ def difference_equation(model: SampledModel) -> Step:
 
 def simulate(
     tick: Callable[[float, float], float],
-    intervals: Sequence[float],
+    intervals: Iterable[float],
     device: DeviceSettings,
     limit: float,
     *,
@@ -129,7 +129,7 @@ def simulate(
     tick : callable
         From the time in seconds and the position in m to the force against the motion in N, such as `TissueForce`; its
         memory moves on.
-    intervals : sequence of float
+    intervals : iterable of float
         Seconds from tick to tick, again and again.
     limit : float
         Largest force in N.
@@ -148,7 +148,9 @@ def simulate(
     velocity = 0.0 if device.hand_stiffness_N_m else 1e-3 * push_mm / PUSH_S
     position = acting = time = 0.0
     points, samples, coming = [], [], deque()
-    for interval in islice(cycle(intervals), round(duration * len(intervals) / sum(intervals))):
+    for interval in cycle(intervals):
+        if time > duration - interval / 2.0:
+            break
         read = round(position / resolution) * resolution if resolution else position
         samples.append(min(max(tick(time, read), -limit), limit))
         coming.append((time + delay, samples[-1]))

@@ -11,7 +11,7 @@ from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.passive_fit import Branches
 from lumbar.tissue.haptics.rendered_model import RenderedModel
 from lumbar.tissue.haptics.servo import on_servo
-from lumbar.tissue.haptics.tick_sequence import in_ticks
+from lumbar.tissue.haptics.ticks.sequence import in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
 
 _PARAMETERS = ("spring_stiffness", "branch_stiffness", "relaxation_time")
@@ -125,4 +125,5 @@ def _loops_of(
         np.array(drawn.denominator),
         nominal.sampling_time,
     )
-    return [in_ticks(loop) for loop in on_servo(model, device)]
+    uneven = [replace(item.loop, model=model) for item in meets.timings]
+    return [in_ticks(loop) for loop in on_servo(model, device)] + uneven

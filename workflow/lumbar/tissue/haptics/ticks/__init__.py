@@ -1,0 +1,1 @@
+"""Ticks of a servo among the samples of an FMU: one, repeating ones, uneven ones."""
