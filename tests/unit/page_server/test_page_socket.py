@@ -24,12 +24,12 @@ def opened(served):
     return served.get("/records")[2]
 
 
-def sent(served, opened, *fragments, kind="PATCH-DOC", **header):
+def sent(visitors, opened, *fragments, kind="PATCH-DOC", **header):
     """Send a message as the page does; kind and content of the answer, None where the line was closed."""
 
     async def talk():
-        address = f"{HOST}:{served.visitors.port}"
-        headers = {"Cookie": cookie(served.visitors), "Origin": f"http://{address}"}
+        address = f"{HOST}:{visitors.port}"
+        headers = {"Cookie": cookie(visitors), "Origin": f"http://{address}"}
         token = re.search(r'"token":"([^"]+)"', opened)[1]
         line = await websocket_connect(
             HTTPRequest(f"ws://{address}/records/ws", headers=headers), subprotocols=["bokeh", token]
@@ -50,13 +50,13 @@ def sent(served, opened, *fragments, kind="PATCH-DOC", **header):
 @pytest.fixture(scope="module")
 def ask_for(served, opened):
     """Return a function that sets the request of the page, and whether that was taken."""
-    kind, document = sent(served, opened, "{}", kind="PULL-DOC-REQ")
+    kind, document = sent(served.visitors, opened, "{}", kind="PULL-DOC-REQ")
     assert kind == "PULL-DOC-REPLY"
     named = re.search(rf'"id":"(p\d+)","attributes":{{"name":"{REQUEST}"', document)
 
     def ask(value) -> bool:
         event = {"kind": "ModelChanged", "model": {"id": named[1]}, "attr": "data", "new": value}
-        answer = sent(served, opened, json.dumps({"events": [event]}))
+        answer = sent(served.visitors, opened, json.dumps({"events": [event]}))
         return answer is not None and answer[0] == "OK"
 
     return ask
@@ -102,4 +102,4 @@ def test_what_unfolds_to_more_than_a_page_sends_is_refused(ask_for, value):
     ],
 )
 def test_other_messages_close_the_line(served, opened, kind, fragments, header):
-    assert sent(served, opened, *fragments, kind=kind, **header) is None
+    assert sent(served.visitors, opened, *fragments, kind=kind, **header) is None
