@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import yaml
@@ -11,11 +12,12 @@ import yaml
 from generate.configuration_reference import keys
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import read_yaml
+from lumbar.cli.command import main
 from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import TrialSettings
 from lumbar.study.artefacts import Artefact, read_artefacts
-from lumbar.study.load_study import load_study, name_lifts
+from lumbar.study.load_study import load_settings, load_study, load_study_file, name_lifts
 from lumbar.study.study import reading_plan, record_layout, record_set, recordings_of
 from lumbar.study.validation import overlay
 from running import PROJECT
@@ -199,6 +201,51 @@ def test_effects_of_the_study_itself_count(config, folder, project):
     assert load_study(config, folder).settings.improvement.effects == ("hertzian_contact",)
     config["improvement"]["effect_files"] = ["absent.py"]
     assert "improvement.effect_files: " in message_of(config, folder)
+
+
+RUN = "from pathlib import Path\n\nPath('ran').touch()\n"
+NAMED = "improvement:\n  effect_files: [own.py]\n"
+
+
+@pytest.fixture
+def stranger(tmp_path, monkeypatch, project):
+    """Folder with a study of somebody else, whose effect leaves a file; the working directory is a project."""
+    own = tmp_path / "own"
+    shutil.copytree(project / "config", own / "config")
+    monkeypatch.chdir(own)
+    strange = tmp_path / "downloads"
+    strange.mkdir()
+    (strange / "own.py").write_text(RUN, encoding="utf-8")
+    (strange / "study.yaml").write_text(NAMED, encoding="utf-8")
+    return strange
+
+
+def test_python_of_a_stranger_s_study_is_not_run(stranger):
+    refused = r"study.yaml, line 2: improvement.effect_files.0: .*own.py is Python, which would be run, and .* or say --trust"
+    for load in (load_settings, lambda file: load_study_file(Path(), file)):
+        with pytest.raises(InputError, match=refused):
+            load(stranger / "study.yaml")
+    Path("link.py").symlink_to(stranger / "own.py")
+    Path("study.yaml").write_text(NAMED.replace("own.py", "link.py"), encoding="utf-8")
+    with pytest.raises(InputError, match="is Python"):
+        load_settings("study.yaml")
+    assert not Path("ran").exists()
+    assert main(["diagnose", str(stranger), "--output", "out", "--config", str(stranger / "study.yaml")]) != 0
+    assert not Path("ran").exists()
+    with pytest.raises(InputError, match="defines no Effect"):
+        load_settings(stranger / "study.yaml", trust=True)
+    assert Path("ran").exists()
+
+
+def test_python_of_one_s_own_project_is_run_and_nothing_of_no_project(stranger, project, monkeypatch):
+    effect = (project / "examples" / "own_effect" / "hertzian_contact.py").read_text(encoding="utf-8")
+    Path("own.py").write_text(effect, encoding="utf-8")
+    Path("study.yaml").write_text(NAMED, encoding="utf-8")
+    assert load_settings("study.yaml").improvement.effect_files == ("own.py",)
+    monkeypatch.chdir(stranger)  # no project, even where one is
+    with pytest.raises(InputError, match="is Python"):
+        load_settings("study.yaml")
+    assert not Path("ran").exists()
 
 
 def test_chapters_need_those_they_build_on(config, folder):

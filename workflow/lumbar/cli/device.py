@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from lumbar.cli.options import OUTPUT, OUTPUT_OR_PRINTED, Command, option, path
-from lumbar.study.load_study import load_settings
+from lumbar.cli.options import OUTPUT, OUTPUT_OR_PRINTED, Command, given_settings, option, path
 
 TRAINED_ON = option(
     "--trained-on",
@@ -16,7 +15,7 @@ def run_export(options) -> None:
     """Compile and pack the models."""
     from lumbar.interface.device import export_fmu
 
-    settings = load_settings(*options.config)
+    settings = given_settings(options)
     made = export_fmu(
         options.models,
         options.output,
@@ -71,7 +70,7 @@ def run_render(options) -> None:
     """Print what each model does; write table and figures where a folder is given."""
     from lumbar.interface.device import render
 
-    settings = load_settings(*options.config)
+    settings = given_settings(options)
     found = render(
         options.models,
         options.model,

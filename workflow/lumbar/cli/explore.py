@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.cli.options import DATA, FIT, Command, option, path
+from lumbar.cli.options import DATA, FIT, Command, given_settings, option, path
 from lumbar.cli.tissue import fit_settings, read_folder
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
             f"{options.target}: no folder of records, and here is no project whose study it could be "
             f"({DEFAULT_FILES[0]}): go to the project's folder, name a folder of records, or none and give files on the page"
         )
-    study = load_study_file(Path(), options.target)
+    study = load_study_file(Path(), options.target, trust=options.trust)
     file = options.target or DEFAULT_FILES[0]
     output = (options.output or EXPLORED) / study.name
     sets = [
@@ -163,10 +163,9 @@ def _lifts_of_folder(options) -> list[ServedLift]:
     """Lifts that the folder ``target`` holds; none where it is a folder of records."""
     from lumbar.interface.lift_page import saved_lifts
     from lumbar.page_server.served_lifts import ServedLift
-    from lumbar.study.load_study import load_settings
 
     found = saved_lifts(options.target)
-    settings = load_settings(*options.config).stability if found else None
+    settings = given_settings(options).stability if found else None
     return [ServedLift(folder, settings, options.data) for folder in found]
 
 
@@ -176,7 +175,7 @@ def _lifts_of_study(options) -> list[ServedLift]:
     from lumbar.page_server.served_lifts import ServedLift
     from lumbar.study.load_study import load_study_file
 
-    study = load_study_file(Path(), options.target)
+    study = load_study_file(Path(), options.target, trust=options.trust)
     made = [path for path in saved_lifts(Path("results") / study.name) if path.name in study.lifts]
     absent = len(study.lifts) - len(made)
     if absent:

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.cli.options import DATA, OUTPUT, Command, option, path
-from lumbar.study.load_study import load_settings
+from lumbar.cli.options import DATA, OUTPUT, Command, given_settings, option, path
 
 if TYPE_CHECKING:
     from lumbar.interface.lift import Lift
@@ -46,7 +45,7 @@ NEW_STUDY = Command(
 
 def run_lift(options) -> None:
     """Analyse the lifts, write their pendulums, print their events and, of one, measures and checks of its centres of mass."""
-    study = load_settings(*options.config)
+    study = given_settings(options)
     settings = study.lifting
     if len(options.markers) > 1 or options.markers[0].is_dir():
         _run_all(options, study)
@@ -163,7 +162,7 @@ def run_basin(options) -> None:
     from lumbar.interface.lift_basins import basins
     from lumbar.lifting.stability.model.failures import announcement
 
-    settings = load_settings(*options.config)
+    settings = given_settings(options)
     facts = read_json(options.facts) if options.facts else None
     found = basins(options.states, facts=facts, settings=settings.stability, seed=settings.seed)
     found.save(options.output)

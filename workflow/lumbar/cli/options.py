@@ -6,7 +6,10 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lumbar.settings.study_settings import StudySettings
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,19 @@ CONFIG = path(
     help="settings laid over the defaults (a study file); may be given several times",
 )
 
+TRUST = option(
+    "--trust",
+    action="store_true",
+    help="run Python that settings from outside of this project name as an effect",
+)
+
+
+def given_settings(options: argparse.Namespace) -> StudySettings:
+    """Return the settings that ``--config`` and ``--trust`` give; errors as of `lumbar.load_settings`."""
+    from lumbar.study.load_study import load_settings
+
+    return load_settings(*options.config, trust=options.trust)
+
 
 @dataclass(frozen=True)
 class Command:
@@ -67,7 +83,7 @@ class Command:
     description: str = ""
     """Default: the help as a sentence."""
     config: bool = True
-    """Whether it takes ``--config``."""
+    """Whether it takes ``--config`` and ``--trust``."""
 
     def add_to(self, commands) -> None:
         """Add the command to the parser of all."""
@@ -78,7 +94,7 @@ class Command:
             epilog=f"example:\n  {self.example}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        for item in (CONFIG, *self.options) if self.config else self.options:
+        for item in (CONFIG, TRUST, *self.options) if self.config else self.options:
             item.add_to(parser)
         parser.set_defaults(run=self.run, parser=parser)
 

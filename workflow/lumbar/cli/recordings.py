@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.cli.options import Command, option, path
+from lumbar.cli.options import Command, given_settings, option, path
 from lumbar.settings.plain import plain
-from lumbar.study.load_study import load_settings
 
 if TYPE_CHECKING:
     from lumbar.settings.study_settings import StudySettings
@@ -111,7 +110,7 @@ def run_check(options) -> None:
     from lumbar.lifting.quality.body import read_upright
     from lumbar.records.checking import check_recordings
 
-    settings = load_settings(*options.config)
+    settings = given_settings(options)
     files = _files(options.paths)
     fmus = [file for file in files if _is_fmu(file)]
     if options.key and not fmus:
@@ -208,7 +207,7 @@ def run_inspect(options) -> None:
         raise InputError(f"--picture draws one file; {len(options.files)} are given")
     if options.picture:
         check_picture(options.picture)
-    settings = load_settings(*options.config).lifting if options.config else None
+    settings = given_settings(options).lifting if options.config else None
     problems, found = Problems("files"), []
     for file in options.files:
         try:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from lumbar.cli.options import DATA, OUTPUT, Command, path
-from lumbar.study.load_study import load_settings
+from lumbar.cli.options import DATA, OUTPUT, Command, given_settings, path
 
 
 def run_survey(options) -> None:
     """Write tables, figures and survey.json, and print the overall tests."""
     from lumbar.interface.participants import analyse_survey
 
-    settings = load_settings(*options.config)
+    settings = given_settings(options)
     data = options.data or options.file.name
     found = analyse_survey(options.file, settings=settings.survey, seed=settings.seed, data=data)
     found.save(options.output)

@@ -6,8 +6,18 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.cli.options import DATA, FIT, FOLDER, OUTPUT, OUTPUT_OR_PRINTED, Command, OneOf, option, path
-from lumbar.study.load_study import load_settings
+from lumbar.cli.options import (
+    DATA,
+    FIT,
+    FOLDER,
+    OUTPUT,
+    OUTPUT_OR_PRINTED,
+    Command,
+    OneOf,
+    given_settings,
+    option,
+    path,
+)
 
 if TYPE_CHECKING:
     from lumbar.interface.refinement import Refinement
@@ -20,7 +30,7 @@ def run_bandwidth(options) -> None:
     from lumbar.interface.reading import read
     from lumbar.interface.surgeons import bandwidth
 
-    settings = load_settings(*options.config)
+    settings = given_settings(options)
     surgeon, data = settings.surgeon, options.data or options.folder.name
     trials = read(options.folder, layout=surgeon.layout, rate=surgeon.rate_Hz)
     found = bandwidth(trials, settings=surgeon, seed=settings.seed, data=data)
@@ -51,7 +61,7 @@ def run_signals(options) -> None:
     """Design the signals, check them against the machine, write them."""
     from lumbar.interface.surgeons import design_signals
 
-    settings = load_settings(*options.config)
+    settings = given_settings(options)
     band = options.bandwidth if options.band is None else options.band
     found = design_signals(band, settings=settings.signals, seed=settings.seed)
     found.save(options.output)
@@ -81,7 +91,7 @@ def run_identify(options) -> None:
     from lumbar.interface.identification import identify
     from lumbar.interface.reading import read
 
-    settings = load_settings(*options.config)
+    settings = given_settings(options)
     records = read(options.folder, layout=settings.tissue.layout, rate=settings.tissue.rate_Hz)
     train = options.train or max(records, key=len).name
     found = identify(records, train, settings=settings, data=options.data or options.folder.name)
@@ -115,7 +125,7 @@ IDENTIFY = Command(
 
 def fit_settings(options) -> StudySettings:
     """Settings of the files of ``--config``, with what the options of `FIT` say in their place."""
-    settings = load_settings(*options.config)
+    settings = given_settings(options)
     said = {name: getattr(options, name) for name in ("base", "train", "forward", "session")}
     given = {name: value for name, value in said.items() if value is not None}
     return replace(settings, improvement=replace(settings.improvement, **given))

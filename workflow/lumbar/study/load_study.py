@@ -18,6 +18,7 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
 from lumbar.study.artefacts import LIFTED, NEEDS, OF_TWIN, read_artefacts
 from lumbar.study.consistency import check_consistency
+from lumbar.study.own_code import check_code
 from lumbar.study.study import TWIN, RecordedLift, Study
 from lumbar.study.validation import Origins, overlay, validate
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from lumbar.settings.subject import SubjectSettings
 
 
-def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> Study:
+def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, trust: bool = False) -> Study:
     """Check a merged configuration and return the study it describes.
 
     Parameters
@@ -38,6 +39,8 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
     files : sequence of path
         The files that were merged, the last one on top: messages name their lines, and what merging hides, such as
         a key that stands twice, is found in them.
+    trust : bool
+        Whether Python that the configuration names as an effect is run wherever it comes from.
 
     Raises
     ------
@@ -50,6 +53,8 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = ()) -> St
     subjects, sources = _load_subjects(config, settings, root, problems, origins)
     if settings is not None:
         _check_chapters(settings, problems, origins)
+    if settings is not None and not trust:
+        check_code(settings.improvement, [_below(root, file) for file in files], root, problems, origins)
     problems.raise_if_any()
     chapters = settings.chapters
     lifts = name_lifts(subjects)
@@ -79,15 +84,15 @@ DEFAULT_FILES = (Path("config/config.yaml"), Path("config/twin.yaml"))
 """What every study of a project is laid over."""
 
 
-def load_study_file(root: Path, file: Path | None = None) -> Study:
-    """Return the study of a project's default files, with a study's file laid over them; errors as of `load_study`."""
+def load_study_file(root: Path, file: Path | None = None, *, trust: bool = False) -> Study:
+    """Return the study of a project's default files, a study's file laid over them; `trust` and errors as of `load_study`."""
     files = [root / path for path in DEFAULT_FILES if (root / path).is_file()]
     files += [] if file is None else [file]
     problems, content = Problems("configuration"), {}
     for path in files:
         content = overlay(content, read_yaml(path, problems).content)
     problems.raise_if_any()
-    return load_study(content, root, files)
+    return load_study(content, root, files, trust=trust)
 
 
 def _below(root: Path, file: str | Path) -> Path:
@@ -221,8 +226,15 @@ def _data_root(
     return folder.resolve()
 
 
-def load_settings(*files: str | os.PathLike) -> StudySettings:
+def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettings:
     """Return the defaults with the settings of YAML files laid over them, in the order given.
+
+    Parameters
+    ----------
+    *files : path
+    trust : bool
+        Whether Python that they name as an effect is run wherever they come from; otherwise only where they and it lie in
+        the project that is the working directory.
 
     Raises
     ------
@@ -253,6 +265,10 @@ def load_settings(*files: str | os.PathLike) -> StudySettings:
     places = [Path(), *(parent for path in reversed(files) for parent in path.resolve().parents)]
     own = tuple(_first_found(file, places) for file in settings.improvement.effect_files)
     improvement = replace(settings.improvement, effect_files=own)
+    if not trust:
+        project = Path() if DEFAULT_FILES[0].is_file() else None
+        check_code(improvement, files, project, problems, origins)
+        problems.raise_if_any()
 
     def add(key: str, found: str, allowed: str) -> None:
         problems.add(origins.place(way_of(key)), found, allowed)

@@ -40,14 +40,19 @@ _FREQUENCY = 0.5
 """Hz; of the standard motion on which an equation must stay finite."""
 
 
+def is_data(path: str | Path) -> bool:
+    """Whether a file of effects is YAML, which is data and runs nothing; any other is Python."""
+    return Path(path).suffix in (".yaml", ".yml")
+
+
 def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
     """Read a user's effects.
 
     Parameters
     ----------
     path : pathlib.Path
-        ``.yaml`` or ``.yml``: one effect, which is data and runs nothing. Else Python: every module-level `Effect` counts;
-        the file is code the user names in their own configuration, and data files never reach it.
+        One effect in YAML, or Python, which is run: every module-level `Effect` counts. `lumbar.study.own_code` lets none
+        pass that a stranger's study names.
     taken : collection of str
         Names that an effect in YAML may not have. One in Python may replace another.
 
@@ -57,7 +62,7 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
         If the file cannot be read or imported, defines no effect, or has an equation that cannot be used: all problems at
         once.
     """
-    if path.suffix not in (".yaml", ".yml"):
+    if not is_data(path):
         return _from_python(path)
     problems = Problems(f"effect {path.name}")
     file = read_yaml(path, problems, anchors=False)
