@@ -17,6 +17,7 @@ from lumbar.tissue.haptics.rendered_model import render_model, renderable
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
 from lumbar.tissue.models.fitted_model import FittedModel
 
+_PROVED = "proved_gain"
 _DEFINITIONS = {
     "model": "Name of the model",
     "rate_Hz": (
@@ -34,7 +35,7 @@ _DEFINITIONS = {
         "exact for the held force; below 1 the model itself is unstable in this hand; empty where no factor is too large; with "
         "uneven ticks that of the worst timing that was found"
     ),
-    "proved_gain": "Factor up to which the loop is proved to be stable whenever the ticks come; empty where they are even",
+    _PROVED: "Factor up to which the loop is proved to be stable whenever its uneven ticks come",
     "stable": "Whether it is above 1, and the simulation comes to rest: where both differ the worse counts",
     "lowest_passive_rate_Hz": (
         f"Lowest rate, from that of identification to {FASTEST_HZ:g} Hz, from which on the device is passive with the model; "
@@ -69,7 +70,7 @@ def device_table(
             "damping_needed_N_s_m": finite(item.analysis.damping),
             "passive": _yes(item.passive),
             "largest_stable_gain": finite(item.analysis.gain),
-            "proved_gain": item.analysis.proved_gain if item.analysis.timings else None,
+            _PROVED: item.analysis.proved_gain,
             "stable": _yes(item.stable),
             "lowest_passive_rate_Hz": item.lowest_passive_rate,
             "lowest_stable_rate_Hz": item.lowest_stable_rate,
@@ -85,20 +86,21 @@ def device_table(
         {
             "damping_needed_N_s_m",
             "largest_stable_gain",
-            "proved_gain",
             "lowest_passive_rate_Hz",
             "lowest_stable_rate_Hz",
             "oscillation_Hz",
             "stable_share_percent",
         }
     )
-    frame = pd.DataFrame(rows, columns=list(_DEFINITIONS)).astype(dict.fromkeys(optional, float))
+    uneven = any(item.analysis.timings for item in judgements)
+    columns = {name: text for name, text in _DEFINITIONS.items() if uneven or name != _PROVED}
+    frame = pd.DataFrame(rows, columns=list(columns)).astype(dict.fromkeys(optional, float))
     effects = "Models with effects are analysed through their linearisations and simulated as their FMUs. "
     return Table(
         title="Models in a person's hand: what they ask of the device of the study.",
         frame=frame,
         data=data,
-        definitions=_DEFINITIONS,
+        definitions=columns,
         notes=(
             device_text(settings.device),
             f"Moving average of {settings.moving_average_ms:g} ms at the rate of export, over as many samples at every rate. "
@@ -114,7 +116,7 @@ def device_table(
             "rate_Hz": 0,
             "damping_needed_N_s_m": 2,
             "largest_stable_gain": 2,
-            "proved_gain": 2,
+            _PROVED: 2,
             "lowest_passive_rate_Hz": 0,
             "lowest_stable_rate_Hz": 0,
             "oscillation_Hz": 1,

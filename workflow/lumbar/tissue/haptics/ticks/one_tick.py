@@ -13,7 +13,7 @@ REACHED = 1e-3
 """Share of a sampling time within which the instant of a sample counts as reached, as in ``tissue_force.h``."""
 _NOTHING = 1e-9
 """Share of an interval that is rounding."""
-_LONG, _ROWS, _RANK, _WITHIN = 64, 2000, 1e-11, 1e-9
+_LONG, _ROWS, _RANK, _WITHIN = 64, 2000, 1e-9, 1e-7
 """From how many values on, and from how many of them, an impulse response is realised by fewer states, to which part of the
 largest singular value and of the response."""
 
@@ -65,7 +65,7 @@ def _of_impulses(impulse: np.ndarray) -> States | None:
     hankel = np.lib.stride_tricks.sliding_window_view(np.pad(impulse[1:], (0, _LONG)), _LONG)[:_ROWS]
     left, sizes, right = np.linalg.svd(hankel, full_matrices=False)
     root = np.sqrt(sizes[sizes > _RANK * sizes[0]])
-    observed, states = left[:, : len(root)] * root, np.empty((0, 0))
+    observed = left[:, : len(root)] * root
     states = np.linalg.lstsq(observed[:-1], observed[1:])[0]
     start, given = root * right[: len(root), 0], np.empty(len(impulse) - 1)
     state = start
