@@ -384,7 +384,7 @@ class Rendering(Result):
 
 def _loop_sentence(item: Judgement) -> str:
     rates = [
-        f"{word} from {rate:.4g} Hz on"
+        f"{word} from {rate:.4g} Hz on{' with even ticks' if item.analysis.timings else ''}"
         for word, rate in (("stable", item.lowest_stable_rate), ("passive", item.lowest_passive_rate))
         if rate is not None
     ]

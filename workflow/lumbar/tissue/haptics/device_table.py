@@ -38,8 +38,8 @@ _DEFINITIONS = {
     _PROVED: "Factor up to which the loop is proved to be stable whenever its uneven ticks come",
     "stable": "Whether it is above 1, and the simulation comes to rest: where both differ the worse counts",
     "lowest_passive_rate_Hz": (
-        f"Lowest rate, from that of identification to {FASTEST_HZ:g} Hz, from which on the device is passive with the model; "
-        "empty where there is none, where the model has no counterpart at other rates, or where it has effects"
+        f"Lowest rate of even ticks, from that of identification to {FASTEST_HZ:g} Hz, from which on the device is passive with "
+        "the model; empty where there is none, where the model has no counterpart at other rates, or where it has effects"
     ),
     "lowest_stable_rate_Hz": "The same for a stable loop in this hand: the lowest safe rate where nothing else holds the device",
     "oscillation_Hz": "Frequency of what the simulated loop keeps doing; empty where it does not oscillate",
