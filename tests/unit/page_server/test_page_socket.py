@@ -5,6 +5,7 @@ import base64
 import gzip
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from asking import cookie, ended
@@ -44,7 +45,8 @@ def sent(visitors, opened, *fragments, kind="PATCH-DOC", **header):
         line.close()
         return json.loads(first)["msgtype"], content
 
-    return asyncio.run(asyncio.wait_for(talk(), PATIENCE_S))
+    with ThreadPoolExecutor() as aside:  # a browser's test keeps a loop running in this thread
+        return aside.submit(asyncio.run, asyncio.wait_for(talk(), PATIENCE_S)).result()
 
 
 @pytest.fixture(scope="module")
