@@ -280,6 +280,26 @@ def test_an_output_that_cannot_be_written(run, project, tmp_path):
     assert "Traceback" not in err
 
 
+@pytest.mark.parametrize(
+    "command", [("diagnose",), ("propose",), ("refine", "--add", "drift"), ("identify",)]
+)
+def test_where_results_go_is_looked_at_before_the_fit(run, tissue, tmp_path, monkeypatch, command):
+    """A file in the way, a full disk: told before the records are even read, and nothing is made."""
+    (tmp_path / "taken").write_text("")
+    broken = tmp_path / "broken.csv"
+    broken.write_text("x")
+    name, *options = command
+    ending = "/law.yaml" if name == "propose" else ""
+    status, out, err = run(name, broken, *options, "--output", f"{tmp_path}/taken{ending}")
+    assert (status, out, err) == (1, "", f"lumbar: {tmp_path / 'taken'}: Not a directory\n")
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: usage._replace(free=3_000_000))
+    status, out, err = run(name, broken, *options, "--output", tmp_path / "new" / "law.yaml")
+    assert (status, out) == (1, "")
+    assert f"No space left on device; 3.0 MB are free in {tmp_path}: make room" in err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.csv", "taken"]
+
+
 def test_compare_locate_diagnose_and_refine_a_folder(run, tissue, tmp_path):
     status, out, err = run("compare", tissue, "--output", tmp_path)
     assert status == 0, err

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import math
 import os
 import re
+import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -82,6 +84,33 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         if error.filename is None or str(path.parent / prefix) in str(error.filename):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
+
+
+_LEAST_FREE = 20e6
+"""Bytes that must be free before work of minutes begins: a diagnosis with all its pictures writes a few million."""
+
+
+def check_place(folder: str | os.PathLike) -> None:
+    """Raise, before the work whose results are meant for a folder, what writing them would raise after it.
+
+    Nothing is made or left behind.
+
+    Raises
+    ------
+    OSError
+        Where a file stands in the way, nothing may be written, or hardly any space is left.
+    """
+    folder = Path(folder).absolute()
+    there = next(place for place in (folder, *folder.parents) if place.exists())
+    if not there.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(there))
+    try:
+        with tempfile.TemporaryDirectory(dir=there):
+            pass
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(there)) from error
+    if shutil.disk_usage(there).free < _LEAST_FREE:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(there / "results"))
 
 
 def half_written(folder: str | os.PathLike) -> list[tuple[str, Path]]:

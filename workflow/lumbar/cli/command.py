@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from lumbar.base.environment import use_one_thread
 from lumbar.base.errors import user_message
+from lumbar.base.files import check_place
 from lumbar.cli import device, explore, lifting, recordings, survey, tissue
 
 COMMANDS = (
@@ -48,6 +49,14 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Refuse what cannot be written before anything is read: a fit takes minutes."""
+    for name in ("output", "excitation", "picture"):
+        path = getattr(options, name, None)
+        if path is not None:
+            check_place(path if name == "output" and not path.suffix else path.parent)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command.
 
@@ -65,6 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     use_one_thread()
     try:
         options = build_parser().parse_args(arguments)
+        _check_outputs(options)
         options.run(options)
     except KeyboardInterrupt:
         print("lumbar: interrupted", file=sys.stderr)
