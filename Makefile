@@ -12,7 +12,7 @@ STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
 CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-statistical test-portable acceptance report provenance crate check-results update-reference benchmark lint format lock docs docs-site clean help environment cluster
+.PHONY: results test test-statistical test-portable acceptance report provenance crate check-results update-reference benchmark lint format lock audit docs docs-site clean help environment cluster
 
 results: environment ## every table, figure and FMU of the study (default target)
 	@python -m lumbar.base.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
@@ -106,14 +106,21 @@ docs-site: ## build/docs-site: the pages and the API reference as a site (downlo
 	$(SITE)/bin/pip install --quiet $$($(PYTHON) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["dependency-groups"]["docs"])')
 	NO_MKDOCS_2_WARNING=1 $(SITE)/bin/mkdocs build --strict --quiet
 
-COMPILE := uv pip compile pyproject.toml --group dev --universal --fork-strategy fewest --python-version 3.11 \
-	--generate-hashes --no-emit-index-url --no-header --no-annotate --quiet
+SOLVE := --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate --quiet
+COMPILE := uv pip compile pyproject.toml --group dev $(SOLVE)
 # The cluster's packages are solved with the lock's versions at hand; derive.py keeps what they add.
 lock: ## renew envs/ from pyproject.toml (needs uv)
 	$(COMPILE) --upgrade -o envs/lock.txt
 	cp envs/lock.txt envs/cluster-lock.txt
 	$(COMPILE) --extra cluster -o envs/cluster-lock.txt
+	echo pip-audit | uv pip compile - $(SOLVE) --upgrade -o envs/audit-lock.txt
 	$(PYTHON) envs/derive.py
+
+AUDIT := build/audit-venv
+audit: ## known vulnerabilities of the locked versions (downloads pip-audit, which asks PyPI)
+	$(PYTHON) -m venv $(AUDIT)
+	$(AUDIT)/bin/pip install --quiet --require-hashes -r envs/audit-lock.txt
+	$(AUDIT)/bin/python envs/audit.py
 
 clean: ## remove results and caches, keep .venv
 	rm -rf results .snakemake

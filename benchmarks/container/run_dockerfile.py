@@ -49,9 +49,9 @@ class Root:
 
     def from_(self, image: str) -> None:
         """Install the base system; a folder that has one is taken as it is."""
-        suite = re.fullmatch(r"debian:(\w+)-slim", image)
+        suite = re.fullmatch(r"debian:(\w+)-slim@sha256:[0-9a-f]{64}", image)
         if suite is None:
-            raise SystemExit(f"FROM {image}: only debian:SUITE-slim can be made here")
+            raise SystemExit(f"FROM {image}: only debian:SUITE-slim@sha256:DIGEST can be made here")
         if not (self.folder / "usr" / "bin" / "apt-get").exists():
             subprocess.run(["debootstrap", "--variant=minbase", suite[1], self.folder, *mirror()], check=True)
         shutil.copy("/etc/resolv.conf", self.folder / "etc" / "resolv.conf")

@@ -4,7 +4,9 @@ import json
 import re
 import runpy
 import tomllib
+from importlib.metadata import distributions
 
+import pytest
 import yaml
 
 
@@ -28,6 +30,61 @@ def test_every_dependency_is_locked(project):
     wanted = [*description["project"]["dependencies"], *description["dependency-groups"]["dev"]]
     names = {re.match(r"[A-Za-z0-9._-]+", requirement).group().lower() for requirement in wanted}
     assert names <= set(pins(project))
+
+
+def named(text: str) -> set[str]:
+    """Names of packages as indices compare them."""
+    return {
+        re.sub(r"[-_.]+", "-", name).lower() for name in re.findall(r"^([A-Za-z0-9._-]+)==", text, flags=re.M)
+    }
+
+
+def test_packages_whose_metadata_state_no_licence_are_listed(project):
+    silent = set()
+    for package in distributions():
+        facts = package.metadata
+        stated = [item for item in facts.get_all("Classifier", []) if item.startswith("License :: ")]
+        stated += [facts[key] for key in ("License", "License-Expression") if facts[key]]
+        if not set(stated) - {"License :: OSI Approved", "UNKNOWN"}:
+            silent |= named(f"{facts['Name']}==")
+    table = (project / "envs" / "licences.md").read_text(encoding="utf-8")
+    listed = named(re.sub(r"^\| ([\w-]+) \|", r"\1==", table, flags=re.M)) - {"package"}
+    assert listed == silent & named(lock(project))
+
+
+def test_images_are_named_by_digest(project):
+    images = re.findall(
+        r"^FROM (\S+)", (project / "envs" / "Dockerfile").read_text(encoding="utf-8"), flags=re.M
+    )
+    assert images and all(re.search(r"@sha256:[0-9a-f]{64}$", image) for image in images)
+
+
+FOUND = {
+    "name": "a",
+    "version": "1",
+    "vulns": [{"id": "PYSEC-1", "fix_versions": ["2"]}, {"id": "PYSEC-2", "fix_versions": []}],
+}
+SKIPPED = {"name": "b", "skip_reason": "Dependency not found"}
+
+
+@pytest.mark.parametrize(
+    ("answer", "known", "unanswered"),
+    [
+        ("", [], ["l: no answer"]),
+        ("[]", [], ["l: no answer"]),
+        ("Traceback", [], ["l: no answer"]),
+        ({"dependencies": [{"name": "a", "version": "1", "vulns": []}]}, [], []),
+        (
+            {"dependencies": [FOUND, SKIPPED]},
+            ["l: a 1: PYSEC-1, mended in 2", "l: a 1: PYSEC-2, mended in no version"],
+            ["l: no answer on b"],
+        ),
+    ],
+)
+def test_an_audit_without_an_answer_is_none(project, answer, known, unanswered):
+    audit = runpy.run_path(str(project / "envs" / "audit.py"))
+    text = answer if isinstance(answer, str) else json.dumps(answer)
+    assert audit["verdict"]("l", text) == (known, unanswered)
 
 
 def test_conda_environment_has_the_same_pins(project):
