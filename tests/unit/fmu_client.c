@@ -177,11 +177,16 @@ static double gain_of(hand *a, double gain, void *fmu, setter *set, getter *forc
     return best;
 }
 
-static void switched(hand *a, double *gain, void *fmu, setter *set, getter *force) {
+/* Of what was taken in before a rise of the gain, less what the force `still` to be displayed may give, the hand gets the share that
+ * the old gain has of the new one: more would throw it. */
+static void switched(hand *a, double *gain, double still, void *fmu, setter *set, getter *force) {
     if (!(a->largest_gain > 0.0)) return;
     if (share(a) < 0.01) set(fmu, FORCE_OFFSET, 2.0 * share(a) - 1.0);
     if (share(a) < 0.01) set(fmu, POSITION_OFFSET, 10.0 * share(a) - 5.0);
-    set(fmu, GAIN, *gain = gain_of(a, *gain, fmu, set, force));
+    double next = gain_of(a, *gain, fmu, set, force), owed = still * still * a->h / (4.0 * a->damping);
+    set(fmu, GAIN, next);
+    if (next > *gain) a->energy = owed + *gain / next * (a->energy - owed);
+    *gain = next;
 }
 
 static void set2(void *fmu, uint32_t variable, double value) {
@@ -216,7 +221,7 @@ static void passive2(hand *a, long steps, int late) {
     for (long k = 0; k < steps; ++k) {
         double position = k ? moved_by(a, late ? before : force) : 0.0;
         before = force;
-        switched(a, &gain, c, set2, NULL);
+        switched(a, &gain, late ? force : 0.0, c, set2, NULL);
         REQUIRE(!fmi2SetReal(c, &input, 1, &position) && !fmi2DoStep(c, (double)k * a->h, a->h, 1));
         REQUIRE(!fmi2GetReal(c, &output, 1, &force));
     }
@@ -237,7 +242,7 @@ static void passive3(hand *a, long steps) {
     for (long k = 0; k < steps; ++k) {
         fmi3Boolean event, ends, early;
         set3(c, 1, k ? moved_by(a, force) : 0.0);
-        switched(a, &gain, c, set3, force3);
+        switched(a, &gain, 0.0, c, set3, force3);
         force = force3(c);
         REQUIRE(!fmi3EnterStepMode(c) && !fmi3DoStep(c, (double)k * a->h, a->h, 1, &event, &ends, &early, &reached));
         REQUIRE(event && !fmi3EnterEventMode(c));
