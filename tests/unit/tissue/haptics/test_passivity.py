@@ -284,3 +284,17 @@ def test_simulations_agree_with_the_analysis_and_the_stable_side_never_oscillate
             wrong.append((model, device, run.peak_to_peak, run.ripple))
     assert wrong == []
     assert 30 < stable_ones < 70
+
+
+def test_a_resonance_narrower_than_the_angles_between_asks_for_its_damping():
+    # K(1 + g z⁻¹/(1 − 2r cos θ z⁻¹ + r² z⁻²)); the peak is 1e-5 rad wide
+    radius, angle, period = 1.0 - 1e-5, 1.234, 1e-3
+    denominator = np.array([1.0, -2.0 * radius * np.cos(angle), radius**2])
+    model = SampledModel("ringing", 300.0 * denominator + [0.0, 0.05, 0.0], denominator, period)
+    z = np.exp(1j * (angle + np.linspace(-2e-4, 2e-4, 40001)))
+    asked = (
+        period / 2.0 * ((1.0 - 1.0 / z) * np.polyval(model.numerator, z) / np.polyval(denominator, z)).real
+    )
+    needed = (asked / (1.0 - z.real)).max()
+    assert needed > 1.5 * period / 2.0 * 300.0
+    assert required_damping(model).damping == pytest.approx(needed, rel=1e-3)

@@ -14,6 +14,8 @@ import numpy as np
 from lumbar.settings.runtime import DeviceSettings
 
 _SMALLEST_ANGLE, _SLOWEST = 1e-4, 1e-6
+_NEAR = np.sinh(np.linspace(-4.0, 4.0, 33))
+"""Angles near a pole, in multiples of its distance to the unit circle."""
 _ROUNDING = 1e-9
 """Share of a numerator's coefficients below which their sum is 0."""
 
@@ -22,6 +24,13 @@ def all_angles(points: int = 2000, smallest: float = _SMALLEST_ANGLE) -> np.ndar
     """Angles ωT from near 0 to π: evenly spaced, and closer and closer towards 0, where slow relaxations lie."""
     slow = np.geomspace(smallest, np.pi / points, points // 4)
     return np.concatenate([slow[:-1], np.linspace(slow[-1], np.pi, points)])
+
+
+def angles_near(poles: np.ndarray) -> np.ndarray:
+    """Angles in (0, π) about those of poles, as dense as a resonance of each is narrow."""
+    # Once for both of a conjugate pair.
+    near = np.unique(np.abs(np.angle(poles))[:, None] + (1.0 - np.abs(poles))[:, None] * _NEAR)
+    return near[(near > 0.0) & (near < np.pi)]
 
 
 def _polynomial(coefficients: np.ndarray, angles: np.ndarray) -> np.ndarray:
@@ -51,11 +60,17 @@ class SampledModel:
         return _polynomial(self.numerator, angles) / _polynomial(self.denominator, angles)
 
     @property
+    def poles(self) -> np.ndarray:
+        """Roots of the denominator in z, without those at 0."""
+        # A model that runs several times over between two of its own samples has powers of z⁻ʰ alone: roots in zʰ are exact.
+        held = max(int(np.gcd.reduce(np.flatnonzero(self.denominator))), 1)
+        roots = np.roots(np.trim_zeros(self.denominator[::held], "b")).astype(complex)
+        return np.multiply.outer(roots ** (1.0 / held), np.exp(2j * np.pi * np.arange(held) / held)).ravel()
+
+    @property
     def stable(self) -> bool:
         """Whether all poles lie inside the unit circle."""
-        # A model that runs several times over between two of its own samples has powers of z⁻ʰ alone: |z| < 1 as |zʰ| < 1.
-        held = max(int(np.gcd.reduce(np.flatnonzero(self.denominator))), 1)
-        return bool((np.abs(np.roots(self.denominator[::held])) < 1.0).all())
+        return bool((np.abs(self.poles) < 1.0).all())
 
     @property
     def static_stiffness(self) -> float:

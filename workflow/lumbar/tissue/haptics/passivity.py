@@ -24,7 +24,12 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
-from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
+from lumbar.tissue.haptics.closed_loop import (
+    SampledModel,
+    all_angles,
+    angles_near,
+    largest_stable_gain,
+)
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, in_ticks
 from lumbar.tissue.haptics.ticks.uneven import even
@@ -70,9 +75,12 @@ def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) ->
     """
     if model.static_stiffness < 0:
         return RequiredDamping(float("inf"), 0.0)
-    intervals = in_ticks(model).intervals
+    ticking = in_ticks(model)
+    intervals = ticking.intervals
     # An angle over a period of several ticks stands for as many frequencies.
     angles = all_angles(max(points // len(intervals), _FEWEST))
+    resonances = angles_near(ticking.model.poles ** sum(map(len, ticking.taken)))
+    angles = np.sort(np.concatenate([angles, resonances]))
     worst = int(damping_at(model, angles).argmax())
     refined = max(_REFINED // len(intervals), _FEWEST)
     angles = np.linspace(angles[max(worst - 1, 0)], angles[min(worst + 1, len(angles) - 1)], refined)

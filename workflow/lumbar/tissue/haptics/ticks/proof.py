@@ -20,12 +20,12 @@ from __future__ import annotations
 import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, propagation
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, angles_near, propagation
 from lumbar.tissue.haptics.ticks.one_tick import REACHED
 from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
 
-_POINTS, _NEAR = 400, np.sinh(np.linspace(-4.0, 4.0, 33))
-"""Angles; and more of them near a pole, in multiples of its distance to the unit circle."""
+_POINTS = 400
+"""Angles, beside those near a pole."""
 _LARGEST, _FACTORS, _HALVINGS, _PARTS = 1e4, np.linspace(0.04, 1.0, 25), 8, 64
 
 
@@ -115,11 +115,9 @@ class _Changes:
     def small(self, gain: float) -> bool:
         """Whether the theorem holds at a gain."""
         poles = np.linalg.eigvals(self.even.monodromy(self.device, gain))
-        inside = 1.0 - np.abs(poles)
-        if inside.min() <= 0.0:
+        if np.abs(poles).max() >= 1.0:
             return False
-        near = np.abs(np.angle(poles)[:, None] + inside[:, None] * _NEAR).ravel()
-        angles = np.concatenate([all_angles(_POINTS), near[(near > 0.0) & (near < np.pi)]])
+        angles = np.concatenate([all_angles(_POINTS), angles_near(poles)])
         sizes = np.array([*self.jumps, self.read + self.bent * self.within])
         gains = self._gains(gain, angles)
         norms = np.stack([gains @ sizes, gains[:, 2] * self.bent], axis=1)
