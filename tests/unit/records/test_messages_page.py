@@ -101,7 +101,7 @@ FILES = {
     "force plate 1: the corners": plate(CORNERS=CORNERS[:6] + CORNERS[9:] + CORNERS[6:9]),
     "z of the plate,": plate(CORNERS=[*CORNERS[9:], *CORNERS[6:9], *CORNERS[3:6], *CORNERS[:3]]),
     "channel 1 is in": c3d(analog=np.zeros((40, 6)), extra={**PLATE, "ANALOG:UNITS": ["V"] * 6}),
-    "unpacks to more than": ("bomb.csv.gz", gzip.compress(b"0" * 60_000_000, 1), None),
+    "unpacks to more than": ("bomb.csv.gz", gzip.compress(b"0" * 1_000_000) * 201, None),
 }
 """A file with the fault, by the beginning of the page's message: name, content, layout."""
 

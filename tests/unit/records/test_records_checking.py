@@ -14,7 +14,7 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.records.checking import check_recordings
 from lumbar.records.text_rows import number
-from lumbar.records.unpacking import LARGEST_RATIO, SMALLEST_LIMIT, unpack
+from lumbar.records.unpacking import unpack
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, columns
 from lumbar.settings.plain import plain
@@ -207,18 +207,6 @@ def test_large_packed_file_is_read_as_a_plain_table(tmp_path):
     assert record["output"][-1] == 499_999 % 5
 
 
-@pytest.mark.parametrize("reader", [lumbar.read, lambda path: lumbar.import_recordings([path])])
-def test_a_small_file_that_unpacks_to_much_is_refused(tmp_path, reader):
-    path = tmp_path / "bomb.csv.gz"
-    line = b"0.000,1.000,1.000\n" * 50_000
-    with gzip.open(path, "wb") as stream:
-        for _ in range(100):
-            stream.write(line)
-    assert LARGEST_RATIO * path.stat().st_size < SMALLEST_LIMIT < 100 * len(line)
-    with pytest.raises(InputError, match=r"bomb\.csv\.gz: unpacks to more than 50 MB"):
-        reader(path)
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -252,7 +240,5 @@ def test_matlab_file_that_stands_for_much(tmp_path, reader):
     savemat(path, {"t": np.zeros(51_000_000, np.int8), "z": [1.0, 2], "f": [3.0, 4]}, do_compression=True)
     assert path.stat().st_size < 100_000
     layout = ColumnLayout(format="mat", columns=columns(time=("t", "s", "time"), output=("f", "N", "force")))
-    with pytest.raises(
-        InputError, match=r"zeros\.mat: its variable 't' holds 51000000 numbers; at most 50000000"
-    ):
+    with pytest.raises(InputError, match=r"zeros\.mat: unpacks to more than 200 MB, from 0\.05 MB"):
         reader([path]) if reader else lumbar.read(path, layout=layout)

@@ -9,6 +9,7 @@ import math
 import os
 import re
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -42,6 +43,32 @@ def as_name(text: str, otherwise: str, others: str = "_-") -> str:
     """
     name = re.sub(rf"[^A-Za-z0-9{re.escape(others)}]+", "_", text).strip(others) or otherwise
     return f"{name}_" if is_device(name) else name
+
+
+LARGEST_FILE = 200_000_000
+"""Bytes of a file that is read, of any kind, as it lies and unpacked."""
+
+
+def require_file(path: str | os.PathLike) -> None:
+    """Refuse what is no file of data, before it is opened: a pipe would hang whoever reads it, a device never ends.
+
+    Raises
+    ------
+    InputError
+        No such file; a folder, a pipe or a device; a file larger than `LARGEST_FILE`.
+    """
+    try:
+        found = Path(path).stat()
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise InputError(f"{path}: no such file") from error
+    if stat.S_ISDIR(found.st_mode):
+        raise InputError(f"{path}: a folder; name the files in it that are recordings")
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"{path}: a pipe or a device; a file is needed")
+    if found.st_size > LARGEST_FILE:
+        raise InputError(
+            f"{path}: {found.st_size / 1e6:.0f} MB; files of at most {LARGEST_FILE / 1e6:.0f} MB are read: cut the recording"
+        )
 
 
 def refuse_links(folder: str | os.PathLike) -> None:
@@ -163,17 +190,16 @@ def read_json(path: str | os.PathLike):
     Raises
     ------
     InputError
-        If there is no such file, or it is not valid JSON (with the line) or not UTF-8. NaN and Infinity are
+        As `require_file`; or it is not valid JSON (with the line) or not UTF-8. NaN and Infinity are
         not JSON.
     """
 
     def refuse(constant: str):
         raise InputError(f"{path}: holds {constant}, which is not valid JSON")
 
+    require_file(path)
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=refuse)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text ({error})") from error
     except json.JSONDecodeError as error:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.base.files import require_file
 
 LARGEST_SIZE, MOST_ENTRIES, DEEPEST = 1_000_000, 100_000, 40
 """Bytes, entries with every alias written out, and levels of nesting of a configuration file."""
@@ -144,10 +145,14 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
 
     name = name or str(path)
     try:
+        require_file(path)
         raw = path.read_bytes()
         text = raw.decode("utf-8-sig")
+    except InputError as error:
+        problems.add(name, str(error).removeprefix(f"{path}: "))
+        return YamlFile(name)
     except OSError as error:
-        problems.add(name, "no such file" if isinstance(error, FileNotFoundError) else str(error.strerror))
+        problems.add(name, str(error.strerror))
         return YamlFile(name)
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from lumbar.records.record import Record
 
 MOST_FILE, MOST_PACKED = 50_000_000, 5_000_000
-"""Bytes of one file, and of one packed file, which may unpack to a hundred times as many."""
+"""Bytes of one file, and of one packed file, which stands for many more."""
 MOST_FILES = 12
 """Files of a tab."""
 _PACKED = (b"\x1f\x8b", b"PK\x03\x04")

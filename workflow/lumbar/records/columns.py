@@ -30,6 +30,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.base.files import require_file
 from lumbar.records.record import (
     FEWEST_SAMPLES,
     LARGEST,
@@ -130,8 +131,7 @@ def read_record(
         With file, line or column, what was found and what is allowed; all problems of a file at once.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    require_file(path)
     lines: Sequence[int] | None = None
     if layout.format == "mat":
         raw = _read_mat(path, layout)
@@ -351,7 +351,9 @@ def _numbers(
 
 
 def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
-    content = load_matlab(path, str(path), "not a MATLAB file of version 4 to 7.2", squeeze_me=True)
+    content = load_matlab(
+        path.read_bytes(), str(path), "not a MATLAB file of version 4 to 7.2", squeeze_me=True
+    )
     problems = Problems(str(path))
     values = {}
     names = [name for name in content if not name.startswith("__")]

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import require_file
 from lumbar.records.c3d_file import AnalogChannels, analog_channels, read_analog
 from lumbar.records.c3d_structure import C3dStructure, check_structure
 from lumbar.records.ground_forces import UNLOADED_N, ForcePlate, read_mot
@@ -84,8 +85,7 @@ def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = Non
         missing.
     """
     path, layout = Path(path), layout or MarkerLayout()
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    require_file(path)
     ending = ending_of(path)
     if ending not in (".mot", ".c3d"):
         return []

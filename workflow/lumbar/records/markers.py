@@ -28,6 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import require_file
 from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.records.unpacking import readable_path, stem_of
 from lumbar.settings.layout import MarkerLayout
@@ -127,8 +128,7 @@ def read_markers(
 
     layout = layout or MarkerLayout()
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    require_file(path)
     with readable_path(path) as plain:
         file = replace(_read_file(plain, layout), source=str(path))
     file = _at_rate(select_subject(file, layout.subject_prefix), layout.rate_Hz)

@@ -65,7 +65,7 @@ def read_mat_markers(path: str | os.PathLike, rate: float | None = None) -> Mark
 
 def _fields(path: Path) -> dict[str, Any]:
     """Variables of a file, or the fields of the one struct that it holds."""
-    content = load_matlab(path, str(path), "the MATLAB file is broken", simplify_cells=True)
+    content = load_matlab(path.read_bytes(), str(path), "the MATLAB file is broken", simplify_cells=True)
     variables = {name: value for name, value in content.items() if not name.startswith("__")}
     structs = {name: value for name, value in variables.items() if isinstance(value, dict)}
     recordings = [name for name, value in structs.items() if "Trajectories" in value]

@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.base.files import require_file
 from lumbar.settings.survey import RatingsLayout
 
 NOT_REAL = "reconstructed_not_real"
@@ -130,8 +131,7 @@ def _columns(layout: RatingsLayout) -> list[str]:
 
 def _read_rows(path: Path, layout: RatingsLayout) -> dict[int, list[str]]:
     """Return the cells of each line that is not blank; the header has key 0."""
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    require_file(path)
     rows: dict[int, list[str]] = {}
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:

@@ -11,18 +11,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, BinaryIO
+from typing import Any
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import LARGEST_FILE
 
-SMALLEST_LIMIT, LARGEST_RATIO = 50_000_000, 100
-"""Bytes that any file may unpack to, and how many times its own size where that is more: records pack to a tenth."""
 _PIECE = 1_000_000
 PACKED = ".gz"
 _MATLAB_HEADER, _COMPRESSED = 128, 15
 """Bytes before the first variable, and the type of a packed one (MATLAB's description of MAT-files, level 5)."""
-MOST_NUMBERS = 50_000_000
-"""Numbers of one variable of a MATLAB file."""
+MOST_NUMBERS = LARGEST_FILE // 8
+"""Numbers, or cells, of one file."""
 
 
 def ending_of(path: Path) -> str:
@@ -41,49 +40,45 @@ def unpack(stored: bytes, path: Path) -> bytes:
     Raises
     ------
     InputError
-        The file is broken or cut short, or unpacks to more than the limits above.
+        The file is broken or cut short, or unpacks to more than `LARGEST_FILE`.
     """
-    pieces, left = [], _limit(len(stored))
-    remaining = stored
+    # A buffer that is given away, not pieces that are joined: the whole is there once.
+    whole, remaining = io.BytesIO(), stored
     while remaining:
         reader = zlib.decompressobj(wbits=31)
-        for piece in _pieces(reader, remaining, left, len(stored), str(path), "the unpacked file"):
-            pieces.append(piece)
-            left -= len(piece)
+        for piece in _pieces(reader, remaining, LARGEST_FILE - whole.tell(), len(stored), str(path)):
+            whole.write(piece)
         remaining = reader.unused_data.lstrip(b"\0")
-    return b"".join(pieces)
+    return whole.getvalue()
 
 
 def check_zip(content: bytes, source: str) -> None:
-    """Raise where a zip archive, as a workbook is one, says that it unpacks to more than the limits above, or is broken."""
+    """Raise where a zip archive, as a workbook is one, says that it unpacks to more than `LARGEST_FILE`, or is broken."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             size = sum(item.file_size for item in archive.infolist())
     except Exception as error:  # a broken archive leads to errors of many kinds
         raise InputError(f"{source}: the packed file is broken ({error})") from error
-    if size > _limit(len(content)):
+    check_size(size, len(content), source)
+
+
+def check_size(size: float, stored: int, source: str) -> None:
+    """Raise where what a file of `stored` bytes holds takes more than `LARGEST_FILE`."""
+    if size > LARGEST_FILE:
         raise InputError(
-            f"{source}: unpacks to {size / 1e6:.0f} MB, from {len(content) / 1e6:.2g} MB; at most {LARGEST_RATIO} times a "
-            "file's size are unpacked: save the sheet as .csv"
+            f"{source}: unpacks to more than {LARGEST_FILE / 1e6:.0f} MB, from {stored / 1e6:.2g} MB; that is the most that is "
+            "read of a file: save the recording by itself"
         )
 
 
-def _limit(size: int) -> int:
-    return max(SMALLEST_LIMIT, LARGEST_RATIO * size)
-
-
-def _pieces(reader, stored: bytes, left: int, size: int, source: str, unpacked: str) -> Iterator[bytes]:
-    """What one packed stream holds, piece by piece, of which at most `left` bytes are unpacked; advice for more."""
+def _pieces(reader, stored: bytes, left: int, size: int, source: str) -> Iterator[bytes]:
+    """What one packed stream holds, piece by piece, of which at most `left` bytes are unpacked."""
     try:
         while not reader.eof:
             piece = reader.decompress(stored, _PIECE)
             stored = reader.unconsumed_tail
             left -= len(piece)
-            if left < 0:
-                raise InputError(
-                    f"{source}: unpacks to more than {_limit(size) / 1e6:.0f} MB, from {size / 1e6:.2g} MB; "
-                    f"at most {LARGEST_RATIO} times a file's size are unpacked: give {unpacked}"
-                )
+            check_size(LARGEST_FILE - left, size, source)
             if not piece and not stored and not reader.eof:
                 raise InputError(f"{source}: the packed file is cut short; copy it again")
             yield piece
@@ -93,7 +88,7 @@ def _pieces(reader, stored: bytes, left: int, size: int, source: str, unpacked: 
 
 @contextmanager
 def readable_path(path: Path) -> Iterator[Path]:
-    """Give the path under which a file can be read: a packed one is unpacked, up to the limits above, for as long.
+    """Give the path under which a file can be read: a packed one is unpacked, up to `LARGEST_FILE`, for as long.
 
     Messages about the unpacked file name the packed one.
     """
@@ -109,62 +104,37 @@ def readable_path(path: Path) -> Iterator[Path]:
             raise type(error)(str(error).replace(str(plain), str(path))) from error
 
 
-def load_matlab(file: Path | bytes, source: str, broken: str, **options) -> dict[str, Any]:
-    """Return the variables of a MATLAB file, or of its bytes, by name; `options` as of `scipy.io.loadmat`.
+def load_matlab(content: bytes, source: str, broken: str, **options) -> dict[str, Any]:
+    """Return the variables of a MATLAB file by name; `options` as of `scipy.io.loadmat`.
 
     Raises
     ------
     InputError
         Where the file is none of version 4 to 7.2 or too large, or SciPy cannot read it: `broken` says so.
     """
-    from scipy.io import loadmat
-
-    def opened() -> Path | BinaryIO:
-        return io.BytesIO(file) if isinstance(file, bytes) else file
-
-    _check_matlab(opened(), source)
-    try:
-        return loadmat(opened(), **options)
-    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
-        raise InputError(f"{source}: {broken} ({error})") from error
-
-
-def _check_matlab(file: Path | BinaryIO, source: str) -> None:
-    """Raise where what a MATLAB file holds, which packs its variables, is larger than any recording."""
-    from scipy.io import whosmat
+    from scipy.io import loadmat, whosmat
 
     try:
-        variables = whosmat(file)
+        stated = whosmat(io.BytesIO(content))
     except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
         raise InputError(
             f"{source}: not a MATLAB file of version 4 to 7.2 (save it with -v7; {error})"
         ) from error
-    for name, shape, _ in variables:
-        if math.prod(shape) > MOST_NUMBERS:
-            raise InputError(
-                f"{source}: its variable {name!r} holds {math.prod(shape)} numbers; at most {MOST_NUMBERS} are read: "
-                "save the recording by itself"
-            )
-    _check_packed_variables(file, source)
+    check_size(8 * sum(math.prod(shape) for _, shape, _ in stated), len(content), source)
+    _check_packed_variables(content, source)
+    try:
+        return loadmat(io.BytesIO(content), **options)
+    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
+        raise InputError(f"{source}: {broken} ({error})") from error
 
 
-def _check_packed_variables(file: Path | BinaryIO, source: str) -> None:
-    """Unpack the variables of a MATLAB file of version 5 to 7.2 as far as the limits allow: a struct hides its size."""
-    if isinstance(file, Path):
-        content = file.read_bytes()
-    else:
-        content = file.read()
-        file.seek(0)
+def _check_packed_variables(content: bytes, source: str) -> None:
+    """Unpack the variables of a MATLAB file of version 5 to 7.2 as far as the limit allows: a struct hides its size."""
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
-    place, left = _MATLAB_HEADER, _limit(len(content))
+    place, left = _MATLAB_HEADER, LARGEST_FILE
     while order and place + 8 <= len(content):
         kind, size = struct.unpack(f"{order}2I", content[place : place + 8])
         if kind == _COMPRESSED:
             packed = content[place + 8 : place + 8 + size]
-            left -= sum(
-                map(
-                    len,
-                    _pieces(zlib.decompressobj(), packed, left, len(content), source, "it saved with -v6"),
-                )
-            )
+            left -= sum(map(len, _pieces(zlib.decompressobj(), packed, left, len(content), source)))
         place += 8 + size

@@ -7,10 +7,10 @@ import io
 from pathlib import Path
 
 from lumbar.base.errors import InputError
-from lumbar.base.files import as_name
+from lumbar.base.files import as_name, require_file
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.text_table import read_text, table_of_lines
-from lumbar.records.unpacking import check_zip, unpack
+from lumbar.records.unpacking import MOST_NUMBERS, check_zip, unpack
 
 
 def read_workbook(content: bytes, source: str, table: str | None = None) -> RawTable:
@@ -30,7 +30,9 @@ def read_workbook(content: bytes, source: str, table: str | None = None) -> RawT
     check_zip(content, source)
     try:
         book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        sheets = {sheet.title: [_line(row) for row in sheet.iter_rows(values_only=True)] for sheet in book}
+        sheets = _sheets(book, source)
+    except InputError:
+        raise
     except Exception as error:  # a zip that is no workbook, or a broken one, leads to errors of many kinds
         raise InputError(f"{source}: not an Excel workbook that can be read ({error})") from error
     filled = {title: lines for title, lines in sheets.items() if any(line.strip() for line in lines)}
@@ -44,8 +46,18 @@ def read_workbook(content: bytes, source: str, table: str | None = None) -> RawT
     return table_of_lines(filled[title], source, f"sheet {title!r}")
 
 
-def _line(row: tuple) -> str:
-    return "\t".join("" if cell is None else str(cell).replace("\t", " ") for cell in row)
+def _sheets(book, source: str) -> dict[str, list[str]]:
+    """Lines of every sheet, by title; one cell far away stands for all the empty ones before it."""
+    sheets: dict[str, list[str]] = {}
+    left = MOST_NUMBERS
+    for sheet in book:
+        lines = sheets[sheet.title] = []
+        for row in sheet.iter_rows(values_only=True):
+            left -= max(len(row), 1)
+            if left < 0:
+                raise InputError(f"{source}: more than {MOST_NUMBERS} cells; save the recording by itself")
+            lines.append("\t".join("" if cell is None else str(cell).replace("\t", " ") for cell in row))
+    return sheets
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -73,10 +85,7 @@ def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
     InputError
         If there is no such file, or no table in it.
     """
-    if path.is_dir():
-        raise InputError(f"{path}: a folder; name the files in it that are recordings")
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    require_file(path)
     return read_content(path.read_bytes(), path, table)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -11,9 +12,10 @@ from lumbar.base.errors import InputError
 from lumbar.records.importing.dialect import FEWEST_ROWS
 from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
 from lumbar.records.importing.units import name_and_unit
-from lumbar.records.unpacking import MOST_NUMBERS, load_matlab
+from lumbar.records.unpacking import check_size, load_matlab
 
 _MOST_COLUMNS = 64
+_ELSEWHERE = "{source}: {path} stands in another file; store all numbers in one, with h5repack or h5copy"
 _RATES = ("fs", "f_s", "fsample", "rate", "samplerate", "sampling_rate", "sample_rate", "samplingrate")
 _INTERVALS = ("dt", "ts", "sampling_time", "sample_time", "delta_t")
 
@@ -144,6 +146,26 @@ def _collect(path: str, value, arrays: dict[str, np.ndarray], opaque: list[str])
         arrays[path] = np.asarray(value)
 
 
+def _stated_size(path: str, item, source: str) -> int:
+    """Bytes that an item of an HDF5 file says it holds, with its attributes and the larger of its pieces.
+
+    Raises
+    ------
+    InputError
+        Where they stand in another file, which neither its shape nor its values are asked for.
+    """
+    import h5py
+
+    numbers = [item.attrs.get_id(name).shape or () for name in item.attrs]
+    size = 8 * sum(map(math.prod, numbers))
+    if not isinstance(item, h5py.Dataset):
+        return size
+    made = item.id.get_create_plist()
+    if made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL:
+        raise InputError(_ELSEWHERE.format(source=source, path=path))
+    return size + max(8, item.dtype.itemsize) * max(item.size or 0, math.prod(item.chunks or ()))
+
+
 def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable:
     """Read an HDF5 file; parameters as of `lumbar.records.importing.text_table.read_text`.
 
@@ -163,16 +185,17 @@ def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
 
+    stated = 0
+
     def collect(path: str, item) -> None:
+        nonlocal stated
+        stated += _stated_size(path, item, source)
+        check_size(stated, len(content), source)
         for name in item.attrs:
             if np.size(item.attrs[name]) == 1 and np.asarray(item.attrs[name]).dtype.kind in "fiu":
                 arrays[f"{path}/{name}"] = np.asarray(item.attrs[name])
         if not isinstance(item, h5py.Dataset) or path.startswith("#"):  # MATLAB's own book-keeping
             return
-        if item.size is not None and item.size > MOST_NUMBERS:
-            raise InputError(
-                f"{source}: {path} says that it holds {item.size} numbers; at most {MOST_NUMBERS} are read"
-            )
         fields = item.dtype.names
         for name in fields or [None]:
             if (item.dtype[name] if name else item.dtype).kind in "fiu":
@@ -185,6 +208,9 @@ def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable
 
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
+            linked = file.visititems_links(lambda path, link: path if hasattr(link, "filename") else None)
+            if linked:
+                raise InputError(_ELSEWHERE.format(source=source, path=linked))
             file.visititems(collect)
             for name, value in file.attrs.items():
                 if np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu":

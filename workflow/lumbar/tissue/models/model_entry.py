@@ -19,6 +19,9 @@ from lumbar.tissue.models.transfer_function import TransferFunction
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
+MOST_COEFFICIENTS = 33
+"""Of a numerator or denominator: twice what an FMU holds, and far more than the search tries."""
+
 Catalogues = Mapping[str, Mapping[str, Effect]]
 
 
@@ -154,6 +157,8 @@ _KINDS = {
 def _transfer_function(written: _Written, problems: Problems) -> TransferFunction | None:
     if not (written.numerator and written.denominator):
         problems.add("structure", "no coefficients", "it needs numerator and denominator, or effects")
+    elif (most := max(len(written.numerator), len(written.denominator))) > MOST_COEFFICIENTS:
+        problems.add("structure", f"{most} coefficients", f"at most {MOST_COEFFICIENTS} are read")
     elif written.denominator[0] != 1:
         found = f"{written.denominator[0]:g}"
         problems.add(

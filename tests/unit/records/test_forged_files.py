@@ -1,0 +1,190 @@
+"""What a stranger wrote so that it reads other files, or fills the machine, is refused in words."""
+
+import gzip
+import json
+import os
+import re
+import zipfile
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.base.files import LARGEST_FILE
+from lumbar.records.force_plates import read_force_plates
+from lumbar.records.markers import read_markers
+from lumbar.tissue.models.fitted_model import FittedModel, models_document
+from lumbar.tissue.models.model_data import Port
+from lumbar.tissue.models.transfer_function import TransferFunction
+
+h5py = pytest.importorskip("h5py")
+SECRET = "cafe-4711"
+
+
+@pytest.fixture
+def canary(tmp_path):
+    path = tmp_path / "canary"
+    path.write_bytes(np.arange(100.0).tobytes() + SECRET.encode())
+    return path
+
+
+def _external(file, canary):
+    file.create_dataset("position_mm", (100,), "f8", external=[(str(canary), 0, 800)])
+
+
+def _virtual(file, canary):
+    with h5py.File(canary.with_name("other.h5"), "w") as other:
+        other["x"] = np.arange(100.0)
+    layout = h5py.VirtualLayout((100,), "f8")
+    layout[:] = h5py.VirtualSource(canary.with_name("other.h5"), "x", (100,))
+    file.create_virtual_dataset("position_mm", layout)
+
+
+def _link(file, canary):
+    file["position_mm"] = h5py.ExternalLink(str(canary.with_name("other.h5")), "x")
+
+
+def _pipe(file, canary):
+    os.mkfifo(canary.with_name("pipe"))
+    _external(file, canary.with_name("pipe"))
+
+
+@pytest.mark.parametrize("forged", [_external, _virtual, _link, _pipe])
+def test_an_hdf5_file_that_leads_to_another_is_refused(tmp_path, canary, forged):
+    path = tmp_path / "trial.h5"
+    with h5py.File(path, "w") as file:
+        file["force_N"] = np.arange(100.0)
+        forged(file, canary)
+    with pytest.raises(InputError, match=r"trial\.h5: position_mm stands in another file"):
+        lumbar.import_recordings(path, rate=100)
+
+
+def test_the_sizes_of_an_hdf5_file_count_together(tmp_path):
+    path = tmp_path / "bomb.h5"
+    with h5py.File(path, "w") as file:
+        for number in range(30):
+            file.create_dataset(f"x{number}", (LARGEST_FILE // 8 // 20,), "f8", chunks=(1000,))
+    assert path.stat().st_size < 50_000
+    with pytest.raises(InputError, match=r"bomb\.h5: unpacks to more than 200 MB, from 0\.0\d+ MB"):
+        lumbar.import_recordings(path, rate=100)
+
+
+def test_the_sizes_of_a_matlab_file_count_together(tmp_path):
+    path = tmp_path / "bomb.mat"
+    savemat(path, {f"x{number}": np.zeros(3000) for number in range(20)}, oned_as="column")
+    # Every variable says that it holds more than a twentieth of the limit.
+    said, more = (np.array([count, 1], "<i4").tobytes() for count in (3000, LARGEST_FILE // 150))
+    path.write_bytes(path.read_bytes().replace(said, more))
+    with pytest.raises(InputError, match=r"bomb\.mat: unpacks to more than 200 MB"):
+        lumbar.import_recordings(path, rate=100)
+
+
+def workbook(path, sheet: str):
+    """Write a workbook of one sheet of these rows, without the dimension that programs write."""
+    kind = "http://schemas.openxmlformats.org"
+    office = f"{kind}/officeDocument/2006/relationships"
+    parts = {
+        "[Content_Types].xml": f'<Types xmlns="{kind}/package/2006/content-types"><Override PartName="/xl/workbook.xml" '
+        'ContentType="application/vnd.openxmlformats-officedocument.spreadsheetml.sheet.main+xml"/></Types>',
+        "_rels/.rels": f'<Relationships xmlns="{kind}/package/2006/relationships"><Relationship Id="a" '
+        f'Type="{office}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
+        "xl/workbook.xml": f'<workbook xmlns="{kind}/spreadsheetml/2006/main" xmlns:r="{office}"><sheets>'
+        '<sheet name="a" sheetId="1" r:id="a"/></sheets></workbook>',
+        "xl/_rels/workbook.xml.rels": f'<Relationships xmlns="{kind}/package/2006/relationships"><Relationship Id="a" '
+        f'Type="{office}/worksheet" Target="worksheets/a.xml"/></Relationships>',
+        "xl/worksheets/a.xml": f'<worksheet xmlns="{kind}/spreadsheetml/2006/main"><sheetData>{sheet}</sheetData></worksheet>',
+    }
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in parts.items():
+            archive.writestr(name, text)
+
+
+def test_a_workbook_whose_last_cell_is_far_away_is_refused(tmp_path):
+    path = tmp_path / "bomb.xlsx"
+    workbook(path, "".join(f'<row r="{n}"><c r="XFD{n}"><v>1</v></c></row>' for n in range(1, 2000)))
+    assert path.stat().st_size < 20_000
+    with pytest.raises(InputError, match=r"bomb\.xlsx: .*more than 25000000 cells"):
+        lumbar.import_recordings(path)
+
+
+def test_a_workbook_without_dimension_is_read(tmp_path):
+    cells = [
+        f'<row r="{n}">'
+        + "".join(
+            f'<c r="{c}{n}"><v>{v}</v></c>' for c, v in zip("ABC", (n / 100, n % 7, n % 5), strict=True)
+        )
+        + "</row>"
+        for n in range(1, 200)
+    ]
+    workbook(tmp_path / "sound.xlsx", "".join(cells))
+    [read] = lumbar.import_recordings(
+        tmp_path / "sound.xlsx",
+        time=1,
+        time_unit="s",
+        position=2,
+        position_unit="mm",
+        force=3,
+        force_unit="N",
+    )
+    assert len(read.record) == 199
+
+
+_READERS = {
+    "a.csv": lumbar.read,
+    "a.mat": lumbar.read,
+    "a.csv.gz": lumbar.read,
+    "a.xlsx": lambda path: lumbar.import_recordings([path]),
+    "a.h5": lambda path: lumbar.import_recordings([path]),
+    "a.c3d": read_markers,
+    "a.c3d.gz": read_markers,
+    "a.trc": read_markers,
+    "a.bvh": read_markers,
+    "a.mot": read_force_plates,
+    "sheet.csv": lambda path: lumbar.read(path, "survey"),
+    "models.json": lumbar.load_models,
+    "settings.yaml": lumbar.load_settings,
+}
+
+
+@pytest.mark.parametrize("name", _READERS)
+def test_what_is_no_file_of_data_is_not_opened(tmp_path, name):
+    path = tmp_path / name
+    os.mkfifo(path)
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: a pipe or a device"):
+        _READERS[name](path)
+    path.unlink()
+    path.symlink_to("/dev/zero")
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: a pipe or a device"):
+        _READERS[name](path)
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: (a folder|no recordings)"):
+        _READERS[name](path)
+
+
+@pytest.mark.parametrize("name", _READERS)
+def test_every_kind_of_file_has_one_limit_of_size(tmp_path, name):
+    path = tmp_path / name
+    with path.open("wb") as file:
+        file.truncate(LARGEST_FILE + 1)  # of holes, which take no room
+    with pytest.raises(InputError, match=rf"{re.escape(name)}: 200 MB; files of at most 200 MB are read"):
+        _READERS[name](path)
+
+
+def test_what_a_packed_file_holds_has_the_same_limit(tmp_path):
+    path = tmp_path / "bomb.csv.gz"
+    path.write_bytes(gzip.compress(b"0.000,1.000,1.000\n" * 60_000) * 200)
+    for reader in (lumbar.read, lambda path: lumbar.import_recordings([path])):
+        with pytest.raises(InputError, match=r"bomb\.csv\.gz: unpacks to more than 200 MB, from \S+ MB"):
+            reader(path)
+
+
+def test_models_of_an_order_that_nobody_fits_are_refused(tmp_path):
+    ports = Port("position", "mm"), Port("force", "N")
+    model = FittedModel("KB", TransferFunction((1.0,) * 100, (1.0,)), 0.01, *ports, "KB")
+    path = tmp_path / "models.json"
+    path.write_text(json.dumps(models_document([model], "forged")))
+    with pytest.raises(InputError, match="100 coefficients; at most"):
+        lumbar.load_models(path)
