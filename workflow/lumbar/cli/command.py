@@ -17,7 +17,7 @@ COMMANDS = (
     *(tissue.BANDWIDTH, tissue.SIGNALS),
     *(tissue.IDENTIFY, tissue.COMPARE, tissue.LOCATE, tissue.DIAGNOSE, tissue.PROPOSE),
     *(explore.EXPLORE, tissue.REFINE, tissue.DOCTOR),
-    *(device.RENDER, device.EXPORT),
+    *(device.DEVICE, device.RENDER, device.EXPORT),
     survey.SURVEY,
     *(lifting.NEW_STUDY, recordings.INSPECT, lifting.LIFT, lifting.BASIN),
 )

@@ -1,4 +1,4 @@
-"""Commands that bring models to a haptic device: ``lumbar export`` and ``render``."""
+"""Commands that bring models to a haptic device: ``lumbar device``, ``render`` and ``export``."""
 
 from __future__ import annotations
 
@@ -115,5 +115,38 @@ RENDER = Command(
             )
         ),
         OUTPUT_OR_PRINTED,
+    ),
+)
+
+
+def run_device(options) -> None:
+    """Print what the recordings tell; write the configuration where a file is given."""
+    from lumbar.interface.device_identification import identify_device
+
+    found = identify_device(options.recordings, settings=given_settings(options))
+    print(found)
+    if options.output:
+        found.save(options.output)
+        print(f"{options.output}: next: lumbar render MODELS --config {options.output}")
+
+
+DEVICE = Command(
+    "device",
+    "identify mass, damping, dry friction and delay of a haptic device from its stylus in the air",
+    "lumbar device recording.csv --output device.yaml\n  lumbar render out/models.json --config device.yaml",
+    run_device,
+    (
+        path(
+            "recordings",
+            nargs="+",
+            metavar="RECORDING",
+            help="file with time_s, force_N (commanded) and position_mm (read) at every tick of the servo, while nobody holds "
+            "the stylus; several are of one device",
+        ),
+        path(
+            "--output",
+            metavar="YAML",
+            help="file for the device, to be given to --config (default: print only)",
+        ),
     ),
 )

@@ -1,0 +1,56 @@
+"""``lumbar.identify_device``: mass, damping, dry friction and delay of a haptic device from its stylus in the air."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+
+from lumbar.interface.verb import data_label, settings_or_default
+from lumbar.records.record import Record
+from lumbar.settings.study_settings import StudySettings
+from lumbar.tissue.haptics.device_identification.identification import IdentifiedDevice, identify
+
+
+def identify_device(
+    recordings: str | os.PathLike | Record | Iterable[str | os.PathLike | Record],
+    *,
+    settings: StudySettings | None = None,
+) -> IdentifiedDevice:
+    """Identify the haptic device from the force that its program commands and the position that its encoder reads.
+
+    Nobody holds the stylus. Each row has the position that was read at a tick, and the force that was commanded upon it and
+    held until the next one; a positive force pushes towards growing positions. The equation is
+    m ẍ + b ẋ + F sign(ẋ) = f(t − τ); a constant force and a weak spring may act besides.
+
+    Parameters
+    ----------
+    recordings : path, Record, or iterable of them
+        Files with columns ``time_s``, ``force_N`` and ``position_mm``, or as `settings` have it; several are taken as of one
+        device.
+    settings : StudySettings, optional
+        For the layout of the files, ``tissue.layout``.
+
+    Raises
+    ------
+    InputError
+        Files that cannot be read; a recording that does not tell one of the numbers, with what to record instead; a motion
+        that is not that of the equation.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.twin.device_recordings import write_example
+    >>> write_example("device.csv")
+    >>> found = lumbar.identify_device("device.csv")
+    >>> round(found.device.mass_kg, 3), round(found.device.delay_ms, 1)
+    (0.25, 1.3)
+    >>> found.save("device.yaml")
+    """
+    from lumbar.interface.reading import read
+
+    given = [recordings] if isinstance(recordings, str | os.PathLike | Record) else list(recordings)
+    # The flat tops of a held force are no converter's.
+    layout = replace(settings_or_default(settings).tissue.layout, clipped="accept")
+    records = [item if isinstance(item, Record) else read(item, "tissue", layout=layout)[0] for item in given]
+    return identify(records, data_label("", [record.source for record in records]))

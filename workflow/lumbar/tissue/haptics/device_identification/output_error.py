@@ -1,0 +1,157 @@
+"""The device whose motion is nearest to the recorded one, with intervals: output error.
+
+What is compared with the encoder is the motion that the commanded forces alone lead to, over stretches that each begin at a
+position and a velocity of their own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from lumbar.tissue.haptics.device_identification.free_motion import PARAMETERS, free_motion
+from lumbar.tissue.haptics.device_identification.stretches import Stretches
+
+CONFIDENCE = 0.95
+_RELATIVE_STEP = 1e-5
+"""Of the differences that derivatives are taken by."""
+_PRECISION, _EVALUATIONS = 1e-12, 60
+_SINGULAR = 1e12
+"""Condition number, of parameters scaled to one information each, beyond which one of them is another in disguise."""
+_LEAST_ERROR_M = 1e-9
+"""Of a reading: no encoder reads finer, and the search ends within it."""
+_SIGNIFICANT = 4.0
+"""Standard errors that what neighbouring readings share must be above."""
+
+
+@dataclass(frozen=True)
+class DeviceFit:
+    """Fitted parameters and what they leave."""
+
+    stretches: Stretches
+    parameters: np.ndarray
+    """Shape (6,), as `PARAMETERS`."""
+    residuals: np.ndarray
+    """Shape (length, stretches): read less simulated, m, about its mean in each stretch."""
+    derivatives: np.ndarray
+    """Shape (length, stretches, 6): of the motion by the parameters, apart from what other starts would make up for."""
+
+    def intervals(self) -> tuple[np.ndarray, np.ndarray]:
+        """Half of the 95 % intervals, shape (6,), and the correlations of their errors, shape (6, 6).
+
+        From what each stretch that is left out changes (jackknife: an encoder errs to one side as long as the stylus creeps,
+        and noise need not be equal), or from errors that are equal and independent, whichever is wider: where few stretches
+        tell most, the first may be too narrow. Infinite where the recording does not tell one parameter from the others.
+        """
+        from scipy.stats import t
+
+        weights, count = self.stretches.weights, len(self.stretches.starts)
+        size = np.sqrt(np.einsum("ts,tsi->i", weights, self.derivatives**2)) + np.finfo(float).tiny
+        scaled = self.derivatives / size
+        information = np.einsum("ts,tsi,tsj->sij", weights, scaled, scaled)
+        whole = information.sum(axis=0)
+        if not np.linalg.cond(whole) < _SINGULAR:
+            return np.full(len(PARAMETERS), np.inf), np.zeros(whole.shape)
+        slopes = np.einsum("ts,tsi,ts->si", weights, scaled, self.residuals)
+        pairs = zip(whole - information, slopes, strict=True)
+        changes = np.array([np.linalg.pinv(left) @ slope for left, slope in pairs])
+        jackknife = (count - 1) / count * ((changes - changes.mean(axis=0)) ** 2).sum(axis=0)
+        power = (weights * self.residuals**2).sum() / max(weights.sum() - len(PARAMETERS) - 2 * count, 1.0)
+        power = max(power, _LEAST_ERROR_M**2)
+        covariance = np.linalg.inv(whole)
+        equal = np.sqrt(np.diag(covariance))
+        half = t.ppf(0.5 + CONFIDENCE / 2, count - 1) * np.sqrt(np.maximum(jackknife, power * equal**2))
+        return half / size, covariance / np.outer(equal, equal)
+
+    def unexplained(self) -> float:
+        """Motion that the equation does not give, as a share of what is no straight line in the stretches: root mean squares.
+
+        Errors of neighbouring readings that differ have nothing in common but what the encoder's steps hide: at rest, or
+        where a motion comes back, up to half a step in each. What they share beside that, and beside chance, is motion.
+        """
+        stretches, runs = self.stretches, self.stretches.runs
+        means = np.bincount(runs.T.ravel(), self.residuals.T.ravel()) / np.bincount(runs.T.ravel())
+        products = np.delete(means[1:] * means[:-1], runs[0, 1:] - 1)  # not from stretch to stretch
+        chance = _SIGNIFICANT * products.std() / np.sqrt(len(products))
+        if products.mean() < max(chance, stretches.resolution**2 / 4.0):
+            return 0.0
+        line = np.linspace(-1.0, 1.0, stretches.length)
+        readings = stretches.readings - stretches.readings.mean(axis=0)
+        curved = readings - np.outer(line, line @ readings) / (line @ line)
+        return float(np.sqrt(products.mean() / np.average(curved**2, weights=stretches.weights)))
+
+
+def fit_device(stretches: Stretches, begin: np.ndarray) -> DeviceFit:
+    """Fit mass, damping, friction, delay, a constant force, a weak spring and the start of every stretch.
+
+    Parameters
+    ----------
+    begin : numpy.ndarray, shape (6,)
+        Parameters where the search begins.
+    """
+    from scipy.optimize import least_squares
+
+    count, number = len(PARAMETERS), len(stretches.starts)
+    sizes, roots = _sizes(stretches, begin), np.sqrt(stretches.weights)
+    scales = np.concatenate([sizes[:count], np.full(number, sizes[count])])
+
+    @lru_cache(maxsize=1)
+    def motion(key: bytes) -> tuple[np.ndarray, np.ndarray]:
+        values = np.frombuffer(key)
+        return _motion(stretches, values[:count], values[count:], _RELATIVE_STEP * sizes)
+
+    def residuals(values: np.ndarray) -> np.ndarray:
+        return (roots * motion(values.tobytes())[0]).T.ravel()
+
+    def jacobian(values: np.ndarray) -> np.ndarray:
+        by = -(roots[..., None] * motion(values.tobytes())[1]).transpose(1, 0, 2)
+        whole = np.zeros((number, stretches.length, count + number))
+        whole[..., :count] = by[..., :count]
+        whole[np.arange(number), :, count + np.arange(number)] = by[..., count]
+        return whole.reshape(-1, count + number)
+
+    # Mass and damping are positive; friction may come out below 0 by its error: a bound there would pull at the others.
+    lowest = np.where(np.arange(count + number) < 2, 1e-6, -np.inf)
+    found = least_squares(
+        residuals,
+        np.maximum([*begin, *stretches.velocity[stretches.starts]], lowest + 1e-3 * scales),
+        jacobian,
+        bounds=(lowest, np.inf),
+        x_scale=scales,
+        xtol=_PRECISION,
+        ftol=_PRECISION,
+        gtol=_PRECISION,
+        max_nfev=_EVALUATIONS,
+    )
+    left, by = motion(found.x.tobytes())
+    by, by_velocity = by[..., :count], by[..., count]
+    size = (stretches.weights * by_velocity**2).sum(axis=0)
+    share = np.einsum("ts,ts,tsi->si", stretches.weights, by_velocity, by)
+    # A stylus that rests has no velocity that could be another.
+    apart = by - by_velocity[..., None] * (share / np.where(size > 0, size, np.inf)[:, None])
+    return DeviceFit(stretches, found.x[:count], left, apart)
+
+
+def _motion(
+    stretches: Stretches, parameters: np.ndarray, velocities: np.ndarray, steps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals about their mean in each stretch, and derivatives by the parameters and by the velocity at the start."""
+    count = len(parameters)
+    sets, starts = (np.repeat(item[:, None], count + 2, axis=1) for item in (parameters, velocities))
+    sets[np.arange(count), np.arange(count)] += steps[:count]
+    starts[:, count] += steps[count]
+    ways = free_motion(stretches, sets, starts)
+    weights = stretches.weights[..., None] / stretches.weights.sum(axis=0)[:, None]
+    by = (ways[..., :-1] - ways[..., -1:]) / steps
+    left = stretches.readings[..., None] - ways[..., -1:]
+    return (left - (weights * left).sum(axis=0))[..., 0], by - (weights * by).sum(axis=0)
+
+
+def _sizes(stretches: Stretches, begin: np.ndarray) -> np.ndarray:
+    """Sizes of the parameters, and of a velocity, that matter in this recording."""
+    force, speed = stretches.rms(stretches.forces), stretches.rms(stretches.velocity)
+    mass = max(begin[0], 0.01 * force / speed * stretches.length * stretches.step)
+    damping, way = max(begin[1], 0.01 * force / speed), float(np.std(stretches.readings))
+    return np.array([mass, damping, force, stretches.step, force, force / way, speed])
