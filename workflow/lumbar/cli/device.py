@@ -120,10 +120,10 @@ RENDER = Command(
 
 
 def run_device(options) -> None:
-    """Print what the recordings tell; write the configuration where a file is given."""
+    """Print what the recording tells; write the configuration where a file is given."""
     from lumbar.interface.device_identification import identify_device
 
-    found = identify_device(options.recordings, settings=given_settings(options))
+    found = identify_device(options.recording, settings=given_settings(options))
     print(found)
     if options.output:
         found.save(options.output)
@@ -137,16 +137,10 @@ DEVICE = Command(
     run_device,
     (
         path(
-            "recordings",
-            nargs="+",
+            "recording",
             metavar="RECORDING",
-            help="file with time_s, force_N (commanded) and position_mm (read) at every tick of the servo, while nobody holds "
-            "the stylus; several are of one device",
+            help="file with time_s, force_N (commanded) and position_mm (read) at every tick, nobody holding the stylus",
         ),
-        path(
-            "--output",
-            metavar="YAML",
-            help="file for the device, to be given to --config (default: print only)",
-        ),
+        path("--output", metavar="YAML", help="file for --config with the device (default: print only)"),
     ),
 )

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from dataclasses import replace
 
-from lumbar.interface.verb import data_label, settings_or_default
+from lumbar.interface.reading import read
+from lumbar.interface.verb import settings_or_default
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.haptics.device_identification.identification import IdentifiedDevice, identify
 
 
 def identify_device(
-    recordings: str | os.PathLike | Record | Iterable[str | os.PathLike | Record],
-    *,
-    settings: StudySettings | None = None,
+    recording: str | os.PathLike | Record, *, settings: StudySettings | None = None
 ) -> IdentifiedDevice:
     """Identify the haptic device from the force that its program commands and the position that its encoder reads.
 
@@ -25,16 +23,13 @@ def identify_device(
 
     Parameters
     ----------
-    recordings : path, Record, or iterable of them
-        Files with columns ``time_s``, ``force_N`` and ``position_mm``, or as `settings` have it; several are taken as of one
-        device.
-    settings : StudySettings, optional
-        For the layout of the files, ``tissue.layout``.
+    recording : path or Record
+        File with columns ``time_s``, ``force_N`` and ``position_mm``, or as the ``tissue.layout`` of `settings` has it.
 
     Raises
     ------
     InputError
-        Files that cannot be read; a recording that does not tell one of the numbers, with what to record instead; a motion
+        A file that cannot be read; a recording that does not tell one of the numbers, with what to record instead; a motion
         that is not that of the equation.
 
     Examples
@@ -47,10 +42,8 @@ def identify_device(
     (0.25, 1.3)
     >>> found.save("device.yaml")
     """
-    from lumbar.interface.reading import read
-
-    given = [recordings] if isinstance(recordings, str | os.PathLike | Record) else list(recordings)
-    # The flat tops of a held force are no converter's.
-    layout = replace(settings_or_default(settings).tissue.layout, clipped="accept")
-    records = [item if isinstance(item, Record) else read(item, "tissue", layout=layout)[0] for item in given]
-    return identify(records, data_label("", [record.source for record in records]))
+    if not isinstance(recording, Record):
+        # The flat tops of a held force are no converter's.
+        layout = replace(settings_or_default(settings).tissue.layout, clipped="accept")
+        recording = read(recording, "tissue", layout=layout)[0]
+    return identify(recording)

@@ -18,9 +18,8 @@ from lumbar.base.files import write_text
 from lumbar.records.record import Channel, Record
 from lumbar.settings.runtime import DeviceSettings
 
-TRAVEL_MM = 40.0
-"""Largest excursion to either side that the amplitudes lead to."""
-_MOTOR_N, _COARSE_HZ = 5.0, 250.0
+TRAVEL_MM, _MOTOR_N, _COARSE_HZ = 40.0, 5.0, 250.0
+"""Largest excursion to either side that the amplitudes lead to, largest force, and the rate at which that is tried."""
 
 
 def pushes(rate_Hz: float) -> np.ndarray:
@@ -64,21 +63,10 @@ def play(
     noise_um: float = 0.0,
     seed: int = 0,
 ) -> Record:
-    """Play forces on a device and record what its program knows: the force it commands and the encoder.
+    """Play forces in N, shape (samples,), on a device and record what its program knows: force and encoder.
 
-    Parameters
-    ----------
-    commands : numpy.ndarray, shape (samples,)
-        Newton, one for each tick; the program takes from it what its spring pulls back.
-    spring_N_m : float
-        Stiffness of the program's spring.
-    noise_um : float
-        Standard deviation of what the encoder errs by before it is rounded to its steps.
-
-    Returns
-    -------
-    Record
-        ``input`` is the position in mm, ``output`` the commanded force in N, as in tissue tests.
+    The program takes from each what its spring pulls back; the encoder errs by `noise_um`, standard deviation, before it is
+    rounded to its steps. ``input`` is the position in mm, ``output`` the commanded force in N, as in tissue tests.
     """
     step, delay = 1.0 / device.rate_Hz, 1e-3 * device.delay_ms
     late = int(delay / step)
@@ -99,24 +87,19 @@ def play(
     return Record("device", step * np.arange(len(commands)), channels, source="synthetic twin")
 
 
-def device_recording(
-    device: DeviceSettings, *, travel_mm: float = TRAVEL_MM, noise_um: float = 0.0, seed: int = 0
-) -> Record:
+def device_recording(device: DeviceSettings, noise_um: float = 0.0, seed: int = 0) -> Record:
     """Record `pushes` and `chirp`, each at the largest amplitude of up to 5 N at which the stylus stays within its travel."""
-    commands = []
+    commands, coarse = [], replace(device, rate_Hz=_COARSE_HZ)
     for shape in (pushes, chirp):
-        amplitude, coarse = _MOTOR_N, replace(device, rate_Hz=_COARSE_HZ)
-        while np.abs(play(coarse, amplitude * shape(_COARSE_HZ))["input"]).max() > travel_mm:
+        amplitude = _MOTOR_N
+        while np.abs(play(coarse, amplitude * shape(_COARSE_HZ))["input"]).max() > TRAVEL_MM:
             amplitude *= 0.85
         commands.append(amplitude * shape(device.rate_Hz))
     return play(device, np.concatenate(commands), noise_um=noise_um, seed=seed)
 
 
 def write_example(path: str | os.PathLike) -> None:
-    """Write the recording of `docs/tissue/haptic_runtime.md`: a stylus of 0.25 kg, 1.5 N·s/m, 0.2 N and 1.3 ms at 1 kHz.
-
-    Its encoder has steps of 30 µm and errs by 5 µm.
-    """
+    """Write the recording of `docs/tissue/haptic_runtime.md`: a stylus of 0.25 kg, 1.5 N·s/m, 0.2 N and 1.3 ms at 1 kHz."""
     device = DeviceSettings(mass_kg=0.25, damping_N_s_m=1.5, friction_N=0.2, delay_ms=1.3)
     record = device_recording(device, noise_um=5.0)
     rows = zip(record.time, record["output"], record["input"], strict=True)

@@ -43,7 +43,8 @@ class DeviceFit:
 
         From what each stretch that is left out changes (jackknife: an encoder errs to one side as long as the stylus creeps,
         and noise need not be equal), or from errors that are equal and independent, whichever is wider: where few stretches
-        tell most, the first may be too narrow. Infinite where the recording does not tell one parameter from the others.
+        tell most, the first may be too narrow. Degrees of freedom after Satterthwaite (R. M. Bell and D. F. McCaffrey, Survey
+        Methodology 28, 2002). Infinite where the recording does not tell one parameter from the others.
         """
         from scipy.stats import t
 
@@ -59,11 +60,13 @@ class DeviceFit:
         changes = np.array([np.linalg.pinv(left) @ slope for left, slope in pairs])
         jackknife = (count - 1) / count * ((changes - changes.mean(axis=0)) ** 2).sum(axis=0)
         power = (weights * self.residuals**2).sum() / max(weights.sum() - len(PARAMETERS) - 2 * count, 1.0)
-        power = max(power, _LEAST_ERROR_M**2)
         covariance = np.linalg.inv(whole)
-        equal = np.sqrt(np.diag(covariance))
-        half = t.ppf(0.5 + CONFIDENCE / 2, count - 1) * np.sqrt(np.maximum(jackknife, power * equal**2))
-        return half / size, covariance / np.outer(equal, equal)
+        equal = np.diag(covariance)
+        variance = np.maximum(jackknife, max(power, _LEAST_ERROR_M**2) * equal)
+        # What each stretch has of the variance that equal errors give; few stretches that tell most are few degrees of freedom.
+        shares = np.einsum("ij,sjk,ki->si", covariance, information, covariance) / equal
+        half = t.ppf(0.5 + CONFIDENCE / 2, 1.0 / (shares**2).sum(axis=0)) * np.sqrt(variance)
+        return half / size, covariance / np.sqrt(np.outer(equal, equal))
 
     def unexplained(self) -> float:
         """Motion that the equation does not give, as a share of what is no straight line in the stretches: root mean squares.

@@ -1,8 +1,7 @@
-"""Recordings of a haptic device, cut into stretches that each begin anew, and what an encoder's readings are worth."""
+"""A recording of a haptic device, cut into stretches that each begin anew, and what an encoder's readings are worth."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -26,12 +25,12 @@ _UNITS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
 
 @dataclass(frozen=True)
 class Stretches:
-    """Parts of recordings that are simulated each from a start of its own."""
+    """Parts of a recording that are simulated each from a start of its own."""
 
     step: float
     """Seconds from tick to tick."""
     forces: np.ndarray
-    """Shape (samples,): commanded, N; of several recordings one after the other."""
+    """Shape (samples,): commanded, N."""
     positions: np.ndarray
     """Shape (samples,): read, m."""
     starts: np.ndarray
@@ -95,46 +94,39 @@ class Stretches:
         return float(np.sqrt(np.mean(values[self.ticks] ** 2)))
 
 
-def cut(recordings: Sequence[Record]) -> Stretches:
-    """Cut recordings into stretches of equal length, none of which holds a row that was filled in.
-
-    Parameters
-    ----------
-    recordings : sequence of Record
-        ``input`` is the position of the stylus, ``output`` the commanded force.
+def cut(recording: Record) -> Stretches:
+    """Cut a recording into stretches of equal length, none of which holds a row that was filled in.
 
     Raises
     ------
     InputError
-        Recordings of no position and force, of different rates, too short, too long, or in which nothing moves.
+        A recording of no position and force, too short, too long, or in which nothing moves.
     """
-    problems = Problems(recordings[0].source or recordings[0].name)
-    for item in recordings:
-        _check(item, recordings[0], problems)
+    problems = Problems(recording.source or recording.name)
+    position, force = (getattr(recording.channels.get(role), "unit", "none") for role in ("input", "output"))
+    if position not in _UNITS_M or force != "N":
+        units = ", ".join(_UNITS_M)
+        needed = f"the position of the stylus in {units} and the commanded force in N are needed"
+        problems.add("", f"input in {position}, output in {force}", needed)
+    if len(recording) > _MOST_SAMPLES:
+        problems.add("", f"{len(recording)} samples", f"at most {_MOST_SAMPLES} are taken; 15 s are enough")
     problems.raise_if_any()
-    forces = np.concatenate([item["output"] for item in recordings])
-    positions = np.concatenate([_UNITS_M[item.channels["input"].unit] * item["input"] for item in recordings])
-    ends = np.cumsum([0, *map(len, recordings)])
-    breaks = [np.add(item.filled, begin) for item, begin in zip(recordings, ends[:-1], strict=True)]
-    # From one break to the next; a break is the end of a recording or a filled row.
-    parts = [
-        (first + MARGIN, stop - _AFTER)
-        for first, stop in pairwise(np.unique(np.concatenate([ends, *breaks])).astype(int))
-    ]
+    edges = np.unique([0, *recording.filled, len(recording)])
+    parts = [(first + MARGIN, stop - _AFTER) for first, stop in pairwise(edges)]
     usable = sum(max(stop - first, 0) for first, stop in parts)
     length = max(_SHORTEST, usable // _STRETCHES)
     starts = np.concatenate([np.arange(first, stop - length + 1, length) for first, stop in parts])
-    step = float(np.mean([item.sampling_time for item in recordings]))
+    positions = _UNITS_M[position] * recording["input"]
+    found = Stretches(recording.sampling_time, recording["output"], positions, starts, length)
     if len(starts) < _FEWEST:
-        needed = _FEWEST * _SHORTEST + MARGIN + _AFTER
+        seconds = (_FEWEST * _SHORTEST + MARGIN + _AFTER) * found.step
         problems.add(
             "",
-            f"{usable} samples can be used, {len(forces)} in all",
-            f"at least {needed} without a gap are needed ({needed * step:.2g} s), and some 15 s are good",
+            f"{usable} samples can be used, {len(recording)} in all",
+            f"at least {seconds:.2g} s without a gap are needed, and some 15 s are good",
         )
-    found = Stretches(step, forces, positions, starts, length)
+    steps = round(np.ptp(positions) / found.resolution) if found.resolution else 0
     if np.ptp(positions) <= _FEWEST_STEPS * found.resolution:
-        steps = round(np.ptp(positions) / found.resolution) if found.resolution else 0
         problems.add(
             "",
             f"the stylus moves over {steps} steps of its encoder ({1e6 * found.resolution:.3g} µm) in all",
@@ -142,18 +134,3 @@ def cut(recordings: Sequence[Record]) -> Stretches:
         )
     problems.raise_if_any()
     return found
-
-
-def _check(item: Record, first: Record, problems: Problems) -> None:
-    position, force = (getattr(item.channels.get(role), "unit", "none") for role in ("input", "output"))
-    if position not in _UNITS_M or force != "N":
-        problems.add(
-            item.name,
-            f"input in {position}, output in {force}",
-            f"the position of the stylus in {', '.join(_UNITS_M)} and the commanded force in N are needed",
-        )
-    if abs(item.sampling_time / first.sampling_time - 1.0) > 1e-3:
-        rates = f"{1 / item.sampling_time:g} Hz, {first.name} has {1 / first.sampling_time:g} Hz"
-        problems.add(item.name, rates, "recordings of one device are given at one rate")
-    if len(item) > _MOST_SAMPLES:
-        problems.add(item.name, f"{len(item)} samples", f"at most {_MOST_SAMPLES} are taken; 15 s are enough")
