@@ -49,13 +49,17 @@ LARGEST_FILE = 200_000_000
 """Bytes of a file that is read, of any kind, as it lies and unpacked."""
 
 
-def require_file(path: str | os.PathLike) -> None:
-    """Refuse what is no file of data, before it is opened: a pipe would hang whoever reads it, a device never ends.
+LARGEST_JSON = 20_000_000
+"""Bytes of a JSON file, whose values take twenty times as much."""
+
+
+def require_file(path: str | os.PathLike, most: int = LARGEST_FILE) -> int:
+    """Return the bytes of a file of data; refuse what is none before it is opened: a pipe hangs its reader, a device never ends.
 
     Raises
     ------
     InputError
-        No such file; a folder, a pipe or a device; a file larger than `LARGEST_FILE`.
+        No such file; a folder, a pipe or a device; a file of more than `most` bytes.
     """
     try:
         found = Path(path).stat()
@@ -65,10 +69,11 @@ def require_file(path: str | os.PathLike) -> None:
         raise InputError(f"{path}: a folder; name the files in it that are recordings")
     if not stat.S_ISREG(found.st_mode):
         raise InputError(f"{path}: a pipe or a device; a file is needed")
-    if found.st_size > LARGEST_FILE:
+    if found.st_size > most:
         raise InputError(
-            f"{path}: {found.st_size / 1e6:.0f} MB; files of at most {LARGEST_FILE / 1e6:.0f} MB are read: cut the recording"
+            f"{path}: {found.st_size / 1e6:.0f} MB; files of at most {most / 1e6:.0f} MB are read: save a part by itself"
         )
+    return found.st_size
 
 
 def refuse_links(folder: str | os.PathLike) -> None:
@@ -197,10 +202,12 @@ def read_json(path: str | os.PathLike):
     def refuse(constant: str):
         raise InputError(f"{path}: holds {constant}, which is not valid JSON")
 
-    require_file(path)
+    require_file(path, LARGEST_JSON)
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=refuse)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text ({error})") from error
+    except RecursionError as error:
+        raise InputError(f"{path}: nested too deep for any result") from error
     except json.JSONDecodeError as error:
         raise InputError(f"{path}, line {error.lineno}: not valid JSON ({error.msg})") from error

@@ -23,12 +23,14 @@ import csv
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.confined import confined
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
 from lumbar.records.record import (
@@ -42,7 +44,7 @@ from lumbar.records.record import (
 )
 from lumbar.records.stretches import check_clipping
 from lumbar.records.text_rows import number, stop_at_many
-from lumbar.records.unpacking import load_matlab, unpack
+from lumbar.records.unpacking import unpack
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 LONGEST_GAP = 10
@@ -131,12 +133,7 @@ def read_record(
         With file, line or column, what was found and what is allowed; all problems of a file at once.
     """
     path = Path(path)
-    require_file(path)
-    lines: Sequence[int] | None = None
-    if layout.format == "mat":
-        raw = _read_mat(path, layout)
-    else:
-        raw, lines = _read_plain_table(path, layout) or _read_text(path, layout)
+    raw, lines = _read_columns(path, layout)
     columns = {role: column for role, column in layout.columns.items() if role in raw}
     with np.errstate(over="ignore"):  # what overflows is refused below, with its place
         scaled = {
@@ -166,6 +163,24 @@ def read_record(
     if rate is not None:
         record = resample(record, rate)
     return record
+
+
+def _read_columns(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int] | None]:
+    """Columns by role, and the line of each sample where the format has lines."""
+    size = require_file(path)
+    if layout.format == "mat":
+        from lumbar.records.matlab_file import load_matlab
+
+        return confined(partial(_read_mat, path, layout, load_matlab), path, size), None
+    if size >= _LARGE:
+        import pandas as pd  # noqa: F401 - here, where it stays imported, and not in the child alone
+
+        print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
+
+    def parse() -> tuple[dict[str, np.ndarray], Sequence[int]]:
+        return _read_plain_table(path, layout) or _read_text(path, layout)
+
+    return confined(parse, path, size, harmless=path.suffix != ".gz")
 
 
 def default_name(path: Path) -> str:
@@ -225,8 +240,6 @@ def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.nd
     with io.TextIOWrapper(_opened(path), encoding="utf-8-sig", errors="replace") as stream:
         first = stream.readline(_LONGEST_LINE)
     header = _split(first, separator) if layout.header else None
-    if size >= _LARGE:
-        print(f"{path.name}: reading {path.stat().st_size / 1e6:.0f} MB", file=sys.stderr, flush=True)
     try:
         frame = pd.read_csv(
             source,
@@ -350,7 +363,7 @@ def _numbers(
     return values
 
 
-def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
+def _read_mat(path: Path, layout: ColumnLayout, load_matlab: Callable[..., dict]) -> dict[str, np.ndarray]:
     content = load_matlab(
         path.read_bytes(), str(path), "not a MATLAB file of version 4 to 7.2", squeeze_me=True
     )

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
 from lumbar.base.files import require_file
 from lumbar.records.c3d_file import AnalogChannels, analog_channels, read_analog
@@ -85,12 +86,17 @@ def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = Non
         missing.
     """
     path, layout = Path(path), layout or MarkerLayout()
-    require_file(path)
+    size = require_file(path)
     ending = ending_of(path)
     if ending not in (".mot", ".c3d"):
         return []
-    with readable_path(path) as plain:
-        return read_mot(plain, layout) if ending == ".mot" else read_c3d_plates(plain, layout)
+    read = read_mot if ending == ".mot" else read_c3d_plates
+
+    def parse() -> list[ForcePlate]:
+        with readable_path(path) as plain:
+            return read(plain, layout)
+
+    return confined(parse, path, size, (ForcePlate,))
 
 
 def read_c3d_plates(path: Path, layout: MarkerLayout) -> list[ForcePlate]:

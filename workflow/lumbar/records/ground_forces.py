@@ -99,7 +99,7 @@ def read_mot(path: str | os.PathLike, layout: MarkerLayout) -> list[ForcePlate]:
 def names_forces(path: Path) -> bool:
     """Whether the header of a motion file names columns of ground reaction forces; joint angles have the same ending."""
     with path.open(encoding="utf-8-sig", errors="replace") as stream:
-        lines = stream.readlines(_HEADER_CHARACTERS)
+        lines = stream.read(_HEADER_CHARACTERS).splitlines()
     ends = [number for number, line in enumerate(lines) if line.strip().lower() == "endheader"]
     names = next((line.split() for line in lines[ends[0] + 1 :] if line.strip()), []) if ends else []
     return any(map(_FORCE.match, names))

@@ -27,10 +27,11 @@ from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
 from lumbar.base.files import require_file
 from lumbar.records.marker_file import MarkerFile, RecordedEvent
-from lumbar.records.unpacking import readable_path, stem_of
+from lumbar.records.unpacking import ending_of, readable_path, stem_of
 from lumbar.settings.layout import MarkerLayout
 
 Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
@@ -128,10 +129,7 @@ def read_markers(
 
     layout = layout or MarkerLayout()
     path = Path(path)
-    require_file(path)
-    with readable_path(path) as plain:
-        file = replace(_read_file(plain, layout), source=str(path))
-    file = _at_rate(select_subject(file, layout.subject_prefix), layout.rate_Hz)
+    file = _at_rate(select_subject(_read_file(path, layout), layout.subject_prefix), layout.rate_Hz)
     if len(file.time) < minimum_frames:
         raise InputError(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
@@ -169,31 +167,31 @@ def read_markers(
 
 
 def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
-    suffix = path.suffix.lower()
-    if suffix == ".c3d":
-        from lumbar.records.c3d_file import read_c3d
+    size = require_file(path)
+    ending = ending_of(path)
+    read: Callable[..., MarkerFile]
+    if ending == ".c3d":
+        from lumbar.records.c3d_file import read_c3d as read
+    elif ending == ".trc":
+        from lumbar.records.trc_file import read_trc as read
+    elif ending == ".csv":
+        from lumbar.records.marker_table import read_marker_table as read
+    elif ending == ".bvh":
+        from lumbar.records.bvh_file import read_bvh as read
+    elif ending == ".mat":
+        from lumbar.records.mat_markers import read_mat_markers as read
+    else:
+        raise InputError(
+            f"{path}: markers are read from .c3d, .trc, .csv, .mat and .bvh files, also with .gz, not "
+            f"{ending or 'a file without suffix'!r}"
+        )
+    options = (layout.rate_Hz,) if ending in (".csv", ".mat") else ()
 
-        return read_c3d(path)
-    if suffix == ".trc":
-        from lumbar.records.trc_file import read_trc
+    def parse() -> MarkerFile:
+        with readable_path(path) as plain:
+            return replace(read(plain, *options), source=str(path))
 
-        return read_trc(path)
-    if suffix == ".csv":
-        from lumbar.records.marker_table import read_marker_table
-
-        return read_marker_table(path, layout.rate_Hz)
-    if suffix == ".bvh":
-        from lumbar.records.bvh_file import read_bvh
-
-        return read_bvh(path)
-    if suffix == ".mat":
-        from lumbar.records.mat_markers import read_mat_markers
-
-        return read_mat_markers(path, layout.rate_Hz)
-    raise InputError(
-        f"{path}: markers are read from .c3d, .trc, .csv, .mat and .bvh files, also with .gz, not "
-        f"{suffix or 'a file without suffix'!r}"
-    )
+    return confined(parse, path, size, (MarkerFile, RecordedEvent))
 
 
 def _at_rate(file: MarkerFile, rate: float | None) -> MarkerFile:

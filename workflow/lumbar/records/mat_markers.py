@@ -20,8 +20,8 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.records.marker_file import MarkerFile, NoMarkers, RecordedEvent, mark_missing, split_points
 from lumbar.records.marker_table import even_clock
+from lumbar.records.matlab_file import load_matlab
 from lumbar.records.record import LARGEST
-from lumbar.records.unpacking import load_matlab
 
 _TIME = ("time", "t", "time_s")
 _RATE = ("rate", "framerate", "rate_hz", "fs", "frequency")

@@ -20,10 +20,12 @@ from __future__ import annotations
 import csv
 import os
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.confined import confined
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
 from lumbar.settings.survey import RatingsLayout
@@ -90,7 +92,8 @@ def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     """
     path = Path(path)
     _check_layout(layout)
-    columns, rows = _columns(layout), _read_rows(path, layout)
+    columns = _columns(layout)
+    rows = confined(partial(_read_rows, path, layout), path, require_file(path), harmless=True)
     problems = Problems(str(path))
     missing = [column for column in columns if column not in rows[0]]
     for column in missing:
@@ -131,7 +134,6 @@ def _columns(layout: RatingsLayout) -> list[str]:
 
 def _read_rows(path: Path, layout: RatingsLayout) -> dict[int, list[str]]:
     """Return the cells of each line that is not blank; the header has key 0."""
-    require_file(path)
     rows: dict[int, list[str]] = {}
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:

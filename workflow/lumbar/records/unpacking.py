@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import io
-import math
-import struct
+import os
 import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
+from tempfile import NamedTemporaryFile
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import LARGEST_FILE
 
 _PIECE = 1_000_000
 PACKED = ".gz"
-_MATLAB_HEADER, _COMPRESSED = 128, 15
-"""Bytes before the first variable, and the type of a packed one (MATLAB's description of MAT-files, level 5)."""
 MOST_NUMBERS = LARGEST_FILE // 8
 """Numbers, or cells, of one file."""
 
@@ -46,7 +42,7 @@ def unpack(stored: bytes, path: Path) -> bytes:
     whole, remaining = io.BytesIO(), stored
     while remaining:
         reader = zlib.decompressobj(wbits=31)
-        for piece in _pieces(reader, remaining, LARGEST_FILE - whole.tell(), len(stored), str(path)):
+        for piece in pieces(reader, remaining, LARGEST_FILE - whole.tell(), len(stored), str(path)):
             whole.write(piece)
         remaining = reader.unused_data.lstrip(b"\0")
     return whole.getvalue()
@@ -71,7 +67,7 @@ def check_size(size: float, stored: int, source: str) -> None:
         )
 
 
-def _pieces(reader, stored: bytes, left: int, size: int, source: str) -> Iterator[bytes]:
+def pieces(reader, stored: bytes, left: int, size: int, source: str) -> Iterator[bytes]:
     """What one packed stream holds, piece by piece, of which at most `left` bytes are unpacked."""
     try:
         while not reader.eof:
@@ -95,46 +91,23 @@ def readable_path(path: Path) -> Iterator[Path]:
     if path.suffix.lower() != PACKED:
         yield path
         return
-    with TemporaryDirectory() as folder:
-        plain = Path(folder) / path.with_suffix("").name
-        plain.write_bytes(unpack(path.read_bytes(), path))
+    with _memory_file(unpack(path.read_bytes(), path)) as plain:
         try:
             yield plain
         except InputError as error:
             raise type(error)(str(error).replace(str(plain), str(path))) from error
 
 
-def load_matlab(content: bytes, source: str, broken: str, **options) -> dict[str, Any]:
-    """Return the variables of a MATLAB file by name; `options` as of `scipy.io.loadmat`.
-
-    Raises
-    ------
-    InputError
-        Where the file is none of version 4 to 7.2 or too large, or SciPy cannot read it: `broken` says so.
-    """
-    from scipy.io import loadmat, whosmat
-
-    try:
-        stated = whosmat(io.BytesIO(content))
-    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
-        raise InputError(
-            f"{source}: not a MATLAB file of version 4 to 7.2 (save it with -v7; {error})"
-        ) from error
-    check_size(8 * sum(math.prod(shape) for _, shape, _ in stated), len(content), source)
-    _check_packed_variables(content, source)
-    try:
-        return loadmat(io.BytesIO(content), **options)
-    except Exception as error:  # a broken file leads SciPy's reader to errors of many kinds
-        raise InputError(f"{source}: {broken} ({error})") from error
-
-
-def _check_packed_variables(content: bytes, source: str) -> None:
-    """Unpack the variables of a MATLAB file of version 5 to 7.2 as far as the limit allows: a struct hides its size."""
-    order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
-    place, left = _MATLAB_HEADER, LARGEST_FILE
-    while order and place + 8 <= len(content):
-        kind, size = struct.unpack(f"{order}2I", content[place : place + 8])
-        if kind == _COMPRESSED:
-            packed = content[place + 8 : place + 8 + size]
-            left -= sum(map(len, _pieces(zlib.decompressobj(), packed, left, len(content), source)))
-        place += 8 + size
+@contextmanager
+def _memory_file(content: bytes) -> Iterator[Path]:
+    """Give the path of a file that ends with this process: in memory, where the system has such."""
+    if hasattr(os, "memfd_create"):
+        with open(os.memfd_create("unpacked"), "wb") as file:  # noqa: PTH123 - a number, no path
+            file.write(content)
+            file.flush()
+            yield Path(f"/proc/self/fd/{file.fileno()}")
+    else:
+        with NamedTemporaryFile() as file:
+            file.write(content)
+            file.flush()
+            yield Path(file.name)

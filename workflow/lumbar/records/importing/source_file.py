@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import io
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 
+from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
 from lumbar.base.files import as_name, require_file
-from lumbar.records.importing.raw_table import RawTable
+from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
 from lumbar.records.importing.text_table import read_text, table_of_lines
 from lumbar.records.unpacking import MOST_NUMBERS, check_zip, unpack
 
@@ -19,14 +22,10 @@ def read_workbook(content: bytes, source: str, table: str | None = None) -> RawT
     Raises
     ------
     InputError
-        If openpyxl is not installed, several sheets hold something, or there is no table.
+        If several sheets hold something, or there is no table.
     """
-    try:
-        import openpyxl
-    except ImportError as error:
-        raise InputError(
-            f"{source}: an Excel workbook needs the package openpyxl: pip install 'lumbar[import]'"
-        ) from error
+    import openpyxl
+
     check_zip(content, source)
     try:
         book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
@@ -62,6 +61,9 @@ def _sheets(book, source: str) -> dict[str, list[str]]:
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _OLD_EXCEL = b"\xd0\xcf\x11\xe0"
+_GZIP = b"\x1f\x8b"
+_SHORT, _SHORT_LINE = 250_000, 500
+"""Bytes of a text, and of its lines, in which units and rates are looked for within seconds, whatever stands there."""
 
 
 def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
@@ -83,7 +85,7 @@ def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
     Raises
     ------
     InputError
-        If there is no such file, or no table in it.
+        If there is no such file, no table in it, or no package that reads it.
     """
     require_file(path)
     return read_content(path.read_bytes(), path, table)
@@ -91,14 +93,29 @@ def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
 
 def read_content(stored: bytes, path: Path, table: str | None = None) -> tuple[RawTable, str]:
     """Read what a file holds, wherever it lies; the path is for messages and for the ending of its name. As `read_source`."""
-    content = unpack(stored, path) if stored.startswith(b"\x1f\x8b") else stored
-    return _reader(content, path)(content, str(path), table), hashlib.sha256(stored).hexdigest()
+    if stored.startswith(_GZIP):
+        read, parse = None, partial(_read_packed, stored, path, table)
+    else:
+        read = _reader(stored, path)
+        parse = partial(read, stored, str(path), table)
+    harmless = (
+        read is read_text and len(stored) <= _SHORT and max(map(len, stored.split(b"\n"))) <= _SHORT_LINE
+    )
+    kinds = (RawTable, RawColumn, StatedRate)
+    found = confined(parse, path, len(stored), kinds, opens=False, harmless=harmless)
+    return found, hashlib.sha256(stored).hexdigest()
+
+
+def _read_packed(stored: bytes, path: Path, table: str | None) -> RawTable:
+    content = unpack(stored, path)
+    return _reader(content, path)(content, str(path), table)
 
 
 def _reader(content: bytes, path: Path):
-    """Find the reader of this content: called with content, source and table."""
+    """Find the reader of this content, and import what it needs: called with content, source and table."""
     kind = path.name.lower().removesuffix(".gz").rpartition(".")[2]
     if content.startswith(_HDF5) or content[512:520] == _HDF5:  # MATLAB 7.3 puts 512 bytes of its own before
+        _require("h5py", "an HDF5 file (MATLAB 7.3 writes them too)", path)
         from lumbar.records.importing.variables import read_hdf5
 
         return read_hdf5
@@ -107,12 +124,23 @@ def _reader(content: bytes, path: Path):
 
         return read_matlab
     if content.startswith(b"PK\x03\x04"):
+        _require("openpyxl", "an Excel workbook", path)
         return read_workbook
     if content.startswith(_OLD_EXCEL):
         raise InputError(f"{path}: an Excel file of before 2007; save it as .xlsx or .csv")
     if kind in ("c3d", "trc", "bvh"):
         raise InputError(f"{path}: a file of markers, which needs no import: lumbar lift reads it")
     return read_text
+
+
+def _require(package: str, kind: str, path: Path) -> None:
+    """Import a package, or say what needs it."""
+    try:
+        import_module(package)
+    except ImportError as error:
+        raise InputError(
+            f"{path}: {kind} needs the package {package}: pip install 'lumbar[import]'"
+        ) from error
 
 
 def record_name(path: Path) -> str:

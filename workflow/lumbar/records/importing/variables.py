@@ -12,7 +12,8 @@ from lumbar.base.errors import InputError
 from lumbar.records.importing.dialect import FEWEST_ROWS
 from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
 from lumbar.records.importing.units import name_and_unit
-from lumbar.records.unpacking import check_size, load_matlab
+from lumbar.records.matlab_file import load_matlab
+from lumbar.records.unpacking import check_size
 
 _MOST_COLUMNS = 64
 _ELSEWHERE = "{source}: {path} stands in another file; store all numbers in one, with h5repack or h5copy"
@@ -174,14 +175,10 @@ def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable
     Raises
     ------
     InputError
-        If h5py is not installed, or the file is broken or holds no vectors of one length.
+        If the file is broken, leads to another or holds no vectors of one length.
     """
-    try:
-        import h5py
-    except ImportError as error:
-        raise InputError(
-            f"{source}: an HDF5 file (MATLAB 7.3 writes them too) needs the package h5py: pip install 'lumbar[import]'"
-        ) from error
+    import h5py
+
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
 
