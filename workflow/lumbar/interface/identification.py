@@ -19,11 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from lumbar.settings.runtime import RuntimeSettings
-    from lumbar.settings.tissue import TissueSettings
     from lumbar.tables.table import Table
     from lumbar.tissue.diagnosis.selection.verdict import Verdict
     from lumbar.tissue.haptics.passive_models import PassiveFits
-    from lumbar.tissue.models.fitted_model import FittedModel
 
 
 def identify(

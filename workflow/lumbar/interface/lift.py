@@ -305,10 +305,7 @@ def without_pendulum(missing: Mapping[str, str]) -> list[str]:
 def marker_files(folder: Path, tables: bool = False) -> list[Path]:
     """Marker files in a folder and the folders below it, in order of their paths.
 
-    Parameters
-    ----------
-    tables : bool
-        Whether CSV and MAT files count too.
+    With `tables` CSV and MAT files count too.
 
     Raises
     ------
@@ -330,14 +327,7 @@ def trial_of(
 ) -> tuple[str, TrialSettings]:
     """Return the trial that a file is the recording of, with the name of its lift.
 
-    Parameters
-    ----------
-    markers : Path
-        Marker file.
-    box_mass_kg : float, optional
-        Mass of the box; picks among several lifts of the same file.
-    trial : TrialSettings or str, optional
-        The trial itself, or the name of its lift.
+    `trial` is the trial itself, or the name of its lift; `box_mass_kg` picks among several lifts of the same file.
 
     Raises
     ------

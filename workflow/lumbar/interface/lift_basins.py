@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lumbar.base.errors import InputError
 from lumbar.interface.lift import Lift
-from lumbar.interface.verb import NOT_SAID, Result
+from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.settings.key import SEED
 from lumbar.settings.stability import StabilitySettings
 
@@ -83,16 +82,8 @@ def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
 
     facts = facts or read_json(path.with_suffix(".json"))
     others = path.with_name("other_pendulums.csv")
-    return LiftStates(_read_table(path), facts, _read_table(others) if others.is_file() else None)
-
-
-def _read_table(path: Path) -> pd.DataFrame:
-    import pandas as pd
-
-    try:
-        return pd.read_csv(path)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a table of pendulum states ({error})") from error
+    read = partial(read_table, what="pendulum states")
+    return LiftStates(read(path), facts, read(others) if others.is_file() else None)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,11 +105,6 @@ class Basins(Result):
     def trajectories(self) -> list[Trajectory]:
         """The sound trajectories of the headline."""
         return self._found[0]
-
-    @property
-    def without_trajectory(self) -> list[Failure]:
-        """Pendulums of the headline whose states cannot be used."""
-        return self._found[1]
 
     @cached_property
     def _basins(self) -> LiftBasins:
@@ -162,7 +148,7 @@ class Basins(Result):
         """Basins that could not be computed, with their reasons."""
         from lumbar.lifting.stability.model.failures import failures_frame
 
-        return failures_frame([*self.without_trajectory, *self._basins.failures, *self._extended[1]])
+        return failures_frame([*self._found[1], *self._basins.failures, *self._extended[1]])
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``boa.csv``, ``funnel.csv``, ``grid.csv``, ``extended.csv`` and ``failures.csv``."""

@@ -37,11 +37,6 @@ class PlannedLift:
     trial: TrialSettings | None
     """None for a file that is named by itself."""
 
-    @property
-    def missing_file(self) -> str:
-        """File that the trial names, for messages."""
-        return self.trial.markers if self.trial else ""
-
 
 def planned_lifts(paths: Sequence[Path], subject: SubjectSettings) -> list[PlannedLift]:
     """Lifts that files and folders hold: of a folder the subject's trials, or every marker file without trials.
@@ -122,7 +117,7 @@ def lift_all(
     for item in lifts:
         try:
             if item.markers is None:
-                raise InputError(f"{item.missing_file} is not in the folder")
+                raise InputError(f"{item.trial and item.trial.markers} is not in the folder")
             found = lift(
                 item.markers,
                 subject,

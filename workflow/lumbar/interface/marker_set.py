@@ -44,24 +44,18 @@ RULES: dict[str, tuple[tuple[Alias, str], ...]] = {
 }
 """Further ways to a landmark, the best first, each with what it rests on where the landmark is not measured."""
 REASONS = {(name, term): reason for name, ways in RULES.items() for term, reason in ways if reason}
-NOTES = {
-    (
-        "XIPHOID",
-        "STRN",
-    ): "the xiphoid in Plug-in Gait, higher on the sternum in other marker sets: compare with a picture"
-}
+NOTES = dict.fromkeys(
+    [("XIPHOID", "STRN")],
+    "the xiphoid in Plug-in Gait, higher on the sternum in other marker sets: compare with a picture",
+)
 """What is to be known of a label that means one thing in one marker set and another in the next."""
 NEEDED = {
     "C7": "the thorax needs it",
     "T12": "thorax and abdomen need it",
     "L5": "abdomen and pelvis need it",
-    "SACRUM": "the joint centres need it",
-    "L_ASIS": "the joint centres need it",
-    "R_ASIS": "the joint centres need it",
-    "L_ANKLE": "the pivot mid_ankle needs it",
-    "R_ANKLE": "the pivot mid_ankle needs it",
-    "L_TOE": "the toe-off needs it",
-    "R_TOE": "the toe-off needs it",
+    **dict.fromkeys(("SACRUM", "L_ASIS", "R_ASIS"), "the joint centres need it"),
+    **dict.fromkeys(("L_ANKLE", "R_ANKLE"), "the pivot mid_ankle needs it"),
+    **dict.fromkeys(("L_TOE", "R_TOE"), "the toe-off needs it"),
 }
 """Landmarks that are asked for where they are not recognised, with what needs them."""
 _THIGH = ("LHIP", "RHIP")

@@ -12,18 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.interface.lift import Lift
-from lumbar.interface.verb import NOT_SAID, Result
+from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-    from lumbar.interface.lift import Lift
     from lumbar.lifting.measures.course import Course
     from lumbar.lifting.stability.model.trajectories import Trajectory
     from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.stability import StabilitySettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 
@@ -71,15 +69,10 @@ def measure_movement(
 
 
 def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:
-    import pandas as pd
-
     from lumbar.base.files import read_json
 
     facts = facts or read_json(path.with_name("pendulum.json"))
-    try:
-        body = pd.read_csv(path)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a table of a body's trajectories ({error})") from error
+    body = read_table(path, "a body's trajectories")
     lacking = [name for name in ("time_s", "phase", "load_held", "RIGHT_x") if name not in body]
     if lacking or "missing_points" not in facts:
         raise InputError(
@@ -145,17 +138,8 @@ class Measures(Result):
 
 
 COLUMNS = (
-    "lift",
-    "person",
-    "box_mass_kg",
-    "trial",
-    "measure",
-    "plane",
-    "value",
-    "unit",
-    "safer",
-    "source",
-    "reason",
+    *("lift", "person", "box_mass_kg", "trial"),
+    *("measure", "plane", "value", "unit", "safer", "source", "reason"),
 )
 SIGNS = ("inverted", "hanging")
 ABSENT = (float("nan"),) * len(SIGNS)

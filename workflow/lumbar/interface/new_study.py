@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,18 +27,7 @@ STILL_M = 0.05
 """A recording in which no marker leaves a cube of this size is a static trial."""
 _STATURES_M = (1.2, 2.3)
 FORCE_FILES = (".mot", ".sto", ".forces", ".anc")
-_KIND_OF_FILE = (
-    "grf",
-    "grfs",
-    "force",
-    "forces",
-    "ground",
-    "reaction",
-    "reactions",
-    "marker",
-    "markers",
-    "mocap",
-)
+_KIND_OF_FILE = re.compile("grfs?|forces?|ground|reactions?|markers?|mocap")
 """Words in the name of a file that say what it holds and not of which trial."""
 SCHEMA = "# yaml-language-server: $schema=../../workflow/lumbar/study/study.schema.json"
 NOTHING = MarkerSet({}, None)
@@ -140,12 +128,9 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
         )
     axes, unit = _axes(read, folder), _unit(read, folder)
     people = {
-        person: list(items)
-        for person, items in groupby(
-            sorted(recordings, key=lambda item: item.person), key=lambda item: item.person
-        )
+        person: [item for item in recordings if item.person == person]
+        for person in sorted({item.person for item in read})
     }
-    people = {person: items for person, items in people.items() if not all(item.problem for item in items)}
     files = {f"config/studies/{name}.yaml": _study_text(name, folder, axes, unit, people)}
     for person, items in people.items():
         files[f"config/subjects/{person}.yaml"] = _subject_text(name, person, items)
@@ -240,10 +225,12 @@ def _unit(read: Sequence[FoundRecording], folder: Path) -> str:
 
 def _forces_beside(path: Path, folder: Path) -> str:
     """The one ``.mot`` file with ground reaction forces whose name is that of a marker file, but for words such as ``grf``."""
+    from lumbar.records.ground_forces import names_forces
+
     named = [
         file
         for file in sorted(path.parent.rglob("*"))
-        if file.suffix.lower() == ".mot" and _words(file) == _words(path) and _holds_forces(file)
+        if file.suffix.lower() == ".mot" and _words(file) == _words(path) and names_forces(file)
     ]
     return str(named[0].relative_to(folder)) if len(named) == 1 else ""
 
@@ -251,13 +238,7 @@ def _forces_beside(path: Path, folder: Path) -> str:
 def _words(path: Path) -> tuple[str, ...]:
     """Words of a file's name that tell the trial."""
     words = re.split(r"[^a-z0-9]+", stem_of(path).lower())
-    return tuple(word for word in words if word and word not in _KIND_OF_FILE)
-
-
-def _holds_forces(path: Path) -> bool:
-    from lumbar.records.ground_forces import names_forces
-
-    return names_forces(path)
+    return tuple(word for word in words if word and not _KIND_OF_FILE.fullmatch(word))
 
 
 def _stands_still(recording: MarkerRecording) -> bool:

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
-from lumbar.interface.verb import NOT_SAID, Result, data_label
+from lumbar.interface.verb import NOT_SAID, Result, data_label, read_table
 from lumbar.settings.key import SEED
 from lumbar.settings.population import PopulationSettings
 from lumbar.settings.stability import GROUPS
@@ -82,12 +82,7 @@ def _read(table) -> tuple[pd.DataFrame, list[str]]:
     if isinstance(table, pd.DataFrame):
         return table, []
     paths = [table] if isinstance(table, str | os.PathLike) else list(table)
-    frames = []
-    for path in paths:
-        try:
-            frames.append(pd.read_csv(path))
-        except (OSError, pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: not a table of measures ({error})") from error
+    frames = [read_table(path, "measures") for path in paths]
     return pd.concat(frames, ignore_index=True), [os.fspath(path) for path in paths]
 
 

@@ -51,11 +51,7 @@ def push_states(
 
     A lift from which no body can be made (no deposit, no feet, no shoulders) is left out.
 
-    Parameters
-    ----------
-    lifts : list of Lift or SavedLift
-    push_share : float
-        Where the trunk is pushed, between hips and shoulders (``pushes.push.height_share``).
+    `push_share` says where the trunk is pushed, between hips and shoulders (``pushes.push.height_share``).
     """
     from lumbar.lifting.measures.course import Lifter
     from lumbar.lifting.pushes.levels import levels_of, states_frame
@@ -136,15 +132,7 @@ def push_prediction(
 def push_outcomes(states: pd.DataFrame, settings: PushesSettings, seed: int) -> pd.DataFrame:
     """Push the bodies of some lifts, person after person: what a person's pushes end in hangs on nobody else.
 
-    Parameters
-    ----------
-    states : pandas.DataFrame
-        Of `push_states`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row per push, columns `lumbar.lifting.pushes.contest.COLUMNS`.
+    From `push_states` to one row per push, columns `lumbar.lifting.pushes.contest.COLUMNS`.
     """
     import pandas as pd
 
@@ -167,14 +155,7 @@ def pooled_prediction(
 
     Of the states only those of the few lifts are read whose pushes are followed with other bodies.
 
-    Parameters
-    ----------
-    outcomes : list of path
-        CSV files of `push_outcomes`.
-    states : list of path
-        CSV files of `push_states`, in the same order.
-    data : str
-        Words for the source of the data.
+    `outcomes` and `states` are CSV files of `push_outcomes` and of `push_states`, in the same order.
     """
     import pandas as pd
 

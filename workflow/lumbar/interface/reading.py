@@ -146,12 +146,7 @@ def read_listed(
 ) -> RecordSet:
     """Read the records that a study lists, each with the name, period and part that it has there.
 
-    Parameters
-    ----------
-    files : sequence of path
-        Where each of them is.
-    layout, rate
-        As for `read`.
+    `files` say where each of them is; layout and rate as for `read`.
     """
     names = [entry.name for entry in listed]
     periods = {entry.name: entry.period_s for entry in listed if entry.period_s is not None}

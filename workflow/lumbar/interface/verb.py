@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from lumbar.base.errors import InputError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from lumbar.records.record import Record
     from lumbar.settings.study_settings import StudySettings
 
@@ -71,6 +73,22 @@ def settings_or_default(given: StudySettings | None) -> StudySettings:
             "returns them, or StudySettings(improvement=ImprovementSettings(most_effects=1))"
         )
     return given or StudySettings()
+
+
+def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
+    """Return a CSV file as a frame.
+
+    Raises
+    ------
+    InputError
+        If it is not the table of `what`.
+    """
+    import pandas as pd
+
+    try:
+        return pd.read_csv(path)
+    except (OSError, pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a table of {what} ({error})") from error
 
 
 class Result:

@@ -75,15 +75,7 @@ def person_names(cohort: CohortSettings) -> Iterator[tuple[str, str]]:
 
 
 def draw_person(cohort: CohortSettings, name: str, group: str, seed: int) -> CohortPerson:
-    """Draw one person.
-
-    Parameters
-    ----------
-    name, group : str
-        As of `person_names`.
-    seed : int
-        The twin's.
-    """
+    """Draw one of `person_names`; `seed` is the twin's, here and below."""
     rng, number = _generator(seed, "person", name), int(name.rsplit("_", 1)[1])
     share = cohort.female_share
     sex = "female" if math.floor(number * share) > math.floor((number - 1) * share) else "male"
@@ -112,15 +104,7 @@ def lift_name(person: str, box_mass_kg: float, trial: int) -> str:
 def draw_lift(
     cohort: CohortSettings, person: CohortPerson, box_mass_kg: float, lift: str, seed: int
 ) -> SyntheticLift:
-    """Draw one lift of a person.
-
-    Parameters
-    ----------
-    lift : str
-        Its name.
-    seed : int
-        The twin's.
-    """
+    """Draw the lift of this name of a person."""
     rng = _generator(seed, "lift", lift)
     content = cohort.groups[person.group]
     numbers = {
@@ -157,13 +141,7 @@ def own_part(cohort: CohortSettings, group: str) -> CohortSettings:
 
 
 def cohort_subjects(cohort: CohortSettings, seed: int) -> dict[str, SubjectSettings]:
-    """Return everybody as a study declares people: with measured mass and stature.
-
-    Parameters
-    ----------
-    seed : int
-        The twin's.
-    """
+    """Return everybody as a study declares people: with measured mass and stature."""
     subjects = {}
     for name, group in person_names(cohort):
         person = draw_person(cohort, name, group, seed)
@@ -185,19 +163,7 @@ def write_person(
     seed: int,
     files: Mapping,
 ) -> None:
-    """Move one person and write a marker file of every lift.
-
-    Parameters
-    ----------
-    settings : SyntheticLiftingSettings
-        Workplace, frames per second, noise and gaps.
-    name, group : str
-        Of the person.
-    seed : int
-        The twin's.
-    files : mapping of (float, int) to path
-        C3D file of each box and trial.
-    """
+    """Move one person and write the C3D file of every box and trial."""
     person = draw_person(cohort, name, group, seed)
     for (mass, trial), path in files.items():
         key = lift_name(name, mass, trial)
@@ -219,14 +185,7 @@ def own_settings(
 ) -> SyntheticLiftingSettings:
     """Return what one lift of a study hangs on: its person and its movement, named or drawn as of the person's group.
 
-    Parameters
-    ----------
-    subject : SubjectSettings
-        Who lifts; mass and stature declared are the true ones where ``people`` names no others.
-    lift : str
-        Its name.
-    seed : int
-        The twin's.
+    Mass and stature that the subject declares are the true ones where ``people`` names no others.
     """
     alone = settings_of_lifts(settings, [lift] if lift in settings.lifts else [])
     alone = replace(alone, hip_moment=replace(settings.hip_moment, trials={}))

@@ -120,15 +120,7 @@ def hip_moment(
 ):
     """Record the hip moment of one movement.
 
-    Parameters
-    ----------
-    time : ndarray, shape (samples,)
-        Seconds.
-    angle, held : callable
-        Inclination of the trunk (rad) and share of the box that the hands carry, over time.
-    box_mass : float
-        kg.
-    rng : numpy.random.Generator
+    `time` in seconds, of shape (samples,); `angle` of the trunk in rad and the share of the box, in kg, that is `held`.
 
     Returns
     -------

@@ -26,14 +26,7 @@ def trial_moment(
 ):
     """Record the hip moment of a trial: one lift again and again, faster or slower.
 
-    Parameters
-    ----------
-    name : str
-        Of the trial, in ``twin.lifting.hip_moment.trials``.
-    movement : Movement
-        Of the lift that is repeated.
-    rng : numpy.random.Generator
-        For the noise and for the differences between repetitions.
+    `movement` is that of the lift; `rng` draws the noise and the differences between repetitions.
 
     Returns
     -------
@@ -69,15 +62,7 @@ def write_trials(
     seed: list[int],
     gravity_m_s2: float = GRAVITY,
 ) -> None:
-    """Write the trials of a study as CSV files.
-
-    Parameters
-    ----------
-    names : list of str
-        Trials of ``hip_moment.trials``.
-    paths : list of path
-        File of each.
-    """
+    """Write trials of ``hip_moment.trials``, each as a CSV file."""
     known = settings.hip_moment.trials
     for name, path in zip(names, paths, strict=True):
         lift = known[name].lift

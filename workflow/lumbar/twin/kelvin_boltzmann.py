@@ -41,16 +41,8 @@ class Tissue:
 def maxwell_force(position: np.ndarray, step: float, stiffness: float, relaxation_s: float) -> np.ndarray:
     """Force of a Maxwell branch, Ḟ = k ż − F/τ with F(0) = 0, by the trapezoidal rule.
 
-    Parameters
-    ----------
-    position : numpy.ndarray, shape (points,)
-        mm.
-    step : float
-        Seconds between points; the relative error at frequency f is about (2π f step)²/12.
-    stiffness : float
-        N/mm.
-    relaxation_s : float
-        Seconds.
+    Position of shape (points,) in mm, stiffness in N/mm; `step` seconds lie between points, and the relative error at frequency f
+    is about (2π f step)²/12.
     """
     half = 0.5 * step / relaxation_s
     change = np.diff(position, prepend=position[0])
@@ -60,17 +52,8 @@ def maxwell_force(position: np.ndarray, step: float, stiffness: float, relaxatio
 def kelvin_boltzmann_residual(motion: ToolMotion, force: np.ndarray) -> np.ndarray:
     """What the best Kelvin–Boltzmann tissue, fitted by least squares, leaves of a recorded force.
 
-    Parameters
-    ----------
-    motion : ToolMotion
-        Of the record.
-    force : numpy.ndarray, shape (samples,)
-        At the recorded samples, newtons.
-
-    Returns
-    -------
-    numpy.ndarray
-        Newtons, from `SETTLING_S` on. Stiffnesses are free, the time constant is sought between 2 ms and 20 s.
+    Newtons at the recorded samples, shape (samples,), from `SETTLING_S` on. Stiffnesses are free, the time constant is sought
+    between 2 ms and 20 s.
     """
     start = round(SETTLING_S * RATE_HZ)
     coarse, step = motion.position[::_FIT_STRIDE], motion.step * _FIT_STRIDE
@@ -113,9 +96,7 @@ def severity_leaving(
     Parameters
     ----------
     wanted_N : float
-        RMS of the residual.
-    motion : ToolMotion
-        Of the record on which it is measured.
+        RMS of the residual on the record of `motion`.
     force_at : callable
         Noise-free force on the simulation's grid, by severity between 0 (weakest) and 1 (strongest).
     least_N : float

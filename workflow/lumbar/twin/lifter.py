@@ -95,14 +95,7 @@ def simulate(
 ) -> Movement:
     """Move one person through one lift.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Seconds.
-    lift : SyntheticLift
-        Postures and events.
-    workplace : WorkplaceSettings
-        Pallet, table, way between them and size of the box.
+    `time` in seconds, of shape (n,); `lift` has postures and events, `workplace` pallet, table, way and box.
     """
     height, events = person.height_m, lift.events_s
     lift_off, toe_off = events.lift_off, events.toe_off

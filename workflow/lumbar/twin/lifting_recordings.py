@@ -27,17 +27,8 @@ def write_c3d(
 ) -> None:
     """Write trajectories as a C3D file, whole or not at all.
 
-    Parameters
-    ----------
-    path : path
-    points : ndarray, shape (n_frames, n_points, 3)
-        NaN where a point was not seen; at most 65534 frames and 255 points.
-    labels : sequence of str
-        One per point.
-    rate : float
-        Hertz.
-    unit : str
-        Unit of length of the coordinates.
+    `points` have shape (n_frames, n_points, 3), NaN where one was not seen, at most 65534 frames and 255 points; `rate` is in
+    hertz, `unit` that of the coordinates.
     """
     n_frames, n_points = points.shape[:2]
     missing = np.isnan(points).any(axis=2)
@@ -96,12 +87,7 @@ def settings_of_lifts(settings: SyntheticLiftingSettings, lifts: Iterable[str]) 
 
 
 def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
-    """Movement of one lift without noise or gaps.
-
-    Parameters
-    ----------
-    lift : str
-        E.g. ``"expert_23kg"``.
+    """Movement of one lift, ``"expert_23kg"``, without noise or gaps.
 
     Raises
     ------
@@ -136,18 +122,9 @@ def write_lift(
     moment_path,
     gravity_m_s2: float = GRAVITY,
 ) -> None:
-    """Write one lift as a C3D file and the moment at the hip as a CSV file.
+    """Write one lift as a C3D file and, where it has a path, the moment at the hip as a CSV file.
 
-    Parameters
-    ----------
-    seed : list of int
-        Seed of the noise and the gaps.
-    markers_path : path
-        C3D file to write.
-    moment_path : path or None
-        CSV file to write; None leaves the moment out.
-    gravity_m_s2 : float
-        In the moment.
+    `seed` is that of the noise and the gaps.
     """
     movement = true_movement(settings, lift)
     rng = np.random.default_rng(seed)
@@ -180,17 +157,9 @@ def _open_gaps(markers: dict[str, np.ndarray], settings: SyntheticLiftingSetting
 
 
 def write_markers(path: str | os.PathLike, markers: dict[str, np.ndarray], rate: float, subject: str) -> None:
-    """Write markers (metres) as a C3D file in millimetres, labels with the subject's prefix.
+    """Write markers (metres, shape (n, 3), NaN where one was not seen) as a C3D file in millimetres, `rate` in hertz.
 
-    Parameters
-    ----------
-    path : path
-    markers : dict of str to ndarray, shape (n, 3)
-        NaN where a marker was not seen.
-    rate : float
-        Hertz.
-    subject : str
-        Prefix of the body's labels; those of the box carry ``box:``.
+    Labels have the subject's prefix, those of the box ``box:``.
     """
     labels = [f"{'box' if name.startswith('BOX_') else subject}:{name}" for name in markers]
     write_c3d(path, 1e3 * np.stack(list(markers.values()), axis=1), labels, float(rate), "mm")

@@ -27,14 +27,7 @@ _RESOLUTION_DECIMALS = 4
 def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, seed: int) -> pd.DataFrame:
     """One recording of the tool tip.
 
-    Parameters
-    ----------
-    name : str
-        Name of the trial: every trial has random numbers of its own, whatever other trials there are.
-    surgeon : str
-        One of ``settings.surgeons``.
-    seed : int
-        Seed of the twin.
+    Every trial has random numbers of its own, by its name and the twin's seed, whatever other trials there are.
 
     Returns
     -------
@@ -108,16 +101,7 @@ def tremor_noise(
 ) -> np.ndarray:
     """Gaussian noise of expected RMS 1 with a bell-shaped spectrum about `centre` Hz.
 
-    Parameters
-    ----------
-    rate : float
-        Samples per second, Hz.
-    centre, bandwidth : float
-        Centre and standard deviation of the bell, Hz.
-
-    Returns
-    -------
-    numpy.ndarray of float, shape (samples,)
+    Shape (samples,); `rate` of the samples and `bandwidth`, the bell's standard deviation, in Hz.
     """
     frequency = np.fft.rfftfreq(samples, 1 / rate)
     density = np.exp(-0.5 * ((frequency - centre) / bandwidth) ** 2)

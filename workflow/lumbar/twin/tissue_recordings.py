@@ -116,16 +116,7 @@ def play(
     seed: int,
     number: int,
 ) -> None:
-    """Play one signal file on the synthetic tissue and write the recording.
-
-    Parameters
-    ----------
-    signal : path
-        CSV ``time_s,position_mm``.
-    recording : path
-        CSV ``time_s,position_mm,force_N`` that is written.
-    seed, number : int
-        Seed of the twin and number of the recording: every recording has noise of its own.
+    """Play a signal file, ``time_s,position_mm``, on the synthetic tissue and write the recording; rest as of `tissue_test`.
 
     Raises
     ------

@@ -64,8 +64,6 @@ def line_spectrum_motion(
 
     Parameters
     ----------
-    record : str
-        Name of the record.
     amplitudes, phases : numpy.ndarray, shape (lines,)
         Of the lines ``spacing_Hz``, ``2 spacing_Hz`` …; radians.
     spacing_Hz : float

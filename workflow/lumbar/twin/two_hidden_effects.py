@@ -76,14 +76,7 @@ def hardening(motion: ToolMotion, strength: float) -> np.ndarray:
 def added_strength(force_N: float, unit_N: float, severity: float) -> float:
     """Strength of an effect that adds a force: from 10⁻⁴ to 3 times the tissue's own, evenly in the logarithm.
 
-    Parameters
-    ----------
-    force_N : float
-        RMS of the tissue's force.
-    unit_N : float
-        Size of the added force at strength 1.
-    severity : float
-        0 (weakest) to 1 (strongest).
+    `force_N` is the RMS of that, `unit_N` the size of the added force at strength 1, `severity` 0 (weakest) to 1.
     """
     full = force_N / unit_N
     weakest, strongest = 1e-4 * full, 3.0 * full

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
+from lumbar.tissue.models.transfer_function import TransferFunction
 
 _SMALLEST_ANGLE, _SLOWEST = 1e-4, 1e-6
 _NEAR = np.sinh(np.linspace(-4.0, 4.0, 33))
@@ -79,6 +80,11 @@ class SampledModel:
         return (
             0.0 if abs(total) < _ROUNDING * np.abs(self.numerator).sum() else total / self.denominator.sum()
         )
+
+    @classmethod
+    def of(cls, name: str, structure: TransferFunction, sampling_time: float) -> SampledModel:
+        """A transfer function as a model."""
+        return cls(name, np.array(structure.numerator), np.array(structure.denominator), sampling_time)
 
     def scaled(self, factor: float) -> SampledModel:
         """The model with its force times a factor."""

@@ -49,6 +49,13 @@ _DEFINITIONS = {
     "worst_hand": "The hand, and the fit, in which it is least so",
     "oscillation_N": "Peak to peak force in the last quarter of the simulation",
 }
+_DECIMALS = {
+    **dict.fromkeys(("damping_needed_N_s_m", "largest_stable_gain", _PROVED, "oscillation_N"), 2),
+    **dict.fromkeys(
+        ("rate_Hz", "lowest_passive_rate_Hz", "lowest_stable_rate_Hz", "stable_share_percent"), 0
+    ),
+    "oscillation_Hz": 1,
+}
 
 
 def device_table(
@@ -82,16 +89,7 @@ def device_table(
         }
         for item in judgements
     ]
-    optional = frozenset(
-        {
-            "damping_needed_N_s_m",
-            "largest_stable_gain",
-            "lowest_passive_rate_Hz",
-            "lowest_stable_rate_Hz",
-            "oscillation_Hz",
-            "stable_share_percent",
-        }
-    )
+    optional = frozenset(_DECIMALS) - {"rate_Hz", _PROVED, "oscillation_N"}
     uneven = any(item.analysis.timings for item in judgements)
     columns = {name: text for name, text in _DEFINITIONS.items() if uneven or name != _PROVED}
     frame = pd.DataFrame(rows, columns=list(columns)).astype(dict.fromkeys(optional, float))
@@ -112,17 +110,7 @@ def device_table(
             *([effects] if any(item.model.linearised for item in judgements) else []),
             *refused,
         ),
-        decimals={
-            "rate_Hz": 0,
-            "damping_needed_N_s_m": 2,
-            "largest_stable_gain": 2,
-            _PROVED: 2,
-            "lowest_passive_rate_Hz": 0,
-            "lowest_stable_rate_Hz": 0,
-            "oscillation_Hz": 1,
-            "stable_share_percent": 0,
-            "oscillation_N": 2,
-        },
+        decimals=_DECIMALS,
         may_be_empty=optional | {"worst_hand"},
     )
 

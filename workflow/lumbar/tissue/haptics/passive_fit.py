@@ -78,10 +78,6 @@ def alias_sums(model: SampledModel, angles: np.ndarray) -> tuple[np.ndarray, np.
     return in_time, -period * (period * forward / (forward - 1.0) ** 2 - model.delay / (forward - 1.0))
 
 
-def _arrays(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:
-    return np.array(discrete.numerator), np.array(discrete.denominator)
-
-
 @dataclass(frozen=True)
 class DeviceCondition:
     """What a device asks of the force that it renders."""
@@ -96,8 +92,8 @@ class DeviceCondition:
         angles, period = all_angles(_ANGLES), self.rendering.sampling_time
         in_time, late = alias_sums(self.rendering, angles)
         held = self.rendering.response(angles) * (1.0 - np.exp(-1j * angles)) / period * late
-        branches = [unit_branch(time, period) for time in times]
-        responses = [SampledModel("", *_arrays(branch), period).response(angles) for branch in branches]
+        branches = [SampledModel.of("", unit_branch(time, period), period) for time in times]
+        responses = [branch.response(angles) for branch in branches]
         return held[:, None] * np.column_stack(responses), in_time / np.abs(late)
 
 

@@ -160,8 +160,7 @@ def takes_energy(structure: TransferFunction) -> bool:
     With the work of a force on the motion between its samples as the mean of their forces times the way, a sine of amplitude
     1 does the work π Im H in a cycle; a spring that pushes would give out energy without end.
     """
-    model = SampledModel("", np.array(structure.numerator), np.array(structure.denominator), 1.0)
-    response = model.response(all_angles())
+    response = SampledModel.of("", structure, 1.0).response(all_angles())
     rounding = _ROUNDING * np.abs(response).max()
     return bool(
         structure.stable and structure.static_gain >= -rounding and (response.imag >= -rounding).all()

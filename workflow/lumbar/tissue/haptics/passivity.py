@@ -24,12 +24,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
-from lumbar.tissue.haptics.closed_loop import (
-    SampledModel,
-    all_angles,
-    angles_near,
-    largest_stable_gain,
-)
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, angles_near, largest_stable_gain
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, in_ticks
 from lumbar.tissue.haptics.ticks.uneven import even
@@ -107,12 +102,8 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
     device, slowest = settings.device, 1.0 / model.sampling_time
 
     @cache
-    def loop_at(rate: float) -> SampledModel | None:
-        """The model at a rate; None where it has no counterpart there."""
-        try:
-            return render_model(export_at(model, settings, rate), even(device, rate)).loops[0]
-        except (InputError, NumericalError):
-            return None
+    def loop_at(rate: float) -> SampledModel | PeriodicModel | None:
+        return _loop_at(model, rate, settings)
 
     def passive(rate: float) -> bool:
         loop = loop_at(rate)
@@ -123,6 +114,16 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
         return loop is not None and largest_stable_gain(loop, device)[0] > 1.0
 
     return _lowest(slowest, passive), _lowest(slowest, stable)
+
+
+def _loop_at(
+    model: FittedModel, rate: float, settings: RuntimeSettings
+) -> SampledModel | PeriodicModel | None:
+    """The model on an even servo at a rate; None where it has no counterpart there."""
+    try:
+        return render_model(export_at(model, settings, rate), even(settings.device, rate)).loops[0]
+    except (InputError, NumericalError):
+        return None
 
 
 def _lowest(slowest: float, safe: Callable[[float], bool]) -> float | None:
@@ -164,25 +165,18 @@ def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
     """Return the damping that transfer functions need by rate, and the stiffnesses the device can render by its damping."""
     slowest = 1.0 / models[0].sampling_time
     rates = np.geomspace(slowest, max(_FASTEST_PLOTTED_HZ, slowest), _RATES)
-    needed = {model.name: np.array([_needed(model, rate, settings) for rate in rates]) for model in models}
-    damping = np.geomspace(
-        settings.device.damping_N_s_m / 10.0, settings.device.damping_N_s_m * 10.0, _DAMPINGS
-    )
+    loops = {model.name: [_loop_at(model, rate, settings) for rate in rates] for model in models}
+    needed = {
+        name: np.array([required_damping(loop, _POINTS).damping if loop else np.nan for loop in found])
+        for name, found in loops.items()
+    }
+    own = settings.device.damping_N_s_m
+    damping = np.geomspace(own / 10.0, own * 10.0, _DAMPINGS)
     samples = export_at(models[0], settings, slowest).moving_average
     ends = dict.fromkeys([slowest, max(slowest, settings.device.rate_Hz)])
     return ZWidth(
         rates, needed, damping, {rate: _stiffnesses(damping, rate, samples, settings.device) for rate in ends}
     )
-
-
-def _needed(model: FittedModel, rate: float, settings: RuntimeSettings) -> float:
-    device = even(settings.device, rate)
-    try:
-        return required_damping(
-            render_model(export_at(model, settings, rate), device).loops[0], _POINTS
-        ).damping
-    except (InputError, NumericalError):
-        return np.nan
 
 
 def _stiffnesses(

@@ -109,11 +109,8 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
     """
     dynamics = model.dynamics
     if isinstance(dynamics, LinearModel):
-        whole = dynamics.transfer_function
-        numerator, denominator = np.array(whole.numerator), np.array(whole.denominator)
-        if late:
-            numerator = _fed_late(numerator, denominator)
-        found = [SampledModel(model.name, numerator, denominator, model.sampling_time)]
+        whole = SampledModel.of(model.name, dynamics.transfer_function, model.sampling_time)
+        found = [_fed_late(whole) if late else whole]
     else:
         unit = 1e3 * scale_of(model.name, model.input, model.output)[0]
         found = linearisations(
@@ -179,12 +176,13 @@ def renderable(model: FittedModel | ExportModel) -> bool:
     return units is not None and units[2] == "N·s/m"
 
 
-def _fed_late(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
-    """Numerator with the feed-through one sample late, over the same denominator: H(z) − D + D/z."""
-    length = max(len(numerator), len(denominator)) + 1
-    numerator, denominator = (np.pad(part, (0, length - len(part))) for part in (numerator, denominator))
+def _fed_late(model: SampledModel) -> SampledModel:
+    """The model with its feed-through one sample late, H(z) − D + D/z."""
+    parts = model.numerator, model.denominator
+    length = max(map(len, parts)) + 1
+    numerator, denominator = (np.pad(part, (0, length - len(part))) for part in parts)
     through = numerator[0] / denominator[0]
-    return numerator - through * denominator + through * np.roll(denominator, 1)
+    return replace(model, numerator=numerator - through * denominator + through * np.roll(denominator, 1))
 
 
 def linearisations(

@@ -117,13 +117,9 @@ def _loops_of(
     springs = [name for name in times if name in fit]
     nominal = meets.sampled[0]
     branches = Branches(tuple(fit[name] for name in springs), tuple(times[name] for name in springs))
-    drawn = branches.transfer_function(nominal.sampling_time)
+    step = nominal.sampling_time
+    drawn = SampledModel.of(nominal.name, branches.transfer_function(step), step)
     average = np.full(moving_average, meets.newton / meets.metre / moving_average)
-    model = SampledModel(
-        nominal.name,
-        np.convolve(drawn.numerator, average),
-        np.array(drawn.denominator),
-        nominal.sampling_time,
-    )
+    model = replace(drawn, numerator=np.convolve(drawn.numerator, average))
     uneven = [replace(item.loop, model=model) for item in meets.timings]
     return [in_ticks(loop) for loop in on_servo(model, device)] + uneven

@@ -17,13 +17,7 @@ import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
-from lumbar.tissue.haptics.ticks.one_tick import (
-    States,
-    acting_forces,
-    realisation,
-    shares,
-    tick_transition,
-)
+from lumbar.tissue.haptics.ticks.one_tick import States, acting_forces, realisation, shares, tick_transition
 
 _GAINS, _HALVINGS = np.geomspace(1e-4, 1e4, 241), 40
 

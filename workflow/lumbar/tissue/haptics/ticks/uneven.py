@@ -15,12 +15,7 @@ import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
-from lumbar.tissue.haptics.ticks.one_tick import (
-    REACHED,
-    acting_forces,
-    realisation,
-    tick_transition,
-)
+from lumbar.tissue.haptics.ticks.one_tick import REACHED, acting_forces, realisation, tick_transition
 from lumbar.tissue.haptics.ticks.proof import proved_gain
 from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
 
