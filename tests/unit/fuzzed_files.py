@@ -19,6 +19,7 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import read_yaml
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers
+from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import MarkerLayout
 
 LONGEST_S = 10
@@ -209,7 +210,7 @@ def read_changed(folder: Path, count: int, seed: int) -> Outcome:
             start = time.process_time()
             signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
             try:
-                _read(path)
+                read_any(path)
             except InputError as error:
                 outcome.refused[path.suffix] += 1
                 # A file is named by its path, a configuration by its key and line.
@@ -241,20 +242,24 @@ def _too_long(*_) -> None:
     raise TimeoutError(f"more than {LONGEST_S} s")
 
 
-def _read(path: Path) -> None:
-    """Read a file with everything that reads its kind."""
+def read_any(path: Path):
+    """Read a file with everything that reads its kind; return what was found."""
     layout = MarkerLayout(unit="mm" if path.suffix in (".csv", ".bvh") else "file", check_axes=False)
     if path.suffix == ".yaml":
         problems = Problems(str(path))
-        read_yaml(path, problems, str(path))
+        found = read_yaml(path, problems, str(path))
         problems.raise_if_any()
-    elif path.name.endswith((".txt", ".txt.gz")):
-        lumbar.read(path)
-    elif path.suffix == ".mot":
-        read_force_plates(path, layout)
-    else:
-        try:
-            read_markers(path, layout)
-        finally:
-            if path.suffix == ".c3d":
-                read_force_plates(path, layout)
+        return found.content
+    if path.suffix == ".json":
+        return [str(model) for model in lumbar.load_models(path)]
+    if path.suffix in (".h5", ".xlsx", ".dat", ".mat"):
+        return [item.record for item in lumbar.import_recordings(path)]
+    if path.name.endswith((".txt", ".txt.gz")):
+        return list(lumbar.read(path))
+    if path.suffix == ".mot":
+        return read_force_plates(path, layout)
+    try:
+        return read_markers(path, layout)
+    finally:
+        if ending_of(path) == ".c3d":
+            read_force_plates(path, layout)

@@ -4,13 +4,17 @@ import gzip
 import json
 import os
 import re
+import subprocess
+import sys
 import zipfile
 
 import numpy as np
 import pytest
+from forged_files import SECRET, shows, write_forged
 from scipy.io import savemat
 
 import lumbar
+from lumbar.base.confined import MEMORY, SECONDS
 from lumbar.base.errors import InputError
 from lumbar.base.files import LARGEST_FILE
 from lumbar.records.force_plates import read_force_plates
@@ -20,13 +24,12 @@ from lumbar.tissue.models.model_data import Port
 from lumbar.tissue.models.transfer_function import TransferFunction
 
 h5py = pytest.importorskip("h5py")
-SECRET = "cafe-4711"
 
 
 @pytest.fixture
 def canary(tmp_path):
     path = tmp_path / "canary"
-    path.write_bytes(np.arange(100.0).tobytes() + SECRET.encode())
+    path.write_bytes(np.arange(100.0).tobytes())
     return path
 
 
@@ -188,3 +191,76 @@ def test_models_of_an_order_that_nobody_fits_are_refused(tmp_path):
     path.write_text(json.dumps(models_document([model], "forged")))
     with pytest.raises(InputError, match="100 coefficients; at most"):
         lumbar.load_models(path)
+
+
+SLOW = {
+    "declared.xlsx",
+    "letters.xlsx",
+    "far.xlsx",
+    "last_row.xlsx",
+    "bomb.c3d.gz",
+    "cells.mat",
+    "many_models.json",
+}
+SLOW |= {
+    "deep.yaml",
+    "laughs.yaml",
+    "blanks.csv",
+    "sampling.dat",
+    "columns.csv",
+    "one_line.trc",
+    "order_models.json",
+}
+"""Forged files that take more than a quarter of a second to be refused."""
+
+
+def became_of(folder, project, drawn_too, without=()):
+    """What became of forged files that another process reads, which leaves nothing behind."""
+    written = write_forged(folder, drawn_too, seed=27, without=without)
+    temporary = folder / "temporary"
+    temporary.mkdir()
+    paths = map(str, (project / "tests", project / "tests" / "unit", project / "workflow"))
+    told = subprocess.run(
+        [sys.executable, project / "tests" / "unit" / "forged_files.py", folder / "files"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "TMPDIR": str(temporary)},
+        stdout=subprocess.PIPE,
+        cwd=folder,
+        check=True,
+    )
+    outcome = json.loads(told.stdout)
+    assert sorted([*outcome["read"], *outcome["refused"]]) == written
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "canary",
+        "files",
+        "temporary",
+    ]  # no marker: nothing ran
+    assert list(temporary.iterdir()) == []
+    return outcome
+
+
+def judge(outcome):
+    assert outcome["failures"] == {}
+    assert max(outcome["seconds"].values()) < SECONDS + 5  # with what starts, checks and ends the child
+    assert outcome["more_MB"] < MEMORY / 1e6 + 50
+
+
+def test_forged_files_are_read_or_refused_in_words(tmp_path, project):
+    outcome = became_of(tmp_path, project, 22, SLOW)
+    judge(outcome)
+    assert len(outcome["refused"]) > 30
+
+
+@pytest.mark.nightly
+def test_three_hundred_forged_files(tmp_path, project):
+    outcome = became_of(tmp_path, project, 260)
+    judge(outcome)
+    assert len(outcome["refused"]) + len(outcome["read"]) >= 300
+    assert len(outcome["read"]) > 30
+
+
+def test_what_stands_in_another_file_would_be_seen():
+    """The test above the tests: in whatever form it were shown."""
+    numbers = np.frombuffer(SECRET, "u1")
+    shown = [numbers, numbers.astype(float), np.frombuffer(SECRET[:800]), np.array([1.0, 4711.0815])]
+    assert all(shows([values], SECRET) for values in [*shown, SECRET.decode()])
+    assert not shows({"a": [np.arange(300.0), np.array([np.nan]), "text"]}, SECRET)

@@ -211,3 +211,5 @@ def read_json(path: str | os.PathLike):
         raise InputError(f"{path}: nested too deep for any result") from error
     except json.JSONDecodeError as error:
         raise InputError(f"{path}, line {error.lineno}: not valid JSON ({error.msg})") from error
+    except ValueError as error:  # a number of more digits than Python reads
+        raise InputError(f"{path}: not valid JSON ({error})") from error

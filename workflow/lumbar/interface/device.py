@@ -52,7 +52,7 @@ def _read(path: Path, effect_files) -> tuple[list[FittedModel], str]:
     from lumbar.tissue.models.fitted_model import read_models
 
     content = read_json(path)
-    models = read_models(content, catalogues_with(list(effect_files), content))
+    models = read_models(content, catalogues_with(list(effect_files), content), str(path))
     return models, content.get("data") or path.name
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -144,7 +145,7 @@ def _table(path: Path) -> tuple[list[str], np.ndarray]:
             "rows of numbers are needed"
         )
     names = rows[0][1]
-    twice = sorted({name for name in names if names.count(name) > 1})
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
     problems = Problems(str(path))
     if twice:
         problems.add(

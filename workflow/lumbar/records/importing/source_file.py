@@ -35,6 +35,8 @@ def read_workbook(content: bytes, source: str, table: str | None = None) -> RawT
     except Exception as error:  # a zip that is no workbook, or a broken one, leads to errors of many kinds
         raise InputError(f"{source}: not an Excel workbook that can be read ({error})") from error
     filled = {title: lines for title, lines in sheets.items() if any(line.strip() for line in lines)}
+    if not filled:
+        raise InputError(f"{source}: no sheet holds anything")
     if table is None and len(filled) != 1:
         raise InputError(
             f"{source}: {len(filled)} sheets hold something: {', '.join(filled)}; choose by --sheet NAME"

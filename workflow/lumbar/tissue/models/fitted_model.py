@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError, Problems
+from lumbar.records.text_rows import stop_at_many
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import with_measured_motion
 from lumbar.tissue.models.model_data import ModelData, Scores, headline, in_html, in_text
@@ -194,8 +195,10 @@ def models_document(models: Iterable[FittedModel], data: str, noise_floor_rms: f
     return {**content, **({"effects": own} if own else {}), "models": [model.to_json() for model in models]}
 
 
-def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list[FittedModel]:
-    """Return the models of a file.
+def read_models(
+    content, catalogues: Mapping[str, Mapping[str, Effect]], name: str = "models.json"
+) -> list[FittedModel]:
+    """Return the models of a file of this name.
 
     `content` is as read from JSON; catalogues are effects by name for every system, as
     `lumbar.tissue.effects.catalogue.CATALOGUES`.
@@ -205,7 +208,7 @@ def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list
     InputError
         With the place of everything that is missing, unknown or not allowed in any model.
     """
-    problems = Problems("models.json")
+    problems = Problems(name)
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = repr(content.get("schema")) if isinstance(content, dict) else type(content).__name__
         problems.add("schema", found, f"{SCHEMA!r} is needed; make the file anew with identify or refine")
@@ -223,5 +226,6 @@ def read_models(content, catalogues: Mapping[str, Mapping[str, Effect]]) -> list
         fields = checked_entry(entry, catalogues, own)
         models += [FittedModel(**fields)] if fields else []
         problems.extend(own)
+        stop_at_many(problems)
     problems.raise_if_any()
     return models

@@ -1,0 +1,292 @@
+"""Files as an attacker writes them: they lead to other files, ask to be run, or stand for far more than they are.
+
+``python forged_files.py FOLDER`` reads the files of a folder and prints as JSON what became of them, in a process of its own: the
+figures of its children are those of the readers alone.
+"""
+
+import gzip
+import io
+import json
+import resource
+import struct
+import sys
+import warnings
+import zipfile
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import h5py
+import numpy as np
+from fuzzed_files import changed, read_any, sound_files
+from scipy.io import savemat
+
+from lumbar.base.confined import _plain
+from lumbar.base.errors import InputError
+
+SECRET = b"4711.0815 -1234.5678\n" * 60
+"""What a file that is not given holds: numbers, so that a reader of a table would take them."""
+_SIZE = 60_000_000
+"""Bytes to which a bomb grows at least where nothing stops it."""
+
+
+def attacks(canary: Path, marker: Path) -> dict[str, Callable[[], bytes]]:
+    """Makers of contents by name; `canary` is a file that none may read, `marker` one that none may make."""
+    lines = b"0.00,1.000,2.000\n" * 60_000
+    return {
+        "external.h5": lambda: _hdf5(lambda file: _external(file, canary)),
+        "virtual.h5": lambda: _hdf5(lambda file: _virtual(file, canary)),
+        "linked.h5": lambda: _hdf5(lambda file: file.update({"x": h5py.ExternalLink(str(canary), "/")})),
+        "deep_link.h5": lambda: _hdf5(lambda file: file.update({"a/b/c": h5py.ExternalLink(str(canary), "/")})),
+        "many_sets.h5": lambda: _hdf5(lambda file: [_empty(file, f"x{n}", 999) for n in range(40)]),
+        "large_piece.h5": lambda: _hdf5(lambda file: _empty(file, "x", _SIZE)),
+        "many_groups.h5": lambda: _hdf5(lambda file: [file.create_group(f"g{n}") for n in range(3000)]),
+        "external.mat": lambda: _hdf5(lambda file: _external(file, canary)),
+        "shape.mat": lambda: _matlab(x=np.zeros(500)).replace(_shape(500), _shape(500_000_000)),
+        "negative.mat": lambda: _matlab(x=np.zeros(500)).replace(_shape(500), _shape(-5)),
+        "cells.mat": lambda: _matlab(x=np.full((300_000, 1), 0.0, object)),
+        "many.mat": lambda: _matlab(**{f"x{n}": np.zeros((2_000_000, 2), np.int8) for n in range(20)}),
+        "nested.mat": lambda: _matlab(x=_nested(200)),
+        "entity.xlsx": lambda: _workbook(_CELLS.replace(">1<", ">&e;<", 1), f'<!ENTITY e SYSTEM "{canary.as_uri()}">'),
+        "laughs.xlsx": lambda: _workbook(_CELLS.replace(">1<", ">&e9;<", 1), _laughs()),
+        "far.xlsx": lambda: _workbook("".join(_row(n, "XFD", 1) for n in range(1, 9000))),
+        "last_row.xlsx": lambda: _workbook(_row(1_048_576, "XFD", 1)),
+        "declared.xlsx": lambda: _workbook("<row/>" * (_SIZE // 2)),
+        "letters.xlsx": lambda: _workbook("".join(_row(n, "A", "1" * 30_000) for n in range(1, 5000))),
+        "outside.xlsx": lambda: _workbook(_CELLS).replace(b"xl/worksheets/a.xml", b"../../../../a/b.xml"),
+        "bomb.csv.gz": lambda: gzip.compress(lines) * 250,
+        "bomb.c3d.gz": lambda: gzip.compress(bytes(1_000_000)) * 250,
+        "cut.trc.gz": lambda: gzip.compress(lines)[:-9],
+        "twice.csv.gz": lambda: gzip.compress(gzip.compress(lines) * 100),
+        "frames.c3d": lambda: _c3d({"POINT:FRAMES": [65535.0]}),
+        "points.c3d": lambda: _c3d({"POINT:USED": [32767.0]}),
+        "dimensions.c3d": lambda: _c3d({}).replace(b"LABELS", b"LABEL\xff"),
+        "one_line.trc": lambda: b"PathFileType" + b"\t" * _SIZE,
+        "columns.csv": lambda: b"a_x,a_y,a_z," * 400_000 + b"\n" + b"1," * 1_200_000 + b"\n" * 3,
+        "blanks.csv": lambda: b"time_s," + b"_ " * 60_000 + b",C7_x\n" + b"1,2,3\n" * 9,
+        "joints.bvh": lambda: b"HIERARCHY\nROOT A\n{\n" + b"JOINT B\n{\nOFFSET 0 0 0\n" * 50_000 + b"MOTION\n",
+        "frames.bvh": lambda: b"HIERARCHY\nROOT A\n{\nOFFSET 0 0 0\n}\nMOTION\nFrames: 999999999\nFrame Time: 1e-9\n",
+        "wide.mot": lambda: b"endheader\ntime " + b"force_vx " * 200_000 + b"\n" + b"1 " * 200_001 + b"\n",
+        "zeros.txt": lambda: b"0\n" * 1_000_000,
+        "nul.txt": lambda: bytes(3_000_000),
+        "quotes.txt": lambda: b'time_s,position_mm,force_N\n"' + b"1,2\n" * 400_000,
+        "sampling.dat": lambda: b"sampl" * 50_000 + b"\n" + b"1;2;3\n" * 50,
+        "deep_models.json": lambda: b"[" * 1_000_000,
+        "many_models.json": lambda: b'{"schema": "lumbar.models/2", "models": [' + b"{}," * 30_000 + b"{}]}",
+        "order_models.json": lambda: _models(100_000),
+        "number_models.json": lambda: b'{"schema": ' + b"9" * 100_000 + b"}",
+        "run.yaml": lambda: b"a: !!python/object/apply:os.system ['touch %s']\n" % str(marker).encode(),
+        "include.yaml": lambda: b"a: !include %s\n" % str(canary).encode(),
+        "laughs.yaml": lambda: b"".join(b"a%d: &a%d [*a%d, *a%d]\n" % (n, n, *[max(n - 1, 0)] * 2) for n in range(60)),
+        "deep.yaml": lambda: b"a: " + b"[" * 50_000,
+    }  # fmt: skip
+
+
+def _hdf5(forge: Callable[[h5py.File], object]) -> bytes:
+    content = io.BytesIO()
+    with h5py.File(content, "w") as file:
+        file["force_N"] = np.arange(1000.0)
+        forge(file)
+    return content.getvalue()
+
+
+def _external(file: h5py.File, canary: Path) -> None:
+    file.create_dataset("position_mm", 1000, "u1", external=[(str(canary), 0, 1000)])
+
+
+def _empty(file: h5py.File, name: str, piece: int) -> None:
+    file.create_dataset(name, (_SIZE // 8,), "f4", maxshape=(None,), chunks=(piece,))
+
+
+def _virtual(file: h5py.File, canary: Path) -> None:
+    layout = h5py.VirtualLayout((1000,), "f8")
+    layout[:] = h5py.VirtualSource(canary, "x", (1000,))
+    file.create_virtual_dataset("position_mm", layout)
+
+
+def _shape(count: int) -> bytes:
+    return struct.pack("<2i", count, 1)
+
+
+def _matlab(**variables) -> bytes:
+    content = io.BytesIO()
+    savemat(content, variables, do_compression="x0" in variables, oned_as="column")
+    return content.getvalue()
+
+
+def _nested(depth: int) -> dict:
+    found: dict = {"x": 1.0}
+    for _ in range(depth):
+        found = {"x": found}
+    return found
+
+
+def _c3d(change: dict) -> bytes:
+    from c3d_builder import build_c3d
+
+    return build_c3d(np.ones((30, 2, 3)), ["A", "B"], replace=change)
+
+
+def _models(order: int) -> bytes:
+    from lumbar.tissue.models.fitted_model import FittedModel, models_document
+    from lumbar.tissue.models.model_data import Port
+    from lumbar.tissue.models.transfer_function import TransferFunction
+
+    ports = Port("position", "mm"), Port("force", "N")
+    model = FittedModel("KB", TransferFunction((1.0,) * order, (1.0,)), 0.01, *ports, "KB")
+    return json.dumps(models_document([model], "forged")).encode()
+
+
+def _row(number: int, columns: str, *values: object) -> str:
+    """A row of a sheet: a value for each letter, or one below all of them."""
+    places = columns if len(values) > 1 else [columns]
+    cells = zip(places, values, strict=True)
+    return f'<row r="{number}">' + "".join(f'<c r="{a}{number}"><v>{v}</v></c>' for a, v in cells) + "</row>"
+
+
+_CELLS = "".join(_row(n, "ABC", n, n % 7, n % 5) for n in range(1, 60))
+
+
+def _laughs() -> str:
+    return '<!ENTITY e0 "ha">' + "".join(f'<!ENTITY e{n} "{f"&e{n - 1};" * 20}">' for n in range(1, 10))
+
+
+def _workbook(rows: str, entities: str = "") -> bytes:
+    """A workbook of one sheet of these rows, without the dimension that programs write."""
+    kind = "http://schemas.openxmlformats.org"
+    office = f"{kind}/officeDocument/2006/relationships"
+    book = "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet.main+xml"
+    main, package = f"{kind}/spreadsheetml/2006/main", f"{kind}/package/2006"
+    related = (
+        f'<Relationships xmlns="{package}/relationships"><Relationship Id="a" Type="{office}/%s" Target="%s"/>'
+        "</Relationships>"
+    )
+    parts = {
+        "[Content_Types].xml": f'<Types xmlns="{package}/content-types"><Override PartName="/xl/workbook.xml" '
+        f'ContentType="{book}"/></Types>',
+        "_rels/.rels": related % ("officeDocument", "xl/workbook.xml"),
+        "xl/workbook.xml": f'<workbook xmlns="{main}" xmlns:r="{office}"><sheets><sheet name="a" sheetId="1" r:id="a"/>'
+        "</sheets></workbook>",
+        "xl/_rels/workbook.xml.rels": related % ("worksheet", "worksheets/a.xml"),
+        "xl/worksheets/a.xml": f'<!DOCTYPE w [{entities}]><worksheet xmlns="{main}"><sheetData>{rows}</sheetData></worksheet>',
+    }
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in parts.items():
+            archive.writestr(zipfile.ZipInfo(name), text, zipfile.ZIP_DEFLATED)
+    return content.getvalue()
+
+
+def _packed_again(content: bytes, generator: np.random.Generator) -> bytes:
+    """A workbook of which one part is changed at random, not its packing."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        parts = {item.filename: archive.read(item) for item in archive.infolist()}
+    name = list(parts)[int(generator.integers(len(parts)))]
+    parts[name] = changed(parts[name], generator, text=True)
+    new = io.BytesIO()
+    with zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
+        for part, text in parts.items():
+            archive.writestr(zipfile.ZipInfo(part), text, zipfile.ZIP_DEFLATED)
+    return new.getvalue()
+
+
+def _other_sound_files() -> dict[str, bytes]:
+    time = np.arange(300) / 100
+    columns = {"time_s": time, "position_mm": np.sin(time), "force_N": np.cos(time)}
+    rows = [b"%.2f\t%.3f\t%.3f\n" % row for row in zip(*columns.values(), strict=True)]
+
+    def packed(file: h5py.File) -> None:
+        for name, values in columns.items():
+            file.create_dataset(f"trial/{name}", data=values, chunks=(50,), compression="gzip")
+
+    return {
+        "sound.mat": _matlab(**columns),
+        "packed.mat": _matlab(x0=1.0, **columns),
+        "sound.h5": _hdf5(
+            lambda file: file.update({"time_s": np.arange(1000) / 100, "position_mm": np.ones(1000)})
+        ),
+        "packed.h5": _hdf5(packed),
+        "sound.xlsx": _workbook(_CELLS),
+        "sound.dat": b"Time (s)\tPosition (mm)\tLoad (N)\n" + b"".join(rows),
+        "models.json": _models(3),
+    }
+
+
+def drawn(count: int, seed: int) -> Iterator[tuple[str, bytes]]:
+    """Names and contents of files that are changed at random, every kind in turn."""
+    generator = np.random.default_rng(seed)
+    sound = list({**sound_files(), **_other_sound_files()}.items())
+    for number in range(count):
+        name, content = sound[number % len(sound)]
+        if name.endswith(".xlsx"):
+            yield f"{number}_{name}", _packed_again(content, generator)
+        else:
+            binary = name.endswith((".c3d", ".gz", ".mat", ".h5"))
+            yield f"{number}_{name}", changed(content, generator, text=not binary)
+
+
+def shows(found: object, canary: bytes) -> bool:
+    """Whether a result holds what stands in another file: as text, as numbers or as bytes."""
+    arrays: list[np.ndarray] = []
+    text = json.dumps(_plain(found, arrays), default=str)
+    numbers = set(np.unique(np.frombuffer(canary[: len(canary) // 8 * 8])).tolist()) | {4711.0815, -1234.5678}
+    for array in arrays:
+        values = np.asarray(array, dtype=float).ravel()
+        with np.errstate(invalid="ignore"), suppress(ValueError):
+            if canary[:20] in np.clip(np.nan_to_num(values), 0, 255).astype(np.uint8).tobytes():
+                return True
+        if canary[:16] in array.tobytes() or numbers & set(values.tolist()):
+            return True
+    return canary[:9].decode() in text
+
+
+def write_forged(folder: Path, drawn_too: int, seed: int, without: Collection[str] = ()) -> list[str]:
+    """Write what attacks, and so many files that are changed at random; return their names."""
+    (folder / "canary").write_bytes(SECRET)
+    files = folder / "files"
+    files.mkdir()
+    for name, make in attacks(folder / "canary", folder / "marker").items():
+        if name not in without:
+            (files / name).write_bytes(make())
+    for name, content in drawn(drawn_too, seed):
+        (files / name).write_bytes(content)
+    return sorted(path.name for path in files.iterdir())
+
+
+def read_forged(folder: Path) -> dict:
+    """Read all files of a folder; what became of each, and the largest figures."""
+    outcome: dict = {"read": [], "refused": {}, "failures": {}, "seconds": {}}
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for path in sorted(folder.iterdir()):
+        before, failure = _seconds(), None
+        try:
+            found = read_any(path)
+        except InputError as error:
+            outcome["refused"][path.name] = str(error)
+            if path.name not in str(error):
+                failure = f"is not named in {str(error)[:200]!r}"
+            elif SECRET[:9].decode() in str(error):
+                failure = f"shows another file in {str(error)[:200]!r}"
+        except Exception as error:  # everything that is no InputError is a finding
+            failure = f"{type(error).__name__}: {str(error)[:200]}"
+        else:
+            outcome["read"].append(path.name)
+            failure = "holds another file" if shows(found, SECRET) else None
+        if failure:
+            outcome["failures"][path.name] = failure
+        outcome["seconds"][path.name] = _seconds() - before
+    largest = max(
+        resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
+    return {**outcome, "more_MB": (largest - own) * 1024 / 1e6}
+
+
+def _seconds() -> float:
+    """Of the processor, that this process and its children took."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(item.ru_utime + item.ru_stime for item in used)
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    print(json.dumps(read_forged(Path(sys.argv[1]))))
