@@ -9,14 +9,17 @@ import sys
 import zipfile
 
 import numpy as np
+import pandas as pd
 import pytest
 from forged_files import SECRET, shows, write_forged
 from scipy.io import savemat
 
 import lumbar
+from lumbar.base import confined
 from lumbar.base.confined import MEMORY, SECONDS
 from lumbar.base.errors import InputError
 from lumbar.base.files import LARGEST_FILE
+from lumbar.interface.verb import read_table
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
@@ -264,3 +267,25 @@ def test_what_stands_in_another_file_would_be_seen():
     shown = [numbers, numbers.astype(float), np.frombuffer(SECRET[:800]), np.array([1.0, 4711.0815])]
     assert all(shows([values], SECRET) for values in [*shown, SECRET.decode()])
     assert not shows({"a": [np.arange(300.0), np.array([np.nan]), "text"]}, SECRET)
+
+
+def test_names_without_end_in_a_header_take_no_time(tmp_path):
+    path = tmp_path / "sheet.csv"
+    path.write_text("a," * 450_000 + "\n" + "1," * 450_000 + "\n")
+    with pytest.raises(InputError, match=r"sheet\.csv, header: 'a' stands twice|sheet\.csv, header: '', 'a'"):
+        lumbar.read(path, "survey")
+
+
+def test_tables_that_lumbar_wrote_are_read_within_the_limits_too(tmp_path, monkeypatch):
+    frame = pd.DataFrame(
+        {"lift": ["a", "b"], "mass_kg": [1.5, np.nan], "frame": [1, 2], "safe": [True, False]}
+    )
+    path = tmp_path / "body.csv"
+    frame.to_csv(path, index=False)
+    for short in (confined.SHORT, 0):
+        monkeypatch.setattr(confined, "SHORT", short)
+        pd.testing.assert_frame_equal(read_table(path, "a lift"), frame)
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(InputError, match=r"body\.csv: a pipe or a device"):
+        read_table(path, "a lift")

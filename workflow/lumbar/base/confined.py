@@ -20,6 +20,7 @@ import signal
 import struct
 import sys
 import sysconfig
+import threading
 import time
 import traceback
 from collections.abc import Callable
@@ -31,15 +32,17 @@ import numpy as np
 
 from lumbar.base import landlock
 from lumbar.base.errors import InputError, LumbarError
-from lumbar.base.files import LARGEST_FILE
+from lumbar.base.files import LARGEST_FILE, LARGEST_JSON
 
 MEMORY, SECONDS = 500_000_000, 20
 """Bytes beyond what this process holds, and seconds of a processor, that parsing one file may take."""
 SHORT = 5_000_000
 """Bytes of plain text that take less than these limits, whatever they say."""
+_PLACES = threading.BoundedSemaphore(2)
+"""Children at a time: a page has many visitors, a machine less memory."""
 _PATIENCE_S = 10 * SECONDS
 """After which a child that does nothing is given up."""
-_LARGEST_TEXT, _LARGEST_ANSWER = 50_000_000, 2 * LARGEST_FILE
+_LARGEST_TEXT, _LARGEST_ANSWER = LARGEST_JSON, 2 * LARGEST_FILE
 """Bytes of an answer without and with its arrays."""
 _LIBRARIES = {Path(sysconfig.get_path(kind)) for kind in ("stdlib", "platstdlib", "purelib", "platlib")}
 _LIBRARIES |= {Path(__file__).parents[1]}
@@ -79,16 +82,8 @@ def confined(
     """
     if harmless and size <= SHORT:
         return parse()
-    ours, theirs = os.pipe()
-    child = os.fork()
-    if not child:
-        _answer(parse, theirs, [Path(source)] if opens else [])
-    os.close(theirs)
-    try:
-        answer, late = _received(ours)
-    finally:
-        os.close(ours)
-        status = _ended(child)
+    with _PLACES:
+        answer, late, status = _asked(parse, [Path(source)] if opens else [])
     large = f"{source}: its {size / 1e6:.2g} MB"
     if answer is None:
         ended = signal.Signals(os.WTERMSIG(status)) if os.WIFSIGNALED(status) else None
@@ -112,6 +107,21 @@ def confined(
 
 def _errors(kind: type[LumbarError]) -> list[type[LumbarError]]:
     return [kind, *(found for item in kind.__subclasses__() for found in _errors(item))]
+
+
+def _asked(parse: Callable[[], Any], opened: list[Path]) -> tuple[bytearray | None, bool, int]:
+    """What a child answers, as of `_received`, and its status."""
+    ours, theirs = os.pipe()
+    child = os.fork()
+    if not child:
+        _answer(parse, theirs, opened)
+    os.close(theirs)
+    try:
+        answer, late = _received(ours)
+    finally:
+        os.close(ours)
+        status = _ended(child)
+    return answer, late, status
 
 
 def _ended(child: int) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
 from lumbar.interface.lift import Lift
-from lumbar.interface.verb import NOT_SAID
+from lumbar.interface.verb import NOT_SAID, read_table
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
@@ -74,7 +74,6 @@ def _analysed(lift: Lift, data: str) -> RecordedLift:
 
 def _saved(folder: Path, data: str) -> RecordedLift:
     import numpy as np
-    import pandas as pd
 
     from lumbar.base.files import read_json
     from lumbar.publishing.lift_page.lift_data import RecordedLift
@@ -83,9 +82,9 @@ def _saved(folder: Path, data: str) -> RecordedLift:
     if absent:
         raise InputError(f"{folder}: no {', '.join(absent)}; a folder that 'lumbar lift' writes is needed")
     try:
-        body, centres, states = (pd.read_csv(folder / name) for name in FILES[:3])
+        body, centres, states = (read_table(folder / name, "a lift") for name in FILES[:3])
         pivots = centres.drop_duplicates("time_s")[[f"pivot_{axis}_m" for axis in "xyz"]].to_numpy(float)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError, KeyError) as error:
+    except KeyError as error:
         raise InputError(f"{folder}: not the tables that 'lumbar lift' writes ({error})") from error
     facts, events = (read_json(folder / name) for name in FILES[3:])
     pivot = pivots if len(pivots) == len(body) and np.isfinite(pivots).any() else None

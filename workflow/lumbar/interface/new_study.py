@@ -230,7 +230,10 @@ def _forces_beside(path: Path, folder: Path) -> str:
     named = [
         file
         for file in sorted(path.parent.rglob("*"))
-        if file.suffix.lower() == ".mot" and _words(file) == _words(path) and names_forces(file)
+        if file.suffix.lower() == ".mot"
+        and file.is_file()
+        and _words(file) == _words(path)
+        and names_forces(file)
     ]
     return str(named[0].relative_to(folder)) if len(named) == 1 else ""
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.lift import Lift
-from lumbar.interface.verb import Result, data_label
+from lumbar.interface.verb import Result, data_label, read_table
 from lumbar.settings.key import SEED
 from lumbar.settings.pushes import PushesSettings
 from lumbar.settings.stability import StabilitySettings
@@ -35,12 +35,10 @@ class SavedLift:
 
 def saved_lift(folder: str | os.PathLike) -> SavedLift:
     """Read a lift's folder."""
-    import pandas as pd
-
     from lumbar.base.files import read_json
 
     folder = Path(folder)
-    body, states = (pd.read_csv(folder / name) for name in ("body.csv", "pendulum.csv"))
+    body, states = (read_table(folder / f"{name}.csv", "a lift") for name in ("body", "pendulum"))
     return SavedLift(body, states, read_json(folder / "pendulum.json"))
 
 

@@ -7,9 +7,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
+from lumbar.base.files import require_file
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
     from lumbar.records.record import Record
@@ -81,14 +84,21 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
     Raises
     ------
     InputError
-        If it is not the table of `what`.
+        As `require_file`; if it is not the table of `what`.
     """
     import pandas as pd
 
-    try:
-        return pd.read_csv(path)
-    except (OSError, pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a table of {what} ({error})") from error
+    def parse() -> dict[str, np.ndarray | list]:
+        try:
+            frame = pd.read_csv(path)
+        except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+            raise InputError(f"{path}: not a table of {what} ({error})") from error
+        numeric = {name for name, kind in frame.dtypes.items() if kind.kind in "biuf"}
+        return {
+            name: values.to_numpy() if name in numeric else list(values) for name, values in frame.items()
+        }
+
+    return pd.DataFrame(confined(parse, path, require_file(path), harmless=True))
 
 
 class Result:

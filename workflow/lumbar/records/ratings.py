@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import csv
 import os
+from collections import Counter
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -146,7 +147,7 @@ def _read_rows(path: Path, layout: RatingsLayout) -> dict[int, list[str]]:
         raise InputError(f"{path}: not a readable CSV file ({error}); save it as UTF-8 text") from error
     if not rows:
         raise InputError(f"{path}: empty; a header with {', '.join(_columns(layout))} is needed")
-    doubled = sorted({name for name in rows[0] if rows[0].count(name) > 1})
+    doubled = sorted(name for name, count in Counter(rows[0]).items() if count > 1)
     if doubled:
         raise InputError(
             f"{path}, header: {', '.join(map(repr, doubled))} stands twice; name columns differently"

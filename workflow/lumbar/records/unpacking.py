@@ -105,6 +105,7 @@ def _memory_file(content: bytes) -> Iterator[Path]:
         with open(os.memfd_create("unpacked"), "wb") as file:  # noqa: PTH123 - a number, no path
             file.write(content)
             file.flush()
+            del content
             yield Path(f"/proc/self/fd/{file.fileno()}")
     else:
         with NamedTemporaryFile() as file:
