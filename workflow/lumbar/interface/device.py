@@ -122,14 +122,10 @@ def export_fmu(
     settings = replace(
         settings, rate_Hz=rate_Hz or settings.rate_Hz, targets=tuple(targets or settings.targets)
     )
-    if isinstance(model, str | os.PathLike):
-        selected, read_from = chosen_models(Path(model), settings, names, trained_on, effect_files)
-        data = data or read_from
-    else:
-        selected = [model] if isinstance(model, FittedModel) else list(model)
+    selected, read_from = chosen_models(model, settings, names, trained_on, effect_files)
     cache = cache_folder(settings.compiler_cache)
     asked = with_device(export_models(selected, settings), settings, selected)
-    written = export_fmus(asked, Path(folder), data or NOT_SAID, settings.targets, cache)
+    written = export_fmus(asked, Path(folder), data or read_from, settings.targets, cache)
     check_new_files(written, cache)
     if sign is not None:
         from lumbar.tissue.fmu.signature import sign_new_files
@@ -139,12 +135,14 @@ def export_fmu(
 
 
 def chosen_models(
-    path: Path, settings: RuntimeSettings, names, trained_on: str | None, effect_files
+    model, settings: RuntimeSettings, names, trained_on: str | None, effect_files
 ) -> tuple[list[FittedModel], str]:
-    """Models of a file that are meant, and words for the source of its data; parameters and errors as of `export_fmu`."""
+    """Models that are given, or meant of a file, and words for the source of their data; rest as of `export_fmu`."""
     from lumbar.tissue.fmu.build.export_model import find_models
 
-    fitted, read_from = _read(path, effect_files)
+    if not isinstance(model, str | os.PathLike):
+        return [model] if isinstance(model, FittedModel) else list(model), NOT_SAID
+    fitted, read_from = _read(Path(model), effect_files)
     return find_models(fitted, _chosen(settings, fitted, names, trained_on)), read_from
 
 
@@ -287,12 +285,8 @@ def render(
         from lumbar.tissue.haptics.judgement import judge_fmu
 
         return Rendering((judge_fmu(Path(model), settings),), (), settings, data or Path(model).name)
-    if isinstance(model, str | os.PathLike):
-        fitted, read_from = chosen_models(Path(model), settings, names, trained_on, effect_files)
-        data = data or read_from
-    else:
-        fitted = [model] if isinstance(model, FittedModel) else list(model)
-    found = rendering_of(fitted, settings, data or NOT_SAID)
+    fitted, read_from = chosen_models(model, settings, names, trained_on, effect_files)
+    found = rendering_of(fitted, settings, data or read_from)
     if not len(found):
         raise InputError("\n".join(found.refused))
     return found

@@ -16,7 +16,7 @@ PARAMETERS = ("mass", "damping", "friction", "delay", "offset", "spring")
 
 
 def free_motion(stretches: Stretches, parameters: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """Simulate every stretch with every set of parameters.
+    """Simulate every stretch with every set of parameters: way in m from its first sample, shape (length, stretches, sets).
 
     Parameters
     ----------
@@ -24,11 +24,6 @@ def free_motion(stretches: Stretches, parameters: np.ndarray, velocities: np.nda
         `PARAMETERS`; mass and damping above 0. A friction below 0 drives; the delay may be negative or longer than a tick.
     velocities : numpy.ndarray, shape (stretches, sets)
         At the first sample of each stretch, m/s.
-
-    Returns
-    -------
-    numpy.ndarray, shape (length, stretches, sets)
-        Way from the first sample of the stretch, m.
     """
     mass, damping, friction, delay, offset, spring = parameters
     late = np.floor(delay / stretches.step).astype(int)

@@ -171,9 +171,8 @@ def _check_told(
     problems.raise_if_any()
     pull = abs(values[spring]) * float(np.std(stretches.readings)) / force
     if pull > LARGEST_SPRING and half[spring] < TOLD * abs(values[spring]):
-        problems.add(
-            "",
-            f"a spring of {values[spring]:.3g} N/m that is not in the forces pulls at the stylus, with {pull:.0%} of theirs",
-            "nobody may hold it; a spring of the device or its controller belongs into the column of forces",
+        raise InputError(
+            f"{problems.subject}: a spring of {values[spring]:.3g} N/m that is not in the forces pulls at the stylus, with "
+            f"{pull:.0%} of theirs; nobody may hold it, and a spring of the device or its controller belongs into the column "
+            "of forces"
         )
-    problems.raise_if_any()

@@ -15,9 +15,8 @@ from lumbar.tissue.haptics.device_identification.free_motion import PARAMETERS, 
 from lumbar.tissue.haptics.device_identification.stretches import Stretches
 
 CONFIDENCE = 0.95
-_RELATIVE_STEP = 1e-5
-"""Of the differences that derivatives are taken by."""
-_PRECISION, _EVALUATIONS = 1e-12, 60
+_RELATIVE_STEP, _PRECISION, _EVALUATIONS = 1e-5, 1e-12, 60
+"""Of the differences that derivatives are taken by; where and when the search ends."""
 _SINGULAR = 1e12
 """Condition number, of parameters scaled to one information each, beyond which one of them is another in disguise."""
 _LEAST_ERROR_M = 1e-9
@@ -56,10 +55,9 @@ class DeviceFit:
         if not np.linalg.cond(whole) < _SINGULAR:
             return np.full(len(PARAMETERS), np.inf), np.zeros(whole.shape)
         slopes = np.einsum("ts,tsi,ts->si", weights, scaled, self.residuals)
-        pairs = zip(whole - information, slopes, strict=True)
-        changes = np.array([np.linalg.pinv(left) @ slope for left, slope in pairs])
+        changes = (np.linalg.pinv(whole - information) @ slopes[:, :, None])[:, :, 0]
         jackknife = (count - 1) / count * ((changes - changes.mean(axis=0)) ** 2).sum(axis=0)
-        power = (weights * self.residuals**2).sum() / max(weights.sum() - len(PARAMETERS) - 2 * count, 1.0)
+        power = (weights * self.residuals**2).sum() / max(weights.sum() - len(size) - 2 * count, 1.0)
         covariance = np.linalg.inv(whole)
         equal = np.diag(covariance)
         variance = np.maximum(jackknife, max(power, _LEAST_ERROR_M**2) * equal)
@@ -87,13 +85,7 @@ class DeviceFit:
 
 
 def fit_device(stretches: Stretches, begin: np.ndarray) -> DeviceFit:
-    """Fit mass, damping, friction, delay, a constant force, a weak spring and the start of every stretch.
-
-    Parameters
-    ----------
-    begin : numpy.ndarray, shape (6,)
-        Parameters where the search begins.
-    """
+    """Fit `PARAMETERS` and the start of every stretch; the search begins at parameters of shape (6,)."""
     from scipy.optimize import least_squares
 
     count, number = len(PARAMETERS), len(stretches.starts)
@@ -123,9 +115,7 @@ def fit_device(stretches: Stretches, begin: np.ndarray) -> DeviceFit:
         jacobian,
         bounds=(lowest, np.inf),
         x_scale=scales,
-        xtol=_PRECISION,
-        ftol=_PRECISION,
-        gtol=_PRECISION,
+        **dict.fromkeys(("xtol", "ftol", "gtol"), _PRECISION),
         max_nfev=_EVALUATIONS,
     )
     left, by = motion(found.x.tobytes())
@@ -137,9 +127,7 @@ def fit_device(stretches: Stretches, begin: np.ndarray) -> DeviceFit:
     return DeviceFit(stretches, found.x[:count], left, apart)
 
 
-def _motion(
-    stretches: Stretches, parameters: np.ndarray, velocities: np.ndarray, steps: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _motion(stretches, parameters, velocities, steps) -> tuple[np.ndarray, np.ndarray]:
     """Residuals about their mean in each stretch, and derivatives by the parameters and by the velocity at the start."""
     count = len(parameters)
     sets, starts = (np.repeat(item[:, None], count + 2, axis=1) for item in (parameters, velocities))

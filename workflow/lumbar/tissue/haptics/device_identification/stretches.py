@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lumbar.base.errors import Problems
+from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 
 MARGIN = 66
@@ -51,9 +51,8 @@ class Stretches:
     @cached_property
     def runs(self) -> np.ndarray:
         """Number of the run of like readings that each is in, counted through all stretches; shape (length, stretches)."""
-        new = np.ones(self.readings.shape, dtype=int)
-        new[1:] = np.diff(self.readings, axis=0) != 0.0
-        return (np.cumsum(new.T.ravel()) - 1).reshape(new.shape[::-1]).T
+        new = np.diff(self.readings, axis=0, prepend=np.inf) != 0.0
+        return np.cumsum(new.T).reshape(new.T.shape).T - 1
 
     @cached_property
     def weights(self) -> np.ndarray:
@@ -102,16 +101,16 @@ def cut(recording: Record) -> Stretches:
     InputError
         A recording of no position and force, too short, too long, or in which nothing moves.
     """
-    problems = Problems(recording.source or recording.name)
+    name, count = recording.source or recording.name, len(recording)
     position, force = (getattr(recording.channels.get(role), "unit", "none") for role in ("input", "output"))
     if position not in _UNITS_M or force != "N":
         units = ", ".join(_UNITS_M)
-        needed = f"the position of the stylus in {units} and the commanded force in N are needed"
-        problems.add("", f"input in {position}, output in {force}", needed)
-    if len(recording) > _MOST_SAMPLES:
-        problems.add("", f"{len(recording)} samples", f"at most {_MOST_SAMPLES} are taken; 15 s are enough")
-    problems.raise_if_any()
-    edges = np.unique([0, *recording.filled, len(recording)])
+        raise InputError(
+            f"{name}: input in {position}, output in {force}; position in {units} and commanded force in N are needed"
+        )
+    if count > _MOST_SAMPLES:
+        raise InputError(f"{name}: {count} samples; at most {_MOST_SAMPLES} are taken, and 15 s are enough")
+    edges = np.unique([0, *recording.filled, count])
     parts = [(first + MARGIN, stop - _AFTER) for first, stop in pairwise(edges)]
     usable = sum(max(stop - first, 0) for first, stop in parts)
     length = max(_SHORTEST, usable // _STRETCHES)
@@ -120,17 +119,14 @@ def cut(recording: Record) -> Stretches:
     found = Stretches(recording.sampling_time, recording["output"], positions, starts, length)
     if len(starts) < _FEWEST:
         seconds = (_FEWEST * _SHORTEST + MARGIN + _AFTER) * found.step
-        problems.add(
-            "",
-            f"{usable} samples can be used, {len(recording)} in all",
-            f"at least {seconds:.2g} s without a gap are needed, and some 15 s are good",
+        raise InputError(
+            f"{name}: {usable} samples can be used, {count} in all; at least {seconds:.2g} s without a gap are needed, and "
+            "some 15 s are good"
         )
-    steps = round(np.ptp(positions) / found.resolution) if found.resolution else 0
     if np.ptp(positions) <= _FEWEST_STEPS * found.resolution:
-        problems.add(
-            "",
-            f"the stylus moves over {steps} steps of its encoder ({1e6 * found.resolution:.3g} µm) in all",
-            f"more than {_FEWEST_STEPS} are needed: command forces well above the dry friction",
+        steps = round(np.ptp(positions) / found.resolution) if found.resolution else 0
+        raise InputError(
+            f"{name}: the stylus moves over {steps} steps of its encoder ({1e6 * found.resolution:.3g} µm) in all; more than "
+            f"{_FEWEST_STEPS} are needed: command forces well above the dry friction"
         )
-    problems.raise_if_any()
     return found
