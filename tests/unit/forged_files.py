@@ -21,7 +21,7 @@ import numpy as np
 from fuzzed_files import changed, read_any, sound_files
 from scipy.io import savemat
 
-from lumbar.base.confined import _plain
+from lumbar.base.child_answer import plain_of
 from lumbar.base.errors import InputError
 
 SECRET = b"4711.0815 -1234.5678\n" * 60
@@ -228,7 +228,7 @@ def drawn(count: int, seed: int) -> Iterator[tuple[str, bytes]]:
 def shows(found: object, canary: bytes) -> bool:
     """Whether a result holds what stands in another file: as text, as numbers or as bytes."""
     arrays: list[np.ndarray] = []
-    text = json.dumps(_plain(found, arrays), default=str)
+    text = json.dumps(plain_of(found, arrays), default=str)
     numbers = set(np.unique(np.frombuffer(canary[: len(canary) // 8 * 8])).tolist()) | {4711.0815, -1234.5678}
     for array in arrays:
         values = np.asarray(array, dtype=float).ravel()

@@ -16,7 +16,7 @@ from scipy.io import savemat
 
 import lumbar
 from lumbar.base import confined
-from lumbar.base.confined import MEMORY, SECONDS
+from lumbar.base.child import MEMORY, SECONDS
 from lumbar.base.errors import InputError
 from lumbar.base.files import LARGEST_FILE
 from lumbar.interface.verb import read_table

@@ -48,6 +48,10 @@ def run_explore(options) -> None:
         sets, own = _of_study(options)
         lifts = _lifts_of_study(options)
     server, visitors = new_server(sets, options.port, own, lifts)
+    if own:
+        from lumbar.base import child_template
+
+        child_template.start()  # which takes a while, in which nobody waits for it
     server.start()
     addresses = {f"/{item.name}": f"what is missing in {item.title or item.name}" for item in sets}
     addresses |= {item.address: f"lift {item.folder.absolute().name}" for item in lifts}

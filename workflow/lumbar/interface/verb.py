@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,17 +89,18 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
     """
     import pandas as pd
 
-    def parse() -> dict[str, np.ndarray | list]:
-        try:
-            frame = pd.read_csv(path)
-        except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: not a table of {what} ({error})") from error
-        numeric = {name for name, kind in frame.dtypes.items() if kind.kind in "biuf"}
-        return {
-            name: values.to_numpy() if name in numeric else list(values) for name, values in frame.items()
-        }
+    return pd.DataFrame(confined(partial(_columns, path, what), path, require_file(path), harmless=True))
 
-    return pd.DataFrame(confined(parse, path, require_file(path), harmless=True))
+
+def _columns(path: str | os.PathLike, what: str) -> dict[str, np.ndarray | list]:
+    import pandas as pd
+
+    try:
+        frame = pd.read_csv(path)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a table of {what} ({error})") from error
+    numeric = {name for name, kind in frame.dtypes.items() if kind.kind in "biuf"}
+    return {name: values.to_numpy() if name in numeric else list(values) for name, values in frame.items()}
 
 
 class Result:

@@ -177,10 +177,11 @@ def _read_columns(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarra
 
         print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
 
-    def parse() -> tuple[dict[str, np.ndarray], Sequence[int]]:
-        return _read_plain_table(path, layout) or _read_text(path, layout)
+    return confined(partial(_read_either, path, layout), path, size, harmless=path.suffix != ".gz")
 
-    return confined(parse, path, size, harmless=path.suffix != ".gz")
+
+def _read_either(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int]]:
+    return _read_plain_table(path, layout) or _read_text(path, layout)
 
 
 def default_name(path: Path) -> str:

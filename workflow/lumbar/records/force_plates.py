@@ -12,6 +12,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from lumbar.records.c3d_structure import C3dStructure, check_structure
 from lumbar.records.ground_forces import UNLOADED_N, ForcePlate, read_mot
 from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, metres_per_unit
-from lumbar.records.unpacking import ending_of, readable_path
+from lumbar.records.unpacking import ending_of, read_readable
 from lumbar.settings.layout import MarkerLayout
 
 _CLEARLY_LOADED_N = 100.0
@@ -91,12 +92,7 @@ def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = Non
     if ending not in (".mot", ".c3d"):
         return []
     read = read_mot if ending == ".mot" else read_c3d_plates
-
-    def parse() -> list[ForcePlate]:
-        with readable_path(path) as plain:
-            return read(plain, layout)
-
-    return confined(parse, path, size, (ForcePlate,))
+    return confined(partial(read_readable, path, read, layout), path, size, (ForcePlate,))
 
 
 def read_c3d_plates(path: Path, layout: MarkerLayout) -> list[ForcePlate]:

@@ -23,6 +23,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
 from lumbar.base.files import require_file
 from lumbar.records.marker_file import MarkerFile, RecordedEvent
-from lumbar.records.unpacking import ending_of, readable_path, stem_of
+from lumbar.records.unpacking import ending_of, read_readable, stem_of
 from lumbar.settings.layout import MarkerLayout
 
 Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
@@ -186,12 +187,8 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
             f"{ending or 'a file without suffix'!r}"
         )
     options = (layout.rate_Hz,) if ending in (".csv", ".mat") else ()
-
-    def parse() -> MarkerFile:
-        with readable_path(path) as plain:
-            return replace(read(plain, *options), source=str(path))
-
-    return confined(parse, path, size, (MarkerFile, RecordedEvent))
+    parse = partial(read_readable, path, read, *options)
+    return replace(confined(parse, path, size, (MarkerFile, RecordedEvent)), source=str(path))
 
 
 def _at_rate(file: MarkerFile, rate: float | None) -> MarkerFile:

@@ -6,10 +6,11 @@ import io
 import os
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import NamedTemporaryFile
+from typing import Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import LARGEST_FILE
@@ -82,18 +83,16 @@ def pieces(reader, stored: bytes, left: int, size: int, source: str) -> Iterator
         raise InputError(f"{source}: the packed file is broken ({error})") from error
 
 
-@contextmanager
-def readable_path(path: Path) -> Iterator[Path]:
-    """Give the path under which a file can be read: a packed one is unpacked, up to `LARGEST_FILE`, for as long.
+def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
+    """Return what a function reads of a path: a packed file is unpacked, up to `LARGEST_FILE`, for as long.
 
     Messages about the unpacked file name the packed one.
     """
     if path.suffix.lower() != PACKED:
-        yield path
-        return
+        return read(path, *options)
     with _memory_file(unpack(path.read_bytes(), path)) as plain:
         try:
-            yield plain
+            return read(plain, *options)
         except InputError as error:
             raise type(error)(str(error).replace(str(plain), str(path))) from error
 

@@ -1,0 +1,98 @@
+"""A process with threads has its files parsed by forks of another, which ends with it."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lumbar.base import child_template, confined, landlock
+from lumbar.base.errors import InputError
+from patience import seen
+
+
+@pytest.fixture(autouse=True)
+def _with_threads(monkeypatch):
+    monkeypatch.setattr(confined, "_has_threads", lambda: True)
+
+
+def read(path: Path) -> str:
+    return confined.confined(partial(Path.read_text, path), path, 5)
+
+
+def test_files_are_read_while_others_compute(tmp_path):
+    """A fork of this process would end the threads of OpenBLAS on which the other waits."""
+    (tmp_path / "a").write_text("1 2 3")
+    done, matrix = threading.Event(), np.ones((300, 300))
+
+    def compute():
+        while not done.is_set():
+            matrix @ matrix
+
+    other = threading.Thread(target=compute)
+    other.start()
+    try:
+        assert [read(tmp_path / "a") for _ in range(30)] == ["1 2 3"] * 30
+    finally:
+        done.set()
+        other.join(timeout=60)
+    assert not other.is_alive()
+
+
+def test_a_path_is_meant_from_where_one_works(tmp_path, monkeypatch):
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "a").write_text(name)
+        monkeypatch.chdir(tmp_path / name)
+        assert read(Path("a")) == name
+
+
+def test_it_holds_its_forks_to_the_limits(tmp_path):
+    if not landlock.version():
+        pytest.skip("this kernel has no Landlock")
+    (tmp_path / "a").write_text("a")
+    (tmp_path / "b").write_text("b")
+    with pytest.raises(InputError, match=r"b: broken: its reader stopped at PermissionError"):
+        confined.confined(partial(Path.read_text, tmp_path / "a"), tmp_path / "b", 5)
+    with pytest.raises(InputError, match="more than 500 MB"):
+        confined.confined(partial(np.ones, 80_000_000), tmp_path / "a", 5)
+    with pytest.raises(InputError, match="SIGABRT"):
+        confined.confined(os.abort, tmp_path / "a", 5)
+
+
+def test_one_that_ended_is_replaced(tmp_path):
+    (tmp_path / "a").write_text("a")
+    assert read(tmp_path / "a") == "a"
+    template = child_template._templates[os.getpid()][1]
+    template.kill()
+    template.wait()
+    with pytest.raises(InputError, match="a: broken: its reader ended"):
+        read(tmp_path / "a")
+    assert read(tmp_path / "a") == "a"
+
+
+def test_it_ends_with_its_process(project):
+    code = "from lumbar.base import child_template as own; import os, time; own.start(); " + (
+        "print(own._templates[os.getpid()][1].pid, flush=True); time.sleep(600)"
+    )
+    paths = {**os.environ, "PYTHONPATH": str(project / "workflow")}
+    with subprocess.Popen(
+        [sys.executable, "-c", code], env=paths, stdout=subprocess.PIPE, text=True
+    ) as process:
+        template = int(process.stdout.readline())
+        process.send_signal(signal.SIGKILL)
+
+    def gone():
+        try:
+            os.kill(template, 0)
+        except ProcessLookupError:
+            return True
+        status = Path(f"/proc/{template}/stat")  # where nobody collects it, it stays as a name
+        return status.is_file() and status.read_text().split()[2] == "Z"
+
+    assert seen(gone)
