@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -103,29 +105,20 @@ def severity_leaving(
         What counts as no residual.
     """
 
+    @cache
     def excess(severity: float) -> float:
         return float(np.log(max(residual_rms(motion, force_at(severity)), least_N) / wanted_N))
 
-    known = {0.0: excess(0.0)}
-    for step in range(1, _STEPS + 1):
-        low, high = (step - 1) / _STEPS, step / _STEPS
-        known[high] = excess(high)
-        if known[high] > 0:
-            return 0.0 if known[low] > 0 else _root(excess, low, high, known[low], known[high])
-    return max(known, key=known.get)
+    def near(severity: float) -> float:
+        return 0.0 if abs(excess(severity)) < _TOLERANCE else excess(severity)
+
+    tried = [step / _STEPS for step in range(_STEPS + 1)]
+    for low, high in pairwise(tried):
+        if excess(high) > 0:
+            return 0.0 if excess(low) > 0 else float(brentq(near, low, high, xtol=1e-4))
+    return max(tried, key=excess)
 
 
 def residual_rms(motion: ToolMotion, force: np.ndarray) -> float:
     """RMS of what the best Kelvin–Boltzmann tissue leaves of a force on the simulation's grid, newtons."""
     return float(np.sqrt(np.mean(kelvin_boltzmann_residual(motion, motion.sampled(force)) ** 2)))
-
-
-def _root(excess: Callable[[float], float], low: float, high: float, at_low: float, at_high: float) -> float:
-    known = {low: at_low, high: at_high}
-
-    def cached(severity: float) -> float:
-        value = known[severity] if severity in known else excess(severity)
-        known[severity] = value
-        return 0.0 if abs(value) < _TOLERANCE else value
-
-    return float(brentq(cached, low, high, xtol=1e-4))

@@ -153,16 +153,13 @@ class _Plan:
     """Movements of one coordinate, in order of time."""
 
     def __init__(self, first: float):
-        self.start: list[float] = []
-        self.duration: list[float] = []
-        self.target = [first]
+        self.first, self.moves = first, []
 
     def move(self, start: float, duration: float, target: float) -> float:
         """Add a movement and return when it ends."""
-        self.start.append(start)
-        self.duration.append(duration)
-        self.target.append(target)
+        self.moves.append((start, duration, target))
         return start + duration
 
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return np.array(self.start), np.array(self.duration), np.array(self.target)
+        start, duration, target = np.reshape(self.moves, (-1, 3)).T
+        return start, duration, np.append(self.first, target)
