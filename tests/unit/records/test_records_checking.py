@@ -3,6 +3,7 @@
 import gzip
 import hashlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.records.checking import check_recordings
 from lumbar.records.text_rows import number
-from lumbar.records.unpacking import unpack
+from lumbar.records.unpacking import read_readable
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, columns
 from lumbar.settings.plain import plain
@@ -225,7 +226,7 @@ def test_broken_packed_files(tmp_path, change, said):
 def test_packed_in_two_parts(tmp_path):
     path = tmp_path / "two.gz"
     path.write_bytes(gzip.compress(b"a" * 3_000_000) + gzip.compress(b"b") + b"\0" * 10)
-    assert unpack(path.read_bytes(), path) == b"a" * 3_000_000 + b"b"
+    assert read_readable(path, Path.read_bytes) == b"a" * 3_000_000 + b"b"
 
 
 @pytest.mark.parametrize("text", ["1", "-1.5e3", " 2 ", "nan", ".5", "1e400"])

@@ -20,7 +20,6 @@ A layout is `lumbar.settings.layout.ColumnLayout`; in a study's YAML::
 from __future__ import annotations
 
 import csv
-import io
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -44,7 +43,7 @@ from lumbar.records.record import (
 )
 from lumbar.records.stretches import check_clipping
 from lumbar.records.text_rows import number, stop_at_many
-from lumbar.records.unpacking import unpack
+from lumbar.records.unpacking import PACKED, read_readable
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 LONGEST_GAP = 10
@@ -177,7 +176,9 @@ def _read_columns(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarra
 
         print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
 
-    return confined(partial(_read_either, path, layout), path, size, harmless=path.suffix != ".gz")
+    return confined(
+        partial(read_readable, path, _read_either, layout), path, size, harmless=path.suffix.lower() != PACKED
+    )
 
 
 def _read_either(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int]]:
@@ -202,13 +203,8 @@ _LONGEST_LINE = 1_000_000
 """Characters of one line."""
 
 
-def _opened(path: Path) -> io.BytesIO | io.BufferedReader:
-    """Bytes of a file, unpacked."""
-    return io.BytesIO(unpack(path.read_bytes(), path)) if path.suffix == ".gz" else path.open("rb")
-
-
 def _lines(path: Path):
-    with io.TextIOWrapper(_opened(path), encoding="utf-8-sig") as stream:
+    with path.open(encoding="utf-8-sig") as stream:
         number = 0
         try:
             while line := stream.readline(_LONGEST_LINE + 1):
@@ -228,22 +224,17 @@ def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.nd
     Fifty times as fast as going through it line by line, which is left to say where a file is not as it should be.
     """
     smallest = _WORTH_IT if "pandas" in sys.modules else _LARGE
-    packed = path.suffix == ".gz"
-    if layout.decimal != "." or (path.stat().st_size < smallest and not packed):
+    if layout.decimal != "." or path.stat().st_size < smallest:
         return None
     separator = None if layout.delimiter == "whitespace" else layout.delimiter
-    source = _opened(path) if packed else path
-    size = source.getbuffer().nbytes if isinstance(source, io.BytesIO) else path.stat().st_size
-    if size < smallest:
-        return None
     import pandas as pd
 
-    with io.TextIOWrapper(_opened(path), encoding="utf-8-sig", errors="replace") as stream:
+    with path.open(encoding="utf-8-sig", errors="replace") as stream:
         first = stream.readline(_LONGEST_LINE)
     header = _split(first, separator) if layout.header else None
     try:
         frame = pd.read_csv(
-            source,
+            path,
             sep=r"\s+" if separator is None else separator,
             header=None,
             skiprows=int(layout.header),

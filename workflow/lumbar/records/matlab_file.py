@@ -12,7 +12,7 @@ from scipy.io import loadmat, whosmat
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import LARGEST_FILE
-from lumbar.records.unpacking import check_size, pieces
+from lumbar.records.unpacking import check_size
 
 _MATLAB_HEADER, _COMPRESSED = 128, 15
 """Bytes before the first variable, and the type of a packed one (MATLAB's description of MAT-files, level 5)."""
@@ -48,5 +48,9 @@ def _check_packed_variables(content: bytes, source: str) -> None:
         kind, size = struct.unpack(f"{order}2I", content[place : place + 8])
         if kind == _COMPRESSED:
             packed = content[place + 8 : place + 8 + size]
-            left -= sum(map(len, pieces(zlib.decompressobj(), packed, left, len(content), source)))
+            try:
+                left -= len(zlib.decompressobj().decompress(packed, left + 1))
+            except zlib.error as error:
+                raise InputError(f"{source}: the packed file is broken ({error})") from error
+            check_size(LARGEST_FILE - left, len(content), source)
         place += 8 + size

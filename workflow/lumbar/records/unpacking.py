@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import os
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
@@ -31,22 +31,23 @@ def stem_of(path: Path) -> str:
     return path.with_suffix("").stem if path.suffix.lower() == PACKED else path.stem
 
 
-def unpack(stored: bytes, path: Path) -> bytes:
-    """Return what a gzipped file holds.
+def unpack(stored: bytes, path: Path, into: Any) -> None:
+    """Write what a gzipped file holds into a file that is open.
 
     Raises
     ------
     InputError
         The file is broken or cut short, or unpacks to more than `LARGEST_FILE`.
     """
-    # A buffer that is given away, not pieces that are joined: the whole is there once.
-    whole, remaining = io.BytesIO(), stored
-    while remaining:
-        reader = zlib.decompressobj(wbits=31)
-        for piece in pieces(reader, remaining, LARGEST_FILE - whole.tell(), len(stored), str(path)):
-            whole.write(piece)
-        remaining = reader.unused_data.lstrip(b"\0")
-    return whole.getvalue()
+    try:
+        with gzip.open(io.BytesIO(stored)) as file:
+            while piece := file.read(_PIECE):
+                check_size(into.tell() + len(piece), len(stored), str(path))
+                into.write(piece)
+    except EOFError as error:
+        raise InputError(f"{path}: the packed file is cut short; copy it again") from error
+    except (OSError, zlib.error) as error:
+        raise InputError(f"{path}: the packed file is broken ({error})") from error
 
 
 def check_zip(content: bytes, source: str) -> None:
@@ -68,21 +69,6 @@ def check_size(size: float, stored: int, source: str) -> None:
         )
 
 
-def pieces(reader, stored: bytes, left: int, size: int, source: str) -> Iterator[bytes]:
-    """What one packed stream holds, piece by piece, of which at most `left` bytes are unpacked."""
-    try:
-        while not reader.eof:
-            piece = reader.decompress(stored, _PIECE)
-            stored = reader.unconsumed_tail
-            left -= len(piece)
-            check_size(LARGEST_FILE - left, size, source)
-            if not piece and not stored and not reader.eof:
-                raise InputError(f"{source}: the packed file is cut short; copy it again")
-            yield piece
-    except zlib.error as error:
-        raise InputError(f"{source}: the packed file is broken ({error})") from error
-
-
 def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
     """Return what a function reads of a path: a packed file is unpacked, up to `LARGEST_FILE`, for as long.
 
@@ -90,24 +76,13 @@ def read_readable(path: Path, read: Callable[..., Any], *options: Any) -> Any:
     """
     if path.suffix.lower() != PACKED:
         return read(path, *options)
-    with _memory_file(unpack(path.read_bytes(), path)) as plain:
+    # Gone with this process: in memory, where the system has such files.
+    in_memory = hasattr(os, "memfd_create")
+    with os.fdopen(os.memfd_create("unpacked"), "wb") if in_memory else NamedTemporaryFile() as file:
+        plain = Path(f"/proc/self/fd/{file.fileno()}" if in_memory else file.name)
+        unpack(path.read_bytes(), path, file)
+        file.flush()
         try:
             return read(plain, *options)
         except InputError as error:
             raise type(error)(str(error).replace(str(plain), str(path))) from error
-
-
-@contextmanager
-def _memory_file(content: bytes) -> Iterator[Path]:
-    """Give the path of a file that ends with this process: in memory, where the system has such."""
-    if hasattr(os, "memfd_create"):
-        with open(os.memfd_create("unpacked"), "wb") as file:  # noqa: PTH123 - a number, no path
-            file.write(content)
-            file.flush()
-            del content
-            yield Path(f"/proc/self/fd/{file.fileno()}")
-    else:
-        with NamedTemporaryFile() as file:
-            file.write(content)
-            file.flush()
-            yield Path(file.name)

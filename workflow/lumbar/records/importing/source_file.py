@@ -109,7 +109,9 @@ def read_content(stored: bytes, path: Path, table: str | None = None) -> tuple[R
 
 
 def _read_packed(stored: bytes, path: Path, table: str | None) -> RawTable:
-    content = unpack(stored, path)
+    file = io.BytesIO()
+    unpack(stored, path, file)
+    content = file.getvalue()
     return _reader(content, path)(content, str(path), table)
 
 
