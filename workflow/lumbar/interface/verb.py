@@ -24,12 +24,7 @@ NOT_SAID = "source not said"
 
 
 def data_label(given: str, sources: Iterable[str]) -> str:
-    """Return what was given; else the folder that the files come from, or a file alone.
-
-    Parameters
-    ----------
-    sources : iterable of str
-        Files; empty for what was read from none.
+    """Return what was given; else the folder that the files come from, or a file alone; sources without a file are empty.
 
     Examples
     --------

@@ -75,8 +75,6 @@ def minimum_jerk_chain(
 
     Parameters
     ----------
-    time : numpy.ndarray of float, shape (samples,)
-        Seconds.
     start, duration : numpy.ndarray of float, shape (movements,)
         When each movement begins (rising) and how long it takes, s.
     target : numpy.ndarray of float, shape (movements + 1,)
@@ -85,7 +83,7 @@ def minimum_jerk_chain(
     Returns
     -------
     numpy.ndarray of float, shape (samples,)
-        In the unit of `target`.
+        At `time` in seconds, in the unit of `target`.
     """
     if len(start) == 0:
         return np.full(len(time), target[0])

@@ -61,13 +61,7 @@ _DECIMALS = {
 def device_table(
     judgements: Sequence[Judgement], refused: Sequence[str], settings: RuntimeSettings, data: str
 ) -> Table:
-    """Return the table.
-
-    Parameters
-    ----------
-    refused : sequence of str
-        Why models have no row at a rate.
-    """
+    """Return the table; `refused` says why models have no row at a rate."""
     import pandas as pd
 
     rows = [

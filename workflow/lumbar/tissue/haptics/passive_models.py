@@ -89,17 +89,9 @@ def fit_passive_models(
     settings: RuntimeSettings,
     settling_s: float,
 ) -> PassiveFits:
-    """Fit the exported models once more, within the passive ones.
+    """Fit the exported models once more, within the passive ones; `settling_s` seconds at the start do not count.
 
-    Parameters
-    ----------
-    settling_s : float
-        Seconds at the start that do not count.
-
-    Returns
-    -------
-    PassiveFits
-        Without those of a device where the records hold no length or no force.
+    Those of a device are left out where the records hold no length or no force.
     """
     free = tuple(
         model
@@ -206,16 +198,8 @@ def _rows(name: str, fits: PassiveFits) -> list[dict]:
             )
     rows = [_row(name, fit, consists, model, best, fits) for fit, consists, model in given]
     if name not in _STRUCTURES and OUTPUT_ERROR in free:
-        rows.append(
-            {
-                "model": name,
-                "fit": PASSIVE,
-                "consists_of": "none but 0",
-                "takes_energy": "yes",
-                "vaf_percent": 0.0,
-                "vaf_cost": best,
-            }
-        )
+        none = {"consists_of": "none but 0", "takes_energy": "yes", "vaf_percent": 0.0, "vaf_cost": best}
+        rows.append({"model": name, "fit": PASSIVE, **none})
     return rows
 
 

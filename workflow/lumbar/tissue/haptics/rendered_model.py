@@ -137,17 +137,8 @@ def in_units(
 ) -> RenderedModel:
     """Return a model or its linearisations, given in its own units as `limit` is, in those of the device.
 
-    Parameters
-    ----------
-    resistance : {1, -1}
-        Sign of the force that resists where it is displayed, as of `ExportModel.resistance`.
-    held : bool
-        As of `on_servo`.
-
-    Raises
-    ------
-    InputError
-        As `render_model`.
+    `resistance`, 1 or -1, is the sign of the force that resists where it is displayed, as of `ExportModel.resistance`; `held` as
+    of `on_servo`; errors as of `render_model`.
     """
     metre, newton = scale_of(name, input, output)
     signed = resistance * newton

@@ -50,16 +50,9 @@ _COLUMNS = {
 def runtime_error_table(
     models: Sequence[FittedModel], record: Record, settings: RuntimeSettings, settling_s: float, data: str
 ) -> Table:
-    """Return the table model × step, one row per model as it is exported.
+    """Return the table model × step, one row per model of `find_models` as it is exported.
 
-    Parameters
-    ----------
-    models : sequence of FittedModel
-        Those of `lumbar.tissue.fmu.build.export_model.find_models`.
-    record : Record
-        With the position that all files are given.
-    settling_s : float
-        Seconds at the start that do not count.
+    All files are given the position of the record, and `settling_s` seconds at its start do not count.
     """
     import pandas as pd
 

@@ -53,15 +53,8 @@ def stable_share(
     of a fit one by one, normal with their 95 % intervals, as the file holds no covariance of them. The draws are Halton's
     points and the same for every model.
 
-    Parameters
-    ----------
-    moving_average : int
-        Samples of the average before the model.
-
-    Returns
-    -------
-    StableShare or None
-        None where no hands are asked for, or a linearisation has too many states.
+    `moving_average` is the number of samples of the average before the model. None where no hands are asked for, or a
+    linearisation has too many states.
     """
     from scipy.stats import qmc
 
@@ -86,11 +79,8 @@ def stable_share(
 
 def _hand(device: DeviceSettings, hand: float, lean: float) -> DeviceSettings:
     (loose, firm), (low, high) = device.hands_stiffness_N_m, device.hands_damping_N_s_m
-    return replace(
-        device,
-        hand_stiffness_N_m=loose * (firm / loose) ** hand,
-        hand_damping_N_s_m=low + lean * (high - low),
-    )
+    stiffness = loose * (firm / loose) ** hand
+    return replace(device, hand_stiffness_N_m=stiffness, hand_damping_N_s_m=low + lean * (high - low))
 
 
 def _parameters(fitted: FittedModel | None) -> dict:

@@ -138,12 +138,7 @@ class WorstTiming:
 def worst_timing(model: SampledModel, device: DeviceSettings, *, held: bool = False) -> WorstTiming:
     """Look for the ticks, among those that a device may have, whose largest stable gain is lowest.
 
-    Parameters
-    ----------
-    model : SampledModel
-        At the FMU's own samples, without delay.
-    held : bool
-        As of `PeriodicModel`.
+    The model is that at the FMU's own samples, without delay; `held` as of `PeriodicModel`.
     """
     delay, grid = 1e-3 * device.delay_ms, _Grid.of(model, device)
     evens = grid.even(delay, held)
