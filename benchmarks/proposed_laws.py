@@ -22,7 +22,6 @@ from scipy.signal import lfilter
 from lumbar.interface.diagnosis import diagnose
 from lumbar.interface.reading import read
 from lumbar.records.record import Channel, Record
-from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.law import proposal as law_proposal
 from lumbar.tissue.diagnosis.law.terms import library
@@ -30,6 +29,7 @@ from lumbar.tissue.diagnosis.selection.candidate import evaluate
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.signals.settling import settling_time
 from tissue_laws import LAWS, UNEVEN, motions, simulate, sines, swept
 
 OVER_NOISE = 10.0
@@ -45,7 +45,7 @@ def record(name: str, time: np.ndarray, position: np.ndarray, force: np.ndarray)
 
 def error(fit, one: Record) -> float:
     """RMS of the free run on a record, from where it counts."""
-    first = round(SETTLING / one.sampling_time)
+    first = round(settling_time(one) / one.sampling_time)
     return float(np.sqrt(np.mean((fit.simulate(Motion.of(one)) - one["output"])[first:] ** 2)))
 
 

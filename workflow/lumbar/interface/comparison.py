@@ -40,8 +40,8 @@ def compare(
     train : str or sequence of str, optional
         Record that the noise floor is taken from; default the one the model was fitted to, or the longest.
     settings : StudySettings, optional
-        ``improvement.session`` says whether the records were cut from one session, in their order; ``seed`` is that of the
-        intervals.
+        ``improvement.session`` says whether the records were cut from one session, in their order, ``tissue.settling_s`` from
+        where on they count; ``seed`` is that of the intervals.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -103,9 +103,9 @@ def _on_records(
         raise InputError(f"model is {found}: give one model, e.g. identification['KB'] or diagnosis.model")
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
-    experiment = prepare(records, train)
+    experiment = prepare(records, train, settling_s=settings.tissue.settling_s)
     simulate = in_session(records, model.simulate) if session else model.simulate
-    reports = residual_reports(records, simulate, experiment.floor, experiment.floor_from, settings.seed)
+    reports = residual_reports(records, simulate, experiment, settings.seed)
     return model, reports, data, changed
 
 

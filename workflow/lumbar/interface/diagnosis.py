@@ -163,17 +163,7 @@ class Diagnosis:
         """The base model beside every record, and where it fails."""
         from lumbar.tissue.diagnosis.residuals.locate import compare_and_locate
 
-        verdict = self.verdict
-        floor, trained = verdict.experiment.floor, verdict.experiment.floor_from
-        return compare_and_locate(
-            verdict.experiment.records,
-            verdict.base.fit,
-            floor,
-            trained,
-            self.study.seed,
-            verdict.experiment.surface,
-            verdict.experiment.session,
-        )
+        return compare_and_locate(self.verdict.experiment, self.verdict.base.fit, self.study.seed)
 
     @property
     def sentences(self) -> list[str]:

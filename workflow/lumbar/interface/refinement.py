@@ -133,10 +133,7 @@ class Refinement(Result):
     def _on_records(self) -> list[ResidualReport]:
         from lumbar.tissue.diagnosis.residuals.locate import compare_and_locate
 
-        seen, fit = self.experiment, self.path[-1].fit
-        return compare_and_locate(
-            seen.records, fit, seen.floor, seen.floor_from, self.seed, seen.surface, seen.session
-        )
+        return compare_and_locate(self.experiment, self.path[-1].fit, self.seed)
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""

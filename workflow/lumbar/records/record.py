@@ -77,6 +77,11 @@ class Record:
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property
+    def time_scale(self) -> float:
+        """Time that is short beside the record and long beside a step, s: the geometric mean of the step and all of them."""
+        return self.sampling_time * float(np.sqrt(len(self)))
+
+    @property
     def duration(self) -> float:
         """Samples times sampling interval, in seconds."""
         return self.sampling_time * len(self.time)

@@ -89,8 +89,12 @@ class TissueSettings:
         "The first is shown in Figure 3.5.",
         default=(),
     )
-    settling_s: float = key(
-        "Start of every record that no free-run error counts.", default=0.5, unit="s", ge=0
+    settling_s: float | None = key(
+        "Start of every record that no error of a free run counts; null: 50 samples, a two-hundredth of a record that is "
+        "longer than 10,000 samples, never more than a twentieth of it.",
+        default=None,
+        unit="s",
+        ge=0,
     )
     search: SearchSettings = section(default_factory=SearchSettings)
     ridge: RidgeSettings = section(default_factory=RidgeSettings)

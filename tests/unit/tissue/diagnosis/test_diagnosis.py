@@ -214,8 +214,8 @@ def test_too_short_a_record():
     def spring(time, position):
         return position
 
-    with pytest.raises(InputError, match="too short"):
-        diagnose([synthetic("a", spring, 1), synthetic("b", spring, 2, 1.2)])
+    with pytest.raises(InputError, match="50 samples are too few"):
+        diagnose([synthetic("a", spring, 1), synthetic("b", spring, 2, 0.5)])
 
 
 def test_p_values_of_the_null_table():

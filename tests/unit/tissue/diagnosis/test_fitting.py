@@ -38,7 +38,8 @@ def experiment(key, linear, nonlinear, noise=0.01, seed=0):
     structure = Structure(BASES["KB"], (FORMS[key],) if key else ())
     clean = structure.simulate(motion, np.array([0.6, 1.2, *linear]), np.array([0.15, *nonlinear]))
     random = np.random.default_rng([seed, 1])
-    return FitData("test", motion, clean + noise * clean.std() * random.standard_normal(len(clean)))
+    force = clean + noise * clean.std() * random.standard_normal(len(clean))
+    return FitData("test", motion, force, settling=50)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -262,7 +263,7 @@ def test_intervals_hold_the_best_parameters(kind):
         random = np.random.default_rng([6, seed])
         motion = wandering(random)
         force = VISCOELASTIC.simulate(motion, np.array([STIFFNESS, VISCOSITY]), np.zeros(0))
-        data = FitData(kind, motion, force + ERRORS[kind](random, motion), settling_time=0.0)
+        data = FitData(kind, motion, force + ERRORS[kind](random, motion))
         found = {item.name: item for item in estimates(fit(VISCOELASTIC, data, np.zeros(0)), data, "mm", "N")}
         inside += [found[name].low <= value <= found[name].high for name, value in truth.items()]
     assert 0.93 <= np.mean(inside) <= 0.97

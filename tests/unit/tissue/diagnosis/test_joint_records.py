@@ -64,7 +64,11 @@ def test_every_record_begins_anew():
 def test_the_start_of_every_record_is_left_out():
     parts = [
         FitData(
-            name, Motion(np.arange(400) * STEP, moved(3)[:400], STEP), np.zeros(400), np.array([1.0, -0.5])
+            name,
+            Motion(np.arange(400) * STEP, moved(3)[:400], STEP),
+            np.zeros(400),
+            np.array([1.0, -0.5]),
+            50,
         )
         for name in ("first", "second")
     ]
@@ -119,7 +123,7 @@ def test_zeros_that_moved_are_taken_up_record_by_record():
         together = [experiment.training, *experiment.tests]
         basis = tangent_basis(fit, together)
         assert basis.shape[1] == 2 + 3  # stiffness and damping, and the zero of each record
-        assert np.abs(beyond(basis, np.repeat([5.0, -3.0, 1.0], 750))).max() < 1e-9
+        assert np.abs(beyond(basis, np.repeat([5.0, -3.0, 1.0], 760))).max() < 1e-9
         found.append(
             [(pair.first.symbol, pair.second.symbol, pair.share) for pair in surfaces(fit, experiment)[:2]]
         )

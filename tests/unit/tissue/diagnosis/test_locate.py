@@ -10,6 +10,7 @@ from scipy.stats import chi2, kendalltau, spearmanr
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
 from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.residuals.causes import Cause, causes_sentence, rank_causes
 from lumbar.tissue.diagnosis.residuals.locate import (
@@ -356,12 +357,9 @@ def test_hidden_effects(shared):
         }
         stiffness = np.linalg.lstsq(columns["multisine"][50:], records["multisine"][2][50:], rcond=None)[0]
         tests = [record(position, force, name=name) for name, (_, position, force) in records.items()]
-        floor = noise_floor(tests[0])
-        residuals = [
-            residual_of(test, columns[test.name] @ stiffness, floor, "" if test is tests[0] else "multisine")
-            for test in tests
-        ]
-        first = locate(tests[0], columns["multisine"] @ stiffness, floor)
+        experiment = prepare(tests, "multisine")
+        residuals = [residual_of(test, columns[test.name] @ stiffness, experiment) for test in tests]
+        first = locate(tests[0], columns["multisine"] @ stiffness, experiment.floor, start=0.5)
         if not label["effects"]:
             assert first.is_noise or first.is_all_but_noise, case
         else:

@@ -64,14 +64,14 @@ def test_a_refit_takes_up_what_lies_in_the_tangent_space():
     time = np.arange(2000) / 100
     motion = Motion(time, np.cos(time) + np.cos(4.1 * time), 0.01)
     truth = structure.simulate(motion, np.array([0.5, 0.6]), np.array([0.15]))
-    fitted = fit(structure, FitData("a", motion, truth), np.array([0.14]))
-    basis = tangent_basis(fitted, [FitData("a", motion, truth)])
+    fitted = fit(structure, FitData("a", motion, truth, settling=50), np.array([0.14]))
+    basis = tangent_basis(fitted, [FitData("a", motion, truth, settling=50)])
     nearby = structure.simulate(motion, np.array([0.51, 0.59]), np.array([0.1505]))
     assert basis.shape[1] == 4  # three parameters of the tissue and the zero of the sensor
     left = np.linalg.norm(beyond(basis, (nearby - truth)[50:]))
     assert left < 1e-3 * np.linalg.norm((nearby - truth)[50:])
     cubic = motion.position[50:] ** 3
-    data = FitData("a", motion, truth + 1e-3 * motion.position**3)
+    data = FitData("a", motion, truth + 1e-3 * motion.position**3, settling=50)
     refitted = fit(structure, data, fitted.nonlinear)
     assert np.sqrt(refitted.squared_error) == pytest.approx(
         1e-3 * np.linalg.norm(beyond(basis, cubic)), rel=0.01
@@ -162,7 +162,7 @@ def test_the_proposal_is_a_sentence_and_a_file_to_play():
     *_, diagnosis = tied("saturation:tanh", 0.35, 4)
     found = separating_excitation(diagnosis)
     sentence = separation_sentence(found, diagnosis)
-    assert sentence.startswith("To tell saturation from hysteresis, record a ")
+    assert sentence.startswith("To tell saturation from hysteresis, record ")
     assert "your record sine: " in sentence
     header, first, *rows = excitation_csv(found, diagnosis).splitlines()
     assert header == "time_s,position_mm"

@@ -137,8 +137,7 @@ def shown_records(verdict: Verdict, step: int) -> list[ShownRecord]:
 
 def _shown_record(record: Record, trained: bool, verdict: Verdict, step: int) -> ShownRecord:
     experiment = verdict.experiment
-    source = "" if record.name == experiment.floor_from else experiment.floor_from
-    residual = residual_of(record, np.zeros(len(record)), experiment.floor, source)
+    residual = residual_of(record, np.zeros(len(record)), experiment)
     first = len(record) - len(residual.values)
     since, turned = _around_reversals(record)
     columns = {

@@ -96,7 +96,7 @@ def _pictured(
         nonlinear = np.concatenate([standard.nonlinear, middle])
         directions = np.array([linear_parameter.sign or 1 for linear_parameter in form.linear], dtype=float)
         columns = np.array(form.columns(motion, np.array(middle))).T
-        sizes = directions / np.maximum([_rms(column) for column in columns.T], 1e-12)
+        sizes = directions / np.maximum([_rms(column) for column in columns.T], 1e-300)
         scale = wanted / _rms(columns @ sizes)
         return np.concatenate([standard.linear, scale * sizes]), nonlinear
     best = None

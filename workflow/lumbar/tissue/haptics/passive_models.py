@@ -87,7 +87,7 @@ def fit_passive_models(
     training: Record,
     tests: Sequence[Record],
     settings: RuntimeSettings,
-    settling_s: float,
+    settling_s: float | None,
 ) -> PassiveFits:
     """Fit the exported models once more, within the passive ones; `settling_s` seconds at the start do not count.
 

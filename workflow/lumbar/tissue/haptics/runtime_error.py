@@ -14,6 +14,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, export_models, settings_of_thesis
 from lumbar.tissue.fmu.build.reference_response import model_output, reference_output
 from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.signals.settling import settling_time
 
 _WITHIN = 1e-3
 """Share of a sample within which an instant counts as reached, as in ``sampled_force.c``."""
@@ -48,7 +49,11 @@ _COLUMNS = {
 
 
 def runtime_error_table(
-    models: Sequence[FittedModel], record: Record, settings: RuntimeSettings, settling_s: float, data: str
+    models: Sequence[FittedModel],
+    record: Record,
+    settings: RuntimeSettings,
+    settling_s: float | None,
+    data: str,
 ) -> Table:
     """Return the table model × step, one row per model of `find_models` as it is exported.
 
@@ -71,7 +76,7 @@ def runtime_error_table(
     )
 
 
-def _row(model: FittedModel, record: Record, settings: RuntimeSettings, settling_s: float) -> dict:
+def _row(model: FittedModel, record: Record, settings: RuntimeSettings, settling_s: float | None) -> dict:
     (exported,) = export_models([model], settings)
     prompt = _with_newest(model, exported, settings)
     late = exported.dynamics.delay - prompt.dynamics.delay
@@ -85,7 +90,7 @@ def _row(model: FittedModel, record: Record, settings: RuntimeSettings, settling
         reference_output(exported, position, "3.0")[read_at],
     ]
     as_fmi2 = reference_output(exported, position, "2.0")[read_at]
-    settled = slice(round(settling_s / record.sampling_time), None)
+    settled = slice(round(settling_time(record, settling_s) / record.sampling_time), None)
 
     def rms(values: np.ndarray) -> float:
         return round(float(np.sqrt(np.mean(values[settled] ** 2))), _DIGITS)

@@ -18,6 +18,7 @@ from lumbar.tissue.identification.metrics import (
 )
 from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
+from lumbar.tissue.signals.settling import settling_time
 
 INPUT, OUTPUT = "input", "output"
 
@@ -39,18 +40,19 @@ class IdentificationData:
     """Samples at the start that no free-run error counts."""
 
     @classmethod
-    def from_record(cls, record: Record, settling_s: float) -> IdentificationData:
-        """Demean a record with the channels ``input`` and ``output``.
+    def from_record(cls, record: Record, settling_s: float | None = None) -> IdentificationData:
+        """Demean a record with the channels ``input`` and ``output``, of which the first seconds do not count (`settling_time`).
 
         Raises
         ------
         InputError
             If nothing is left, or nothing moves, after the settling time.
         """
-        skip = round(settling_s / record.sampling_time)
+        settling = settling_time(record, settling_s)
+        skip = round(settling / record.sampling_time)
         if len(record) - skip < 2:
             raise InputError(
-                f"{record.source or record.name}: {record.duration:g} s long, but the first {settling_s:g} s "
+                f"{record.source or record.name}: {record.duration:g} s long, but the first {settling:.3g} s "
                 "(tissue.settling_s) do not count; record for longer or shorten it"
             )
         inputs, outputs = record[INPUT], record[OUTPUT]
@@ -58,7 +60,7 @@ class IdentificationData:
             if np.ptp(values[skip:]) == 0:
                 raise InputError(
                     f"{record.source or record.name}: the {role} does not move after the first "
-                    f"{settling_s:g} s (tissue.settling_s), which do not count; shorten it or cut the record"
+                    f"{settling:.3g} s (tissue.settling_s), which do not count; shorten it or cut the record"
                 )
         return cls(
             record.name,

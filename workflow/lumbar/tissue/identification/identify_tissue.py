@@ -105,14 +105,14 @@ def without_intervals(training: Record, tests: list[Record], settings: TissueSet
 
 
 def given_model(
-    training: Record, tests: list[Record], settling_s: float, force_max: float, travel: float
+    training: Record, tests: list[Record], settling_s: float | None, force_max: float, travel: float
 ) -> FittedModel:
     """Return the inverted linear model with its errors on the records.
 
     Parameters
     ----------
-    settling_s : float
-        Seconds at the start that do not count.
+    settling_s : float or None
+        Seconds at the start that do not count; None follows the records.
     force_max, travel : float
         Largest force and the travel over which it is reached, in the units of output and input.
     """

@@ -206,7 +206,7 @@ def _row(model: FittedModel, unit: str) -> dict:
 
 
 def _definitions(unit: str, tests: int, settings: TissueSettings) -> dict[str, str]:
-    free = f"free run from the input alone, on demeaned signals, from {settings.settling_s:g} s on"
+    free = "free run from the input alone, on demeaned signals, from where the start has settled (tissue.settling_s)"
     numbers = range(1, tests + 1)
     return {
         "trained_on": "record the model was fitted to (IL: judged on)",

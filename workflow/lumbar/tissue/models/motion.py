@@ -219,7 +219,8 @@ class Motion:
             "speed": lambda: float(np.abs(self.velocity).max()),
             "path": lambda: float(self.path[-1]),
             "duration": lambda: float(self.time[-1]),
-            "time": lambda: 1.0,
+            "time": lambda: self.sampling_time * np.sqrt(len(self)),
+            "rate": lambda: 1.0 / self.scale("time"),
             "sampling": lambda: self.sampling_time,
             "one": lambda: 1.0,
         }[kind]()

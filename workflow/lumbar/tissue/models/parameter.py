@@ -8,7 +8,7 @@ import numpy as np
 
 from lumbar.tissue.models.printing import symbol_latex
 
-SCALES = ("position", "speed", "path", "duration", "force", "time", "sampling", "one")
+SCALES = ("position", "speed", "path", "duration", "force", "time", "rate", "sampling", "one")
 """Quantities that set the size of a nonlinear parameter."""
 
 
@@ -49,7 +49,8 @@ class NonlinearParameter(Parameter):
 
     scale: str
     """Quantity that sets its size: ``position`` (half range), ``speed``, ``path``, ``duration``, ``force`` (largest of the
-    record), ``time`` (1 s), ``sampling`` (interval), ``one``."""
+    record), ``time`` (geometric mean of sampling interval and duration: 1 s where 100 s were sampled at 100 Hz), ``rate`` (its
+    inverse), ``sampling`` (interval), ``one``."""
     low: float
     high: float
     """`low`, `high`: range in which starting values are looked for, in that scale."""

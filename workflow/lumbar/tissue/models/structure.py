@@ -117,8 +117,9 @@ def forces_of(form: Form, motion: Motion | JoinedMotions, nonlinear: np.ndarray)
     return np.stack(form.columns(motion, nonlinear), axis=1)
 
 
-BEGINNING = 0.5
-"""Seconds of the measured motion from which the state at the beginning is estimated; no error counts them."""
+_BEGINNING = 50
+"""Samples of the measured motion from which the state at the beginning is estimated, at most a twentieth of them; no error
+counts them."""
 _FEWEST = 5
 _FINE = 0.4
 """Largest step, in radians of the highest frequency that holds much of the motion."""
@@ -205,7 +206,7 @@ class ForwardStructure(Structure):
         drive, found, parts = self._driven(motion, linear, nonlinear, zero)
         values = self.parameters(linear, nonlinear)
         names = list(values)
-        size = max(np.abs(linear).max(initial=0.0), 1e-12)
+        size = np.abs(linear).max(initial=0.0) or 1.0
         steps = [_STEP * (abs(values[name]) or size) for name in names]
         inner = drive.sensitivities(values, found, list(zip(names, steps, strict=True)))[::parts]
         position = found.position[::parts]
@@ -341,7 +342,7 @@ def _as_measured(motion: Motion, parts: int, zero: float, states: int) -> np.nda
 
 def _estimated_start(drive, values, measured, sampling_time, parts, start=None) -> np.ndarray:
     """State at the beginning with which the simulation follows the measured motion there, by Gauss and Newton."""
-    count = min(max(round(BEGINNING / sampling_time), _FEWEST), len(measured) - 1)
+    count = min(max(min(_BEGINNING, len(measured) // 20), _FEWEST), len(measured) - 1)
     measured = measured[: count + 1]
     turns = _AGAIN
     if start is None:

@@ -27,14 +27,13 @@ from lumbar.tissue.signals.motion_range import Kinematics, peak_kinematics
 from lumbar.tissue.signals.multisine import schroeder_phases
 from lumbar.tissue.signals.spectrum import occupied_band
 
-LONGEST = 30.0
-"""Seconds of an excitation, unless it repeats the training record for longer."""
+_LONGEST, _ENOUGH = 0.3, 3000
+"""Share of the training record's samples, and samples, up to the larger of which an excitation lasts unless it repeats the
+record."""
 _SHARES = (0.25, 1.0, 1.5)
 """Amplitudes tried, as shares of the training record's half range."""
-_ROUNDED = 0.08
-"""Seconds over which corners are rounded: a machine cannot turn at once."""
-_ONSET = 1.0
-"""Seconds over which motion sets in after rest."""
+_ONSET = 10.0
+"""Times in which the machine turns, over which motion sets in after rest."""
 REFITTED = 4
 """How many excitations, the best to first order, are judged with full refits."""
 CLEAR = 6.0
@@ -71,7 +70,8 @@ def excitation_family(reference: Motion, unit: str, limits: Kinematics | None) -
     own = peak_kinematics(reference.position, 1 / reference.sampling_time)
     allowed = limits or Kinematics(1.5 * own.displacement, 2 * own.velocity, 2 * own.acceleration)
     found = []
-    for words, position in _signals(reference, unit):
+    turning = 2 * allowed.velocity / allowed.acceleration
+    for words, position in _signals(reference, turning, unit):
         peaks = peak_kinematics(position, 1 / reference.sampling_time)
         if all(
             getattr(peaks, name) <= getattr(allowed, name) * (1 + 1e-9) for name in peaks.__dataclass_fields__
@@ -87,26 +87,26 @@ def _inside(position: np.ndarray, reference: np.ndarray) -> bool:
     return bool(position.min() >= reference.min() - slack and position.max() <= reference.max() + slack)
 
 
-def _signals(reference: Motion, unit: str) -> Iterator[tuple[str, np.ndarray]]:
+def _signals(reference: Motion, rounded: float, unit: str) -> Iterator[tuple[str, np.ndarray]]:
     step = reference.sampling_time
     middle = (reference.position.max() + reference.position.min()) / 2
     half = np.ptp(reference.position) / 2
-    duration = min(LONGEST, step * len(reference))
-    time = step * np.arange(round(duration / step))
+    samples = min(max(round(_LONGEST * len(reference)), _ENOUGH), len(reference))
+    time, duration = step * np.arange(samples), step * samples
     low, high = occupied_band(reference.position, step)
     highest = 0.1 / step
     speed = float(np.sqrt(np.mean(reference.velocity**2)))
     for share in _SHARES:
         size = share * half
         yield from _multisines(time, middle, size, half, min(high, highest), unit)
-        yield from _triangles(time, middle, size, speed, unit)
+        yield from _triangles(time, middle, size, speed, rounded, unit)
         for frequency in dict.fromkeys((max(low, 4 / duration), min(high, highest), min(2 * high, highest))):
             yield (
                 f"a sine of ±{size:.3g} {unit} at {frequency:.3g} Hz for {duration:.3g} s",
                 middle + size * np.sin(2 * np.pi * frequency * time),
             )
-        yield from _strokes(time, middle, size, speed, unit)
-    yield from _rest_and_longer(reference, time, unit)
+        yield from _strokes(time, middle, size, speed, rounded, unit)
+    yield from _rest_and_longer(reference, time, _ONSET * rounded, unit)
 
 
 def _multisines(time, middle, size, half, high, unit) -> Iterator[tuple[str, np.ndarray]]:
@@ -129,28 +129,28 @@ def _multisines(time, middle, size, half, high, unit) -> Iterator[tuple[str, np.
                 )
 
 
-def _triangles(time, middle, size, speed, unit) -> Iterator[tuple[str, np.ndarray]]:
+def _triangles(time, middle, size, speed, rounded, unit) -> Iterator[tuple[str, np.ndarray]]:
     for rate in (0.05 * speed, 0.3 * speed, 2 * speed):
         period = 4 * size / rate
-        if not 8 * _ROUNDED < period < time[-1] / 1.5:
+        if not 8 * rounded < period < time[-1] / 1.5:
             continue
         phase = (time / period) % 1.0
         wave = size * (1 - 4 * np.abs(((phase + 0.25) % 1.0) - 0.5))
         yield (
             f"a triangle of ±{size:.3g} {unit} at {rate:.3g} {unit}/s for {time[-1]:.3g} s",
-            middle + _rounded(wave, time),
+            middle + _rounded(wave, time, rounded),
         )
 
 
-def _strokes(time, middle, size, speed, unit) -> Iterator[tuple[str, np.ndarray]]:
-    rise = max(2 * size / speed, 4 * _ROUNDED)
+def _strokes(time, middle, size, speed, rounded, unit) -> Iterator[tuple[str, np.ndarray]]:
+    rise = max(2 * size / speed, 4 * rounded)
     hold = time[-1] / 5
     if rise < hold:
         levels = [-size, -size, size, size, 0.0, 0.0, -size]
         at = np.cumsum([0.0, 0.5 * hold, rise, hold, rise, hold, rise])
         yield (
             f"ramp and hold: {2 * size:.3g} {unit} in {rise:.2g} s, held for {hold:.3g} s, half of it back, held, back",
-            middle + _rounded(np.interp(time, at, levels), time),
+            middle + _rounded(np.interp(time, at, levels), time, rounded),
         )
     for count in (6, 20):
         length = time[-1] / (1.3 * count)
@@ -161,14 +161,16 @@ def _strokes(time, middle, size, speed, unit) -> Iterator[tuple[str, np.ndarray]
         )
 
 
-def _rest_and_longer(reference: Motion, time: np.ndarray, unit: str) -> Iterator[tuple[str, np.ndarray]]:
+def _rest_and_longer(
+    reference: Motion, time: np.ndarray, onset: float, unit: str
+) -> Iterator[tuple[str, np.ndarray]]:
     position = reference.position
     half = len(time) // 2
     moved = position[: len(time) - half] - position[0]
-    onset = 0.5 - 0.5 * np.cos(np.pi * np.minimum(time[: len(moved)] / _ONSET, 1.0))
+    moved *= 0.5 - 0.5 * np.cos(np.pi * np.minimum(time[: len(moved)] / onset, 1.0))
     yield (
         f"rest for {time[half]:.3g} s, then the beginning of your record",
-        position[0] + np.concatenate([np.zeros(half), onset * moved]),
+        position[0] + np.concatenate([np.zeros(half), moved]),
     )
     if abs(position[-1] - position[0]) < 0.05 * np.ptp(position):
         yield (
@@ -177,9 +179,9 @@ def _rest_and_longer(reference: Motion, time: np.ndarray, unit: str) -> Iterator
         )
 
 
-def _rounded(wave: np.ndarray, time: np.ndarray) -> np.ndarray:
+def _rounded(wave: np.ndarray, time: np.ndarray, over: float) -> np.ndarray:
     """Corners rounded by a Hann window."""
-    width = max(round(_ROUNDED / (time[1] - time[0])), 1)
+    width = max(round(over / (time[1] - time[0])), 1)
     window = np.hanning(2 * width + 3)[1:-1]
     padded = np.pad(wave, len(window) // 2, mode="edge")
     return np.convolve(padded, window / window.sum(), mode="valid")

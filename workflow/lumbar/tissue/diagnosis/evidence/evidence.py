@@ -75,10 +75,7 @@ def gather_evidence(
     null = null_distribution(diagnosis.base.fit.structure.base.system)
     catalogue, _ = without_channels(settings.candidates, experiment.training.motion.channels)
     threshold = null.threshold(number_of_forms(catalogue))
-    remaining = compare_and_locate(
-        experiment.records, diagnosis.model.fit, experiment.floor, experiment.floor_from, seed,
-        experiment.surface, experiment.session,
-    )  # fmt: skip
+    remaining = compare_and_locate(experiment, diagnosis.model.fit, seed)
     if settings.forward:
         # What tells effects apart is worked out for motions that are prescribed.
         return Evidence(remaining, None, None, [], threshold, null, [])

@@ -170,6 +170,5 @@ def _smooth(data: FitData, factor: int) -> FitData:
     )
     step = factor * motion.sampling_time
     lower = Motion(np.arange(len(position)) * step, position, step, motion.smooth)
-    late = (len(window) - 1) / 2 * motion.sampling_time
-    before = data.begins * motion.sampling_time
-    return FitData(data.name, lower, force, settling_time=max(before + data.settling_time - late, 0.0))
+    settling = round((data.first - (len(window) - 1) / 2) / factor)
+    return FitData(data.name, lower, force, settling=max(settling, 0))

@@ -35,6 +35,8 @@ class DiagnosisSettings:
     """Whether the records of a tissue test have the force as input and the motion as output."""
     session: bool = False
     """Whether the records were cut from one session, in their order."""
+    settling_s: float | None = None
+    """Seconds at the start of every record that no error counts; None follows the records."""
 
     @property
     def system(self) -> str:
@@ -62,11 +64,12 @@ class DiagnosisSettings:
             most_effects=improvement.most_effects,
             forward=improvement.forward and system_of(base) == "tissue",
             session=improvement.session,
+            settling_s=settings.tissue.settling_s,
         )
 
     def prepare(self, records: list[Record]) -> Experiment:
         """Prepare records as they are."""
-        return prepare(records, self.train, self.session)
+        return prepare(records, self.train, self.session, self.settling_s)
 
 
 def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:

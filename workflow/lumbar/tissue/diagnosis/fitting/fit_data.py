@@ -11,9 +11,6 @@ import numpy as np
 
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 
-SETTLING = 0.5
-"""Seconds at the start of every record that are left out of every error: the initial state is not known."""
-
 
 @dataclass(frozen=True, eq=False)
 class FitData:
@@ -26,8 +23,8 @@ class FitData:
     """Shape (samples,)."""
     whitening: np.ndarray = field(default_factory=lambda: np.ones(1))
     """Coefficients of an FIR filter that makes the noise white; ``[1]`` where it is white."""
-    settling_time: float = SETTLING
-    """Seconds at the start that are left out of every error."""
+    settling: int = 0
+    """Samples at the start that are left out of every error: the initial state is not known."""
     own_zero: bool = False
     """Whether the sensor had another zero than in training: the mean of an error then says nothing."""
     begins: int = 0
@@ -48,8 +45,8 @@ class FitData:
 
     @property
     def first(self) -> int:
-        """Index of the first sample that counts."""
-        return self.begins + round(self.settling_time / self.motion.sampling_time)
+        """Index of the first sample that counts: behind those that the whitening filter does not see whole."""
+        return self.begins + max(self.settling, len(self.whitening) - 1)
 
     @property
     def length(self) -> int:
@@ -65,7 +62,7 @@ class FitData:
         count = round(share * self.length)
         end = self.begins + count
         early = replace(self, motion=self.motion.beginning(end), force=self.force[:end])
-        return early, replace(self, settling_time=count * self.motion.sampling_time)
+        return early, replace(self, settling=count)
 
     def without_whitening(self) -> FitData:
         """The same record, its errors taken as they are."""
@@ -136,7 +133,7 @@ class JointData(FitData):
             JoinedMotions(tuple(part.motion for part in parts)),
             np.concatenate([part.force for part in parts]),
             parts[0].whitening,
-            parts[0].settling_time,
+            parts[0].settling,
             parts=tuple(parts),
         )
 

@@ -59,7 +59,7 @@ class Fit(FreeRun):
 
         columns, linear, logarithms = [], self.linear, np.log(self.nonlinear)
         scale = np.abs(linear)
-        steps = 1e-4 * np.where(scale > 0, scale, max(scale.max(), 1e-6))
+        steps = 1e-4 * np.where(scale > 0, scale, scale.max() or 1.0)
         for step, change in zip(steps, np.diag(steps), strict=True):
             difference = simulated(linear + change, logarithms) - simulated(linear - change, logarithms)
             columns.append(difference / (2 * step))
@@ -145,8 +145,8 @@ def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np
 
 EVALUATIONS = 40
 """Of the error, at most, per search."""
-_SMALLEST_STEP = float(np.sqrt(np.finfo(float).eps))
-"""Of a difference where a logarithm is 0."""
+_STEP = 1e-5
+"""Of a difference, in logarithms."""
 _OFF_BOUND = 1e-3
 """Share of the logarithmic range that a start keeps from its bounds: closer to one, a search sticks to it."""
 
@@ -211,43 +211,59 @@ def _least_squares(error, jacobian, start, low, high, **tolerances):
     which is all that the search looks at, stay the same.
 
     `error` goes from parameters to the error, shape (samples,); `jacobian` from parameters and the error there to its
-    derivatives, shape (samples, parameters).
+    derivatives, shape (samples, parameters). The search is the same in every unit: it divides by the first error, and what
+    it asks of the gradient's size alone is left out.
     """
     from scipy.optimize import least_squares
 
-    least, rotated = np.inf, np.empty(0)
+    least, rotated, unit = np.inf, np.empty(0), float(np.linalg.norm(error(start))) or 1.0
 
     def fun(vector):
         nonlocal least, rotated
         found = error(vector)
-        square = float(found @ found)
+        square = float(found @ found) / unit**2
         if square > least * (1 + 1e-9):  # no step is made there: the size alone counts
             return np.append(np.zeros(len(vector)), np.sqrt(square))
         least = min(least, square)
-        rotated = np.linalg.qr(np.column_stack([jacobian(vector, found), found]), mode="r")
+        rotated = np.linalg.qr(np.column_stack([jacobian(vector, found), found]) / unit, mode="r")
         return rotated[:, -1]
 
     return least_squares(
-        fun, start, jac=lambda _: rotated[:, :-1], bounds=(low, high), max_nfev=EVALUATIONS, **tolerances
+        fun,
+        start,
+        jac=lambda _: rotated[:, :-1],
+        bounds=(low, high),
+        gtol=1e-15,
+        max_nfev=EVALUATIONS,
+        **tolerances,
     )
 
 
 def _search_nonlinear(structure, data, start, low, high) -> Fit:
-    low, high = np.log(low), np.log(high)
+    start = np.asarray(start)
+    low, high = folds(low, start), folds(high, start)
     force, signs = data.whiten(data.force), _signs(structure, data)
 
-    def error(logarithms):
-        design = _with_zero(structure, data, structure.design(data.motion, np.exp(logarithms)))
+    def error(vector):
+        design = _with_zero(structure, data, structure.design(data.motion, unfolded(vector, start)))
         return design @ solve_linear(design, force, signs) - force
 
-    def jacobian(logarithms, at):
-        steps = np.where(logarithms == 0, _SMALLEST_STEP, 1e-5 * logarithms)
-        inside = (logarithms + steps >= low) & (logarithms + steps <= high)
-        moved = logarithms + np.diag(np.where(inside, steps, -steps))
-        return np.column_stack([(error(item) - at) / (item - logarithms).sum() for item in moved])
+    def jacobian(vector, at):
+        moved = vector + _STEP * np.diag(np.where(vector + _STEP <= high, 1.0, -1.0))
+        return np.column_stack([(error(item) - at) / (item - vector).sum() for item in moved])
 
-    found = _least_squares(error, jacobian, np.log(start), low, high, xtol=1e-7, ftol=1e-9)
-    return _at(structure, data, np.exp(found.x), found.status > 0)
+    found = _least_squares(error, jacobian, np.ones(len(start)), low, high, xtol=1e-7, ftol=1e-9)
+    return _at(structure, data, unfolded(found.x, start), found.status > 0)
+
+
+def folds(values, start: np.ndarray) -> np.ndarray:
+    """1 + log(p/p₀): no unit moves it, and a step or tolerance that is a share of it is one of p."""
+    return 1.0 + np.log(np.asarray(values) / start)
+
+
+def unfolded(vector: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Parameters of `folds`."""
+    return start * np.exp(vector - 1.0)
 
 
 def _search_all(structure, data, start, low=(), high=()) -> Fit:
@@ -262,11 +278,12 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
     first = solve_linear(
         _with_zero(structure, data, inner.design(data.motion, np.asarray(start)[keep])), force, tuple(signs)
     )
-    size = np.maximum(np.abs(first), 1e-3 * np.abs(first).max() + 1e-12)
+    size = np.maximum(np.abs(first), 1e-3 * np.abs(first).max() or 1.0)
+    start = np.asarray(start)
     amplitudes = len(structure.linear)
 
     def parts(vector):
-        return np.exp(vector[:count]), vector[count:] * size
+        return unfolded(vector[:count], start), vector[count:] * size
 
     def error(vector):
         nonlinear, linear = parts(vector)
@@ -278,16 +295,16 @@ def _search_all(structure, data, start, low=(), high=()) -> Fit:
         design = structure.design(data.motion, nonlinear)
         _, slope = _output_slope(structure, data, design, linear[:amplitudes], nonlinear)
         columns = [
-            (error(vector + 1e-5 * unit) - error(vector - 1e-5 * unit)) / 2e-5
+            (error(vector + _STEP * unit) - error(vector - _STEP * unit)) / (2 * _STEP)
             for unit in np.eye(len(vector))[:count]
         ]
         by_amplitude = _with_zero(structure, data, slope) * size
         return np.column_stack([*columns, by_amplitude])
 
-    lower = np.concatenate([np.log(low), np.where(signs > 0, -1e-9, -np.inf)])
-    upper = np.concatenate([np.log(high), np.where(signs < 0, 1e-9, np.inf)])
+    lower = np.concatenate([folds(low, start), np.where(signs > 0, -1e-9, -np.inf)])
+    upper = np.concatenate([folds(high, start), np.where(signs < 0, 1e-9, np.inf)])
     vector = np.concatenate(
-        [np.log(start), np.clip(first / size, lower[count:] + 1e-9, upper[count:] - 1e-9)]
+        [np.ones(count), np.clip(first / size, lower[count:] + 1e-9, upper[count:] - 1e-9)]
     )
     found = _least_squares(error, jacobian, vector, lower, upper, xtol=1e-8, ftol=1e-9)
     nonlinear, linear = parts(found.x)
@@ -360,7 +377,7 @@ def _output_slope(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Force before the output forms, and derivative of the measured force by the linear parameters."""
     inner = design @ linear
-    step = 1e-6 * (np.abs(inner).max() + 1e-12)
+    step = 1e-6 * (np.abs(inner).max() or 1.0)
     above, below = (structure.output(inner + sign * step, data.motion, nonlinear) for sign in (1, -1))
     return inner, ((above - below) / (2 * step))[:, None] * design
 

@@ -10,10 +10,11 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record, same_units
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING, FitData, JointData
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.session import check_sampled_alike, with_past
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
 from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.signals.settling import settling_time
 
 _UNIT_FACTOR = 200.0
 """Ratio of two records' force over position, in slow motion, that only another unit explains."""
@@ -25,6 +26,8 @@ _ABOVE_NOISE = 2.0
 """Variance of a response in noise variances, below which it holds little else."""
 DWARFING = 3.0
 """Error in noise floors from which on it is a model's and not the noise's."""
+_FEWEST = 50
+"""Samples that must follow the start of a record which is left out."""
 _HELD_BACK = 0.3
 """Share of a single record that is held back as test where there is no other record."""
 
@@ -53,6 +56,8 @@ class Experiment:
     """Faults of the sensors."""
     session: bool = False
     """Whether each record begins in the state in which the one before it left the tissue."""
+    settling_s: float | None = None
+    """Seconds at the start of every record that no error counts; None follows the records (`settling_time`)."""
 
     @property
     def noise(self) -> float:
@@ -107,7 +112,10 @@ class Experiment:
 
 
 def prepare(
-    records: list[Record], train: str | Sequence[str] | None = None, session: bool = False
+    records: list[Record],
+    train: str | Sequence[str] | None = None,
+    session: bool = False,
+    settling_s: float | None = None,
 ) -> Experiment:
     """Choose the training records, estimate their noise and prepare all records.
 
@@ -119,6 +127,8 @@ def prepare(
         Name of the training record, or of several that are fitted together; default the longest.
     session : bool
         Whether the records were cut from one session, in their order (`lumbar.tissue.diagnosis.fitting.session`).
+    settling_s : float, optional
+        Seconds at the start of every record that no error counts; default as `settling_time` finds them.
 
     Raises
     ------
@@ -134,7 +144,7 @@ def prepare(
     for name in wanted:
         if name not in names:
             raise InputError(f"no record {name!r}; there are {', '.join(names)}")
-    _check_durations(records)
+    settling = {record.name: _settling_samples(record, settling_s) for record in records}
     chosen = [item for item in records if item.name in wanted] or [max(records, key=len)]
     others = [item for item in records if all(item is not one for one in chosen)]
     check_sampled_alike(chosen, "records that are fitted together")
@@ -143,8 +153,8 @@ def prepare(
     check_response(first, floor)
     whitening = np.ones(1) if floor is None else floor.whitening
     past = with_past(records) if session else {}
-    fitted = [_fit_data(item, whitening, past) for item in chosen]
-    tests = [_fit_data(item, _at_rate(whitening, item, first), past) for item in others]
+    fitted = [_fit_data(item, whitening, settling, past) for item in chosen]
+    tests = [_fit_data(item, _at_rate(whitening, item, first), settling, past) for item in others]
     if not others:
         # The last part of every record is held back; what began in the first part goes on there.
         fitted, tests = map(list, zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True))
@@ -158,16 +168,20 @@ def prepare(
         first.channels["input"].quantity,
         first.channels["output"].quantity,
         session=session,
+        settling_s=settling_s,
     )
 
 
-def _check_durations(records: list[Record]) -> None:
-    for record in records:
-        if record.duration < 2 * SETTLING + 50 * record.sampling_time:
-            raise InputError(
-                f"{record.source or record.name}: {record.duration:g} s is too short: the first {SETTLING} s settle, "
-                "and at least as much and 50 samples must follow"
-            )
+def _settling_samples(record: Record, settling_s: float | None) -> int:
+    """Samples at the start of a record that no error counts, where enough follow."""
+    time = settling_time(record, settling_s)
+    samples = round(time / record.sampling_time)
+    if len(record) - samples < _FEWEST:
+        raise InputError(
+            f"{record.source or record.name}: {len(record)} samples are too few: the first {time:.3g} s settle "
+            f"(tissue.settling_s), {max(len(record) - samples, 0)} follow, and at least {_FEWEST} must; record longer or faster"
+        )
+    return samples
 
 
 def check_excitation(training: Record, others: list[Record]) -> None:
@@ -229,6 +243,9 @@ def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndar
     return whitening if np.isclose(record.sampling_time, training.sampling_time) else np.ones(1)
 
 
-def _fit_data(record: Record, whitening: np.ndarray, past: dict[str, tuple[Record, int]]) -> FitData:
+def _fit_data(
+    record: Record, whitening: np.ndarray, settling: dict[str, int], past: dict[str, tuple[Record, int]]
+) -> FitData:
     record, begins = past.get(record.name, (record, 0))
-    return FitData(record.name, Motion.of(record), record["output"], whitening, begins=begins)
+    samples = settling[record.name]
+    return FitData(record.name, Motion.of(record), record["output"], whitening, samples, begins=begins)

@@ -12,7 +12,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 
 _MOVED_ON = 0.5
-"""Seconds in which the tool is taken to go where the next record begins, where the clock tells of no pause."""
+"""Of the time scale of a record, in which the tool goes where the next one begins, where the clock tells of no pause."""
 _STEPS = 1.5
 """Largest steps of the records: a longer one between two of them is no step but a move that was not recorded."""
 _LONGEST_PAUSE = 10.0
@@ -99,7 +99,7 @@ def _append(past: Record, record: Record, pause: float, step: float, longest: fl
         )
     between = max(round(pause / past.sampling_time) - 1, 0)
     if not between and abs(record["input"][0] - past["input"][-1]) > _STEPS * step:
-        between = round(_MOVED_ON / past.sampling_time)
+        between = round(_MOVED_ON * past.time_scale / past.sampling_time)
     share = np.arange(1, between + 1) / (between + 1)
     way = share**2 * (3 - 2 * share)
     channels = {}

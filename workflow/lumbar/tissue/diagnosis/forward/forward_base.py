@@ -114,7 +114,7 @@ def turn_round(experiment: Experiment, response: Response) -> Experiment:
     def turned(data: ForwardData) -> CarriedData:
         moved = data.measured_motion
         motion = Motion(moved.time, moved.position, moved.sampling_time)
-        known = (data.whitening, data.settling_time, data.own_zero)
+        known = (data.whitening, data.settling, data.own_zero)
         return CarriedData(data.name, motion, data.motion.position, *known, response=response)
 
     return experiment.with_data(turned, CarriedJointData)
@@ -189,7 +189,7 @@ def prepare_forward(records: list[Record], settings: DiagnosisSettings) -> Exper
     seen = [with_measured_motion(record) for record in records]
 
     def forward(data: FitData) -> ForwardData:
-        known = (data.whitening, data.settling_time, data.own_zero)
+        known = (data.whitening, data.settling, data.own_zero)
         return ForwardData(data.name, data.motion, data.force, *known)
 
     return replace(settings.prepare(seen).with_data(forward, ForwardJointData), records=tuple(seen))

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, shape_bounds
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, folds, shape_bounds, unfolded
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.structure import ForwardStructure
 
@@ -59,36 +59,40 @@ def fit_forward(
     from scipy.optimize import least_squares
 
     signs = np.array(structure.signs, dtype=int)
-    size = np.where(linear != 0, np.abs(linear), _AT_ZERO * np.abs(linear).max(initial=1e-12))
+    size = np.where(linear != 0, np.abs(linear), _AT_ZERO * (np.abs(linear).max(initial=0.0) or 1.0))
     extent = float(np.std(data.force))
     count, shapes, zeros = len(linear), len(nonlinear), data.zeros.shape[1]
     low, high = shape_bounds(structure, data, nonlinear) if shapes else (np.zeros(0), np.zeros(0))
     room = (high / low) ** _OFF_BOUND if shapes else 1.0
     nonlinear = np.clip(nonlinear, low * room, high / room)
-    lower = np.concatenate([np.where(signs > 0, 0.0, -np.inf), np.log(low), np.full(zeros, -np.inf)])
-    upper = np.concatenate([np.where(signs < 0, 0.0, np.inf), np.log(high), np.full(zeros, np.inf)])
-    start = np.concatenate([linear / size, np.log(nonlinear), np.full(zeros, zero / extent)])
+    lower = np.concatenate(
+        [np.where(signs > 0, 0.0, -np.inf), folds(low, nonlinear), np.full(zeros, -np.inf)]
+    )
+    upper = np.concatenate([np.where(signs < 0, 0.0, np.inf), folds(high, nonlinear), np.full(zeros, np.inf)])
+    start = np.concatenate([linear / size, np.ones(shapes), np.full(zeros, zero / extent)])
     start = np.clip(start, lower + 1e-9, upper - 1e-9)
 
     def trial(vector) -> ForwardFit:
         return ForwardFit(
-            structure, vector[:count] * size, np.exp(vector[count : count + shapes]), np.inf, True,
+            structure, vector[:count] * size, unfolded(vector[count : count + shapes], nonlinear), np.inf, True,
             vector[count + shapes :] * extent,
         )  # fmt: skip
 
     @lru_cache(maxsize=1)
     def error_of(numbers: bytes) -> np.ndarray:
-        errors = trial(np.frombuffer(numbers)).whitened_errors(data)
+        errors = trial(np.frombuffer(numbers)).whitened_errors(data) / extent
         # A motion that was not found lies further away than any that was.
-        return errors if np.isfinite(errors).all() else np.full(len(errors), _LOST * extent)
+        return errors if np.isfinite(errors).all() else np.full(len(errors), _LOST)
 
     def jacobian(vector):
         slopes = trial(vector).sensitivities(data)
-        scale = np.concatenate([size, np.ones(shapes), np.full(zeros, extent)])
+        scale = np.concatenate([size, np.ones(shapes), np.full(zeros, extent)]) / extent
         return np.where(np.isfinite(slopes), slopes, 0.0) * scale
 
     found = least_squares(
         lambda vector: error_of(vector.tobytes()), start, jac=jacobian, bounds=(lower, upper), x_scale="jac",
-        xtol=1e-6, ftol=1e-7, max_nfev=evaluations,
+        xtol=1e-6, ftol=1e-7, gtol=1e-15, max_nfev=evaluations,
     )  # fmt: skip
-    return replace(trial(found.x), squared_error=2 * float(found.cost), converged=bool(found.status > 0))
+    return replace(
+        trial(found.x), squared_error=2 * float(found.cost) * extent**2, converged=bool(found.status > 0)
+    )

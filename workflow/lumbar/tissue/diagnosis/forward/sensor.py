@@ -137,14 +137,16 @@ def _refined(structure: Structure, dynamics: LinearDynamics, data: FitData) -> F
     count = len(dynamics.linear)
     size = np.maximum(np.abs(dynamics.linear), 1e-3 * np.abs(dynamics.linear).max())
 
+    unit = float(np.linalg.norm(data.force)) or 1.0
+
     def error(vector):
         simulated = structure.simulate(data.motion, vector[:count] * size, np.exp(vector[count:]))
-        return data.whiten(simulated - data.force)
+        return data.whiten(simulated - data.force) / unit
 
     start = np.concatenate([dynamics.linear / size, dynamics.poles.to_vector()])
-    found = least_squares(error, start, x_scale="jac", max_nfev=_EVALUATIONS)
+    found = least_squares(error, start, x_scale="jac", gtol=1e-15, max_nfev=_EVALUATIONS)
     linear, nonlinear = found.x[:count] * size, np.exp(found.x[count:])
-    return Fit(structure, linear, nonlinear, 2 * float(found.cost), bool(found.status > 0))
+    return Fit(structure, linear, nonlinear, 2 * float(found.cost) * unit**2, bool(found.status > 0))
 
 
 def _base_of(dynamics: LinearDynamics) -> Base:

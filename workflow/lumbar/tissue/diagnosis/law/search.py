@@ -294,7 +294,7 @@ def _shortened(experiment: Experiment) -> FitData:
 def _explained(columns: np.ndarray, residual: np.ndarray) -> float:
     """Squares of the residual that columns explain."""
     size = np.sqrt(np.sum(columns**2, axis=0))
-    if not np.all(size > 1e-6 * np.sqrt(len(columns)) * 1e-6):
+    if not size.min() > 1e-12 * size.max():
         return 0.0
     scaled = (columns / size).astype(float)
     if scaled.shape[1] == 1:

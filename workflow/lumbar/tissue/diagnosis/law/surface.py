@@ -25,13 +25,13 @@ _FEW_INTERVALS = 8
 """Of the splines, by coordinate and for the others: forces may repeat along the position."""
 _FOLDS = 10
 _BLOCK = 0.5
-"""Seconds."""
+"""In the motion's time scale."""
 _PENALTIES = np.geomspace(1e-4, 1e2, 7)
 """Relative to the size of the normal equations."""
 _OUTERMOST = 0.002
 """Share of the samples at either end of a coordinate that the surface takes as at the end."""
 _BRANCH_TIME = 0.1
-"""Seconds; relaxation time of the internal state where the base has none."""
+"""Relaxation time of the internal state where the base has none, in the motion's time scale."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,8 @@ def surfaces(fit: Fit, experiment: Experiment) -> list[Surface]:
     force = np.concatenate([-fit.errors(item) for item in records])
     tangent = sensitivities_over(fit, records)
     folds = np.concatenate([_folds(item, experiment) for item in records])
-    branch_time = float(fit.nonlinear[0]) if fit.structure.base.state else _BRANCH_TIME
+    own_time = float(fit.nonlinear[0]) if fit.structure.base.state else None
+    branch_time = own_time or _BRANCH_TIME * experiment.training.scale("time")
     each = [(item, coordinate_values(item.motion, branch_time)) for item in records]
     known = {
         place.symbol: np.concatenate([item.trim(values[place.symbol]) for item, values in each])
@@ -112,7 +113,7 @@ def _folds(data: FitData, experiment: Experiment) -> np.ndarray:
     time = data.trim(data.motion.time)
     if experiment.floor is not None and time[-1] > experiment.floor.period:
         time = time % experiment.floor.period
-    return (time / _BLOCK).astype(int) % _FOLDS
+    return (time / (_BLOCK * data.scale("time"))).astype(int) % _FOLDS
 
 
 def _splines(values: np.ndarray, intervals: int) -> np.ndarray:

@@ -299,7 +299,7 @@ def _at_the_sensor() -> list[Term]:
     """What a sensor makes of the force: gains that change."""
     share = _scaled("g", "share", "1", "one", 0.05, 0.2, 2, reach=(0.05, 4.0))
     phase = _scaled("p", "phase", "1", "one", 0.8, 5.5, 4, reach=(0.01, 1.6))
-    frequency = _scaled("f", "frequency", "Hz", "time", 0.01, 2.0, 1)
+    frequency = _scaled("f", "frequency", "Hz", "rate", 0.01, 2.0, 1)
     level = _scaled("F_g", "force_scale", "{y}", "force", 1.0, 8.0, 3, reach=(0.3, 10.0))
     warming = _scaled("T", "settling_time", "s", "duration", 0.05, 1.0, 3, reach=(0.3, 3.0))
     out = {"place": Place.OUTPUT}

@@ -14,7 +14,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.models.motion import Motion
 
 BLOCK = 1.0
-"""Seconds of a block."""
+"""Of a block, in the motion's time scale."""
 STRETCH = 1.5
 """Amplitude and speed beyond the records at which a law must stay bounded."""
 _LARGEST = 10.0
@@ -50,7 +50,7 @@ class PartialData(FitData):
             whole.motion,
             whole.force,
             whole.whitening,
-            whole.settling_time,
+            whole.settling,
             whole.own_zero,
             whole.begins,
             whole=whole,
@@ -77,13 +77,13 @@ class PartialData(FitData):
 
 
 def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
-    """The experiment with every other second of its unseen records, and with the seconds in between.
+    """The experiment with every other block of its unseen records, and with the blocks in between.
 
     Choices are made with the first; the second tells what they are worth.
     """
     first, second = [], []
     for item in experiment.tests:
-        block = max(1, round(BLOCK / item.motion.sampling_time))
+        block = max(1, round(BLOCK * item.scale("time") / item.motion.sampling_time))
         even = np.arange(item.size) // block % 2 == 0
         first.append(PartialData.of(item, even))
         second.append(PartialData.of(item, ~even))
@@ -208,9 +208,7 @@ def thin(experiment: Experiment) -> Experiment:
         step = factor * motion.sampling_time
         channels = {name: values[kept] for name, values in motion.channels.items()}
         lower = Motion(np.arange(len(position)) * step, position, step, motion.smooth, channels)
-        whitening, begins = np.ones(1), data.begins // factor
-        return FitData(
-            data.name, lower, data.force[kept], whitening, data.settling_time, data.own_zero, begins
-        )
+        settling, begins = round(data.settling / factor), data.begins // factor
+        return FitData(data.name, lower, data.force[kept], np.ones(1), settling, data.own_zero, begins)
 
     return experiment.with_data(every_nth, JointData)

@@ -232,7 +232,7 @@ def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
 
     force, vector = data.whiten(data.force), start.poles.to_vector()
     low, high = _rates_seen(data)
-    bounds = _bounds(start.poles, low, high)
+    bounds, unit = _bounds(start.poles, low, high), float(np.linalg.norm(force)) or 1.0
 
     @lru_cache(maxsize=1)
     def solution(numbers):
@@ -243,16 +243,23 @@ def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
 
     def error(values):
         _, design, linear, _ = solution(values.tobytes())
-        return design @ linear - force
+        return (design @ linear - force) / unit
 
     def jacobian(values):
         poles, design, linear, basis = solution(values.tobytes())
         slopes = data.whiten(slope_forces(data.motion, poles, linear, start.held))
         directions = design @ basis
-        return slopes - directions @ (directions.T @ slopes)
+        return (slopes - directions @ (directions.T @ slopes)) / unit
 
     found = least_squares(
-        error, np.clip(vector, *bounds), jacobian, bounds=bounds, xtol=1e-5, ftol=1e-5, max_nfev=_EVALUATIONS
+        error,
+        np.clip(vector, *bounds),
+        jacobian,
+        bounds=bounds,
+        xtol=1e-5,
+        ftol=1e-5,
+        gtol=1e-15,
+        max_nfev=_EVALUATIONS,
     )
     refined = _solve(start.kind, data, start.poles.with_vector(found.x), start.held)
     return min(refined, start, key=lambda item: item.squared_error)

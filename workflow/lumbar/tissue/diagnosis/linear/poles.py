@@ -44,7 +44,11 @@ class Poles:
         values = np.asarray(values, dtype=complex)
         tiny = 1e-6 * np.abs(values)
         upper = values[values.imag > tiny]
-        real = np.sort(np.maximum(np.abs(values[np.abs(values.imag) <= tiny].real), 1e-9))
+        real = np.sort(
+            np.maximum(
+                np.abs(values[np.abs(values.imag) <= tiny].real), 1e-12 * np.abs(values).max(initial=0.0)
+            )
+        )
         damped = np.maximum(np.abs(upper.real), 1e-6 * np.abs(upper))
         pairs = [(2 * alpha, alpha**2 + pole.imag**2) for alpha, pole in zip(damped, upper, strict=True)]
         pairs += [(slow + fast, slow * fast) for slow, fast in zip(real[0:-1:2], real[1::2], strict=True)]

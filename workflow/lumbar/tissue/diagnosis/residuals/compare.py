@@ -9,7 +9,6 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
 from lumbar.tables.table import Table
-from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 
@@ -101,7 +100,7 @@ def compare_record(
     simulated: np.ndarray,
     floor: NoiseFloor | None = None,
     floor_from: str = "",
-    start: float = SETTLING,
+    start: float = 0.0,
     seed: int = 0,
 ) -> Comparison:
     """Compare a free-run simulation with a record.

@@ -10,8 +10,8 @@ import numpy as np
 from lumbar.base.progress import track
 from lumbar.records.record import Record
 from lumbar.tables.table import Table
-from lumbar.tissue.diagnosis.fitting.fit_data import SETTLING
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.session import in_session
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import Folding, fold_periods
@@ -28,6 +28,7 @@ from lumbar.tissue.diagnosis.residuals.residual_tests import correlation_view, l
 from lumbar.tissue.diagnosis.residuals.time_frequency import frequency_view, time_view
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.signals.settling import settling_time
 
 VIEWS = (
     time_view,
@@ -46,19 +47,23 @@ _RANKED = ("time", "position and velocity", "depth", "reversals", "linear dynami
 
 
 def locate(
-    record: Record, simulated: np.ndarray, floor: NoiseFloor | None = None, floor_from: str = ""
+    record: Record,
+    simulated: np.ndarray,
+    floor: NoiseFloor | None = None,
+    floor_from: str = "",
+    start: float = 0.0,
 ) -> Location:
     """See where a free-run simulation fails.
 
-    `simulated` is a free run over the whole record, shape (samples,). `floor` is the noise of this record, or of
-    another one with the same set-up, named by `floor_from`.
+    `simulated` is a free run over the whole record, shape (samples,), of which the first `start` seconds do not count. `floor`
+    is the noise of this record, or of another one with the same set-up, named by `floor_from`.
 
     Raises
     ------
     InputError
         If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
     """
-    residual = residual_of(record, simulated, floor, floor_from)
+    residual = _residual(record, simulated, floor, floor_from, start)
     return _location(record, residual, rank_causes([residual]))
 
 
@@ -67,11 +72,26 @@ def _location(record: Record, residual: Residual, causes: Sequence[Cause]) -> Lo
     return Location(record.name, residual, {view.name: view for view in found}, tuple(causes))
 
 
-def residual_of(
-    record: Record, simulated: np.ndarray, floor: NoiseFloor | None = None, floor_from: str = ""
+def residual_of(record: Record, simulated: np.ndarray, experiment: Experiment) -> Residual:
+    """What a simulation leaves of a record of an experiment, from the settling time on; errors as of `locate`."""
+    return _residual(
+        record, simulated, experiment.floor, _floor_from(record, experiment), _start(record, experiment)
+    )
+
+
+def _floor_from(record: Record, experiment: Experiment) -> str:
+    """Name of the other record that the noise floor is from; empty where it is from this one."""
+    return "" if record.name == experiment.floor_from else experiment.floor_from
+
+
+def _start(record: Record, experiment: Experiment) -> float:
+    return settling_time(record, experiment.settling_s)
+
+
+def _residual(
+    record: Record, simulated: np.ndarray, floor: NoiseFloor | None, floor_from: str, start: float
 ) -> Residual:
-    """What a simulation leaves of a record, from the settling time on; arguments and errors as of `locate`."""
-    first = settling_samples(record, simulated, SETTLING)
+    first = settling_samples(record, simulated, start)
     own_floor = floor is not None and floor_from in ("", record.name)
     folding = _counted_folding(fold_periods(record, floor.period), first) if own_floor else None
     return Residual(
@@ -152,22 +172,11 @@ class Location:
         return [self.headline, *(view.sentence for view in self.views.values())]
 
 
-def compare_and_locate(
-    records: Sequence[Record],
-    fit: Fit,
-    floor: NoiseFloor | None,
-    floor_from: str,
-    seed: int,
-    surface: float = 0.0,
-    session: bool = False,
-) -> list[ResidualReport]:
-    """Simulate a fit on every record, compare it, and see where it fails.
-
-    `floor`, `floor_from` and `seed` are as for `residual_reports`. The fit counts positions from `surface`; `session`
-    says whether the records were cut from one session, in their order.
-    """
-    seen = [for_base(record, fit.structure.base) for record in records]
-    return residual_reports(seen, simulation(seen, fit, surface, session), floor, floor_from, seed)
+def compare_and_locate(experiment: Experiment, fit: Fit, seed: int) -> list[ResidualReport]:
+    """Simulate a fit on every record of an experiment, compare it, and see where it fails; `seed` is that of the intervals."""
+    seen = [for_base(record, fit.structure.base) for record in experiment.records]
+    simulate = simulation(seen, fit, experiment.surface, experiment.session)
+    return residual_reports(seen, simulate, experiment, seed)
 
 
 def simulation(
@@ -182,27 +191,20 @@ def simulation(
 
 
 def residual_reports(
-    records: list[Record],
-    simulate: Callable[[Record], np.ndarray],
-    floor: NoiseFloor | None,
-    floor_from: str,
-    seed: int,
+    records: Sequence[Record], simulate: Callable[[Record], np.ndarray], experiment: Experiment, seed: int
 ) -> list[ResidualReport]:
-    """Simulate any model on every record, compare it, and see where it fails.
+    """Simulate any model on records, compare it, and see where it fails.
 
-    `simulate` goes from a record to the model's free run, shape (samples,). `floor` is the noise floor of the record
-    named `floor_from`; `seed` is that of the intervals.
+    `simulate` goes from a record to the model's free run, shape (samples,). What is noise, and from where on records count, is
+    that of the `experiment`; `seed` is that of the intervals.
     """
-    sources = ["" if record.name == floor_from else floor_from for record in records]
     simulated = [simulate(record) for record in records]
-    residuals = [
-        residual_of(*item, floor, source)
-        for item, source in zip(zip(records, simulated, strict=True), sources, strict=True)
-    ]
+    residuals = [residual_of(*pair, experiment) for pair in zip(records, simulated, strict=True)]
     causes, found = rank_causes(residuals), []
     for number, record in enumerate(track(records, "records compared and located")):
-        values = simulated[number]
-        comparison = compare_record(record, values, floor, sources[number], seed=seed + number)
+        values, source = simulated[number], _floor_from(record, experiment)
+        start = _start(record, experiment)
+        comparison = compare_record(record, values, experiment.floor, source, start, seed + number)
         location = _location(record, residuals[number], causes)
         found.append(ResidualReport(record, values, comparison, location))
     return found

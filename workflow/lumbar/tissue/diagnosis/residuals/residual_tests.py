@@ -24,8 +24,6 @@ from lumbar.tissue.diagnosis.residuals.residual import (
 _NORMAL_975 = 1.959964
 _WHITENESS_LAGS = 20
 _LAGS = 25
-_LONGEST_LAG = 1.0
-"""Seconds."""
 _RELAXATIONS = 8
 """Time constants, spread evenly in logarithm, that span linear dynamics."""
 _MOSTLY = 0.8
@@ -196,7 +194,7 @@ def cross_correlation(residual: Residual, signal: np.ndarray) -> tuple[np.ndarra
     of all lags together.
     """
     size = len(signal)
-    longest = int(min(_LONGEST_LAG / residual.sampling_time, size // 10))
+    longest = int(min(np.sqrt(size), size // 10))
     lags = np.unique(np.linspace(0, longest, min(_LAGS, longest + 1)).astype(int))
     transform = np.fft.rfft(signal)
     covariance = np.fft.irfft(np.fft.rfft(residual.values) * transform.conj(), size)[lags]

@@ -10,7 +10,7 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 
 _RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
-"""Seconds."""
+"""In the record's time scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.nd
     position, step = record["input"] - record["input"][0], record.sampling_time
     columns = [np.ones(len(position)), position, np.gradient(position, step)]
     for time in _RELAXATION_TIMES:
-        decay = np.exp(-step / time)
+        decay = np.exp(-step / (time * record.time_scale))
         columns.append(lfilter([1 - decay], [1, -decay], position))
     columns = np.column_stack(columns)
     kept = np.ones(len(position), dtype=bool)
