@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError
 from lumbar.interface.refinement import Refinement, fit_effects
 from lumbar.interface.verb import label_of, settings_or_default
-from lumbar.records.record import Record
+from lumbar.records.record import Record, forced
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 
@@ -80,7 +80,8 @@ def diagnose(
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
     data = label_of(data, records)
-    used, changed = limit_samples(list(records), chosen.session)
+    driven = [forced(record) for record in records] if chosen.forward else list(records)
+    used, changed = limit_samples(driven, chosen.session)
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
     proposing = settings.improvement.propose_law and chosen.system == "tissue" and not chosen.forward

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from lumbar.interface.verb import Result, label_of, settings_or_default
-from lumbar.records.record import Record
+from lumbar.records.record import Record, forced
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 
@@ -69,7 +69,8 @@ def fit_effects(records, effects, settings, seed, data) -> Refinement:
     from lumbar.tissue.diagnosis.selection.refine import not_converged
     from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
 
-    used, findings = limit_samples(records, settings.session)
+    driven = [forced(record) for record in records] if settings.forward else list(records)
+    used, findings = limit_samples(driven, settings.session)
     experiment, path = fit_path(used, effects, settings)
     if not path[-1].fit.converged:
         findings = (*findings, not_converged(path[-1], experiment))

@@ -191,6 +191,17 @@ def _quantities(record: Record) -> dict[str, str]:
     return {role: f"{channel.quantity} in {channel.unit}" for role, channel in record.channels.items()}
 
 
+_MOTIONS, _LOADS = ("position", "displacement", "angle", "velocity"), ("force", "moment", "torque")
+
+
+def forced(record: Record) -> Record:
+    """The record of a test that its load drove: the load is the input, wherever it stood in the file."""
+    one, other = record.channels["input"], record.channels["output"]
+    if one.quantity in _MOTIONS and other.quantity in _LOADS:
+        return replace(record, channels={**record.channels, "input": other, "output": one})
+    return record
+
+
 def same_units(records: list[Record]) -> None:
     """Raise unless all records agree in quantity and unit of every channel.
 

@@ -13,7 +13,7 @@ from scipy.signal import lsim
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.cli.command import main
-from lumbar.records.record import Channel, Record
+from lumbar.records.record import Channel, Record, forced
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.study.load_study import load_settings
@@ -234,3 +234,14 @@ def test_the_response_of_a_base_is_that_of_its_transfer_function():
 def test_a_driving_force_repeats():
     _, force = driving_force(6.0, 3, 1)
     np.testing.assert_allclose(force[:600], force[600:1200], atol=1e-9)
+
+
+def test_the_force_is_the_input_wherever_it_stands_in_the_file():
+    columns = {
+        "input": Channel(np.zeros(3), "position", "mm"),
+        "output": Channel(np.ones(3), "force", "N"),
+    }
+    as_imported = Record("a", np.arange(3.0), columns, "a.csv")
+    turned = forced(as_imported)
+    assert [turned.channels[role].quantity for role in ("input", "output")] == ["force", "position"]
+    assert forced(turned) is turned
