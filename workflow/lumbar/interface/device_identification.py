@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 
+from lumbar.base.errors import InputError
 from lumbar.interface.reading import read
 from lumbar.interface.verb import settings_or_default
 from lumbar.records.record import Record
@@ -45,5 +46,8 @@ def identify_device(
     if not isinstance(recording, Record):
         # The flat tops of a held force are no converter's.
         layout = replace(settings_or_default(settings).tissue.layout, clipped="accept")
-        recording = read(recording, "tissue", layout=layout)[0]
+        found = read(recording, "tissue", layout=layout)
+        if len(found) > 1:
+            raise InputError(f"{recording}: {len(found)} recordings; give the file of one")
+        recording = found[0]
     return identify(recording)

@@ -241,3 +241,7 @@ def test_a_file_that_cannot_be_taken_leaves_nothing_behind(run, tmp_path):
     assert status == 1
     assert "line 100" in err
     assert not (tmp_path / "device.yaml").exists()
+    (tmp_path / "other.csv").write_text("\n".join(lines[:50]))
+    (tmp_path / "device.csv").write_text("\n".join(lines[:50]))
+    status, _, err = run("device", tmp_path)
+    assert status == 1 and "2 recordings; give the file of one" in err

@@ -30,7 +30,7 @@ LARGEST_SPRING = 0.05
 _CONFOUNDED = 0.9
 _CAUSES = (
     "possible causes: a hand or a cable at the stylus, motors that do not give what is commanded, cogging, friction that "
-    "changes with place or speed, parts that swing on their own"
+    "changes with place or speed, parts that swing on their own, columns that do not belong together"
 )
 _MORE = {
     "mass": "command forces that change faster",
