@@ -30,6 +30,8 @@ _FRAME = re.compile(r"^(frame|frame#|index|sample)$", re.IGNORECASE)
 _COORDINATE = re.compile(
     r"^(?P<marker>.*?)[\s_.:-]+(?P<axis>[xyz])(?:[\s_]*[\[(]?(?P<unit>mm|cm|m)[\])]?)?$", re.IGNORECASE
 )
+_LONGEST_NAME = 1000
+"""Characters of a column's name."""
 _OFF_CLOCK = 0.25
 """How far a frame may lie from an even clock, in frames."""
 
@@ -121,7 +123,7 @@ def _columns(path: Path, header: list[str]) -> tuple[tuple[int, float] | None, d
     for column, name in enumerate(header):
         if found := _TIME.match(name):
             time_column = time_column or (column, 1e-3 if found.group(1).lower() == "ms" else 1.0)
-        elif found := _COORDINATE.match(name):
+        elif len(name) <= _LONGEST_NAME and (found := _COORDINATE.match(name)):
             axes = markers.setdefault(found["marker"], {})
             units.add((found["unit"] or "").lower())
             if axes.setdefault(found["axis"].lower(), column) != column:

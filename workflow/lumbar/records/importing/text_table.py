@@ -20,6 +20,8 @@ from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
 from lumbar.records.importing.units import find_unit, name_and_unit
 from lumbar.records.text_rows import stop_at_many
 
+_LONGEST_LABEL = 1000
+"""Characters of a line, or of lines that quotes join, in which a name or a rate is looked for."""
 _HEADER_ROWS = 4
 """Lines above a table among which names and units are looked for."""
 _DAY = 86400.0
@@ -254,6 +256,7 @@ def _stated_rates(above: list[str]) -> list[StatedRate]:
     """Sampling rates and intervals that the lines above the table state."""
     found = []
     for number, line in enumerate(above, start=1):
+        line = line[:_LONGEST_LABEL]
         interval, rate = _INTERVAL.search(line), _RATE.search(line)
         label = interval or rate
         if label is None:
