@@ -56,6 +56,7 @@ def test_it_stays_within_its_travel_on_the_encoder_s_grid():
     np.testing.assert_allclose(record["input"] / 0.03, np.round(record["input"] / 0.03), atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_the_example_is_the_same_every_time(tmp_path):
     for name in ("one.csv", "other.csv"):
         write_example(tmp_path / name)
