@@ -15,6 +15,7 @@ PARAMETERS = ("mass", "damping", "friction", "delay", "offset", "spring")
 """m in kg, b in N·s/m, F in N, τ in s, f₀ in N and k in N/m: rows of every array of parameters."""
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a search that goes astray turns back
 def free_motion(stretches: Stretches, parameters: np.ndarray, velocities: np.ndarray) -> np.ndarray:
     """Simulate every stretch with every set of parameters: way in m from its first sample, shape (length, stretches, sets).
 

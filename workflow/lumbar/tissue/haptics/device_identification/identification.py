@@ -12,7 +12,12 @@ from lumbar.base.files import write_text
 from lumbar.records.record import Record
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.device_identification.free_motion import PARAMETERS
-from lumbar.tissue.haptics.device_identification.output_error import DeviceFit, fit_device
+from lumbar.tissue.haptics.device_identification.output_error import (
+    NOTICED,
+    DeviceFit,
+    fit_device,
+    nearest_fit,
+)
 from lumbar.tissue.haptics.device_identification.regression import regress
 from lumbar.tissue.haptics.device_identification.stretches import cut
 
@@ -23,10 +28,9 @@ _UNITS = {"kg": 1.0, "N·s/m": 1.0, "N": 1.0, "ms": 1e3}
 TOLD, NEGLIGIBLE = 0.25, 0.02
 """Half an interval's largest size: as a share of the number, or, of damping and friction, of the commanded force (root mean
 square); of the delay a share of the servo's period will do too."""
-NOTICED, TOO_MUCH = 0.002, 0.05
-"""Share of the motion that is unexplained from which intervals come with a warning, and from which the equation is refused."""
-LARGEST_SPRING = 0.05
-"""Force of a spring that is not in the recording, as a share of the commanded force."""
+TOO_MUCH, LARGEST_SPRING = 0.05, 0.05
+"""Share of the motion that is unexplained from which the equation is refused; force of a spring that is not in the recording,
+as a share of the commanded force."""
 _CONFOUNDED = 0.9
 _CAUSES = (
     "possible causes: a hand or a cable at the stylus, motors that do not give what is commanded, cogging, friction that "
@@ -120,18 +124,18 @@ def identify(recording: Record) -> IdentifiedDevice:
         If it does not tell the four numbers, or the motion is that of something else.
     """
     stretches, name = cut(recording), recording.source or recording.name
-    fit = fit_device(stretches, regress(stretches))
+    fit = nearest_fit(stretches)
     share = fit.unexplained()
     if share > TOO_MUCH:
         turned = replace(stretches, forces=-stretches.forces)
-        if fit_device(turned, regress(turned)).unexplained() < NOTICED:
+        if fit_device(turned, regress(turned)[0]).unexplained() < NOTICED:
             raise InputError(
                 f"{name}: the stylus moves as if every force were turned round; a positive force must push towards growing "
                 "positions: turn the sign of one of the two columns"
             )
         raise InputError(
-            f"{name}: {share:.1%} of the motion is not that of a mass with damping, dry friction and a delay; at most "
-            f"{TOO_MUCH:.0%} may be left; {_CAUSES}"
+            f"{name}: no mass with damping, dry friction and a delay was found that moves so: {share:.1%} of the motion is left, "
+            f"at most {TOO_MUCH:.0%} may be; {_CAUSES}; or other pushes, with releases, and a chirp are needed"
         )
     half, correlations = fit.intervals()
     _check_told(fit, share, half, correlations, Problems(name))
@@ -157,7 +161,7 @@ def _check_told(
             why = "the motion depends on it too little, or as on the others together"
             more = _MORE[name]
             if share > NOTICED:
-                why, more = f"{share:.1%} of the motion is not that of the equation", _CAUSES
+                why, more = f"{share:.1%} of the motion is left", _CAUSES
             elif others[index].max() > _CONFOUNDED:
                 why = f"in this motion another {PARAMETERS[others[index].argmax()]} makes up for it"
             problems.add(name, f"not told: {why}", more)
@@ -172,7 +176,7 @@ def _check_told(
     pull = abs(values[spring]) * float(np.std(stretches.readings)) / force
     if pull > LARGEST_SPRING and half[spring] < TOLD * abs(values[spring]):
         raise InputError(
-            f"{problems.subject}: a spring of {values[spring]:.3g} N/m that is not in the forces pulls at the stylus, with "
-            f"{pull:.0%} of theirs; nobody may hold it, and a spring of the device or its controller belongs into the column "
-            "of forces"
+            f"{problems.subject}: with a spring of {values[spring]:.3g} N/m that is not in the forces, {pull:.0%} of theirs, the "
+            "motion fits best; nobody may hold it, a spring of the device or its controller belongs into the column of forces, "
+            "and pushes with releases and a chirp tell more"
         )

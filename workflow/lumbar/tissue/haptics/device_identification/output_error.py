@@ -12,11 +12,14 @@ from functools import lru_cache
 import numpy as np
 
 from lumbar.tissue.haptics.device_identification.free_motion import PARAMETERS, free_motion
+from lumbar.tissue.haptics.device_identification.regression import regress
 from lumbar.tissue.haptics.device_identification.stretches import Stretches
 
 CONFIDENCE = 0.95
 _RELATIVE_STEP, _PRECISION, _EVALUATIONS = 1e-5, 1e-12, 60
 """Of the differences that derivatives are taken by; where and when the search ends."""
+_SHORT, NOTICED = 10, 0.002
+"""Evaluations of a short search; share of the motion that is unexplained from which on it is searched anew, and said."""
 _SINGULAR = 1e12
 """Condition number, of parameters scaled to one information each, beyond which one of them is another in disguise."""
 _LEAST_ERROR_M = 1e-9
@@ -84,7 +87,19 @@ class DeviceFit:
         return float(np.sqrt(products.mean() / np.average(curved**2, weights=stretches.weights)))
 
 
-def fit_device(stretches: Stretches, begin: np.ndarray) -> DeviceFit:
+def nearest_fit(stretches: Stretches) -> DeviceFit:
+    """The fit that begins at the nearest motion; where that leaves more than `NOTICED`, at the best of short ones from all."""
+    begins = regress(stretches)
+    found = fit_device(stretches, begins[0])
+    if found.unexplained() < NOTICED:
+        return found
+    short = [fit_device(stretches, begin, _SHORT) for begin in begins[1:]]
+    best = min(short, key=lambda fit: (stretches.weights * fit.residuals**2).sum())
+    return min(found, fit_device(stretches, best.parameters), key=DeviceFit.unexplained)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def fit_device(stretches: Stretches, begin: np.ndarray, evaluations: int = _EVALUATIONS) -> DeviceFit:
     """Fit `PARAMETERS` and the start of every stretch; the search begins at parameters of shape (6,)."""
     from scipy.optimize import least_squares
 
@@ -116,7 +131,7 @@ def fit_device(stretches: Stretches, begin: np.ndarray) -> DeviceFit:
         bounds=(lowest, np.inf),
         x_scale=scales,
         **dict.fromkeys(("xtol", "ftol", "gtol"), _PRECISION),
-        max_nfev=_EVALUATIONS,
+        max_nfev=evaluations,
     )
     left, by = motion(found.x.tobytes())
     by, by_velocity = by[..., :count], by[..., count]

@@ -20,7 +20,7 @@ _LEAST = 1e-5
 
 
 def regress(stretches: Stretches) -> np.ndarray:
-    """Return the parameters, shape (6,), that were found at some delay and whose motion is the nearest; without a spring."""
+    """Return the parameters that were found at each delay, the nearest motion first; shape (delays, 6), without a spring."""
     from scipy.optimize import lsq_linear
 
     step, velocity = stretches.step, stretches.velocity[stretches.ticks]
@@ -51,7 +51,7 @@ def regress(stretches: Stretches) -> np.ndarray:
     sets = np.array(found).T
     starts = np.repeat(stretches.velocity[stretches.starts][:, None], sets.shape[1], axis=1)
     left = _apart_from_lines(stretches.readings[..., None] - free_motion(stretches, sets, starts))
-    return sets[:, np.argmin((left**2).sum(axis=(0, 1)))]
+    return sets.T[np.argsort((left**2).sum(axis=(0, 1)))]
 
 
 def _apart_from_lines(values: np.ndarray) -> np.ndarray:
