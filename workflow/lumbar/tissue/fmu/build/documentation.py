@@ -20,6 +20,7 @@ from lumbar.tissue.fmu.build.meaning import (
     sign_text,
 )
 from lumbar.tissue.fmu.build.reference_response import reference_plot
+from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place
 
 
@@ -68,9 +69,24 @@ def documentation_html(
             )
             for item in variables(model)
         ],
-        fit=model.fit,
+        fit=_fit(model.identified),
         plot=Markup(reference_plot(push[0], [(x.label, push[1]), (y.label, push[2])])),
     )
+
+
+def _fit(model: FittedModel) -> dict[str, str]:
+    """How the model was found: label and text."""
+    texts = {"Identified from": "nothing: the coefficients are prescribed"}
+    if model.trained_on:
+        texts["Identified from"] = f"record {model.trained_on}, estimator {model.estimator}"
+    if model.alpha is not None:
+        texts["Ridge parameter"] = f"{model.alpha:.6g}"
+    if model.scores.vaf_percent is not None:
+        texts["VAF of the free run on the training record"] = f"{model.scores.vaf_percent:.2f} %"
+    for item in model.parameters:
+        interval = "" if item.low is None else f" ({item.low:.4g} to {item.high:.4g})"
+        texts[item.key] = f"{item.value:.6g} {item.unit}{interval}"
+    return texts
 
 
 def _averaged(model: ExportModel) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import NumericalError, Problems
 from lumbar.base.files import is_device
 from lumbar.tissue.fmu.build.effect_model import EffectModel, effect_model
-from lumbar.tissue.fmu.build.guards import UNGUARDED, Guards
+from lumbar.tissue.fmu.build.guards import Guards
 from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
 from lumbar.tissue.fmu.conventions import slow_push, work_units
 from lumbar.tissue.models.fitted_model import FittedModel
@@ -31,32 +31,18 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.+-]{0,199}")
 
 @dataclass(frozen=True)
 class ExportModel:
-    """A model ready for export."""
+    """A model ready for export: what was identified, and how it is run."""
 
-    name: str
-    """As in file names, e.g. ``"KB+coulomb_friction"``."""
+    identified: FittedModel
+    """Under the name of the export, e.g. ``"KB+coulomb_friction"`` or ``"KB-thesis"``."""
+    settings: RuntimeSettings
+    """Limits, guards, start and rate; those of the thesis where it is run as in the thesis."""
     dynamics: LinearModel | EffectModel
     """From deviations of the input to deviations of the output."""
     sampling_time: float
     """Seconds."""
-    input: Port
-    output: Port
     moving_average: int
     """Samples of the input's moving average, the newest included; 1 is off."""
-    output_limit: float
-    """Largest magnitude of the output, in its unit."""
-    gain_limit: float
-    """Largest factor on the output that a user may set."""
-    fit: dict[str, str]
-    """How the model was found, for the documentation: label and text."""
-    guards: Guards = UNGUARDED
-    """What is done to the force before the device receives it."""
-    starts_at_rest: bool = True
-    """Whether the model rests at the first input; else it rested at the input's offset before."""
-    prescribed: bool = False
-    """Whether it was given, as IL is, not identified."""
-    valid_for: MotionRange | None = None
-    """Motion that the model was fitted to, where it is known."""
     runtime: str = ""
     """How it is run where that is not as the settings say, for description and documentation."""
     on_device: tuple[str, ...] = ()
@@ -111,9 +97,59 @@ class ExportModel:
         problems.raise_if_any()
 
     @property
+    def name(self) -> str:
+        """As in file names."""
+        return self.identified.name
+
+    @property
     def identifier(self) -> str:
         """FMI's model identifier: a name that C allows."""
         return identifier(self.name)
+
+    @property
+    def input(self) -> Port:
+        """What the tool does."""
+        return self.identified.input
+
+    @property
+    def output(self) -> Port:
+        """What answers."""
+        return self.identified.output
+
+    @property
+    def prescribed(self) -> bool:
+        """Whether it was given, as IL is, not identified."""
+        return self.identified.estimator == GIVEN
+
+    @property
+    def valid_for(self) -> MotionRange | None:
+        """Motion that the model was fitted to, where it is known."""
+        return self.identified.valid_for
+
+    @property
+    def output_limit(self) -> float:
+        """Largest magnitude of the output, in its unit."""
+        return float(self.settings.output_limit)
+
+    @property
+    def gain_limit(self) -> float:
+        """Largest factor on the output that a user may set."""
+        return float(self.settings.gain_limit)
+
+    @property
+    def starts_at_rest(self) -> bool:
+        """Whether the model rests at the first input; else it rested at the input's offset before."""
+        return self.settings.start == "first_position"
+
+    @cached_property
+    def guards(self) -> Guards:
+        """What is done to the force before the device receives it."""
+        return Guards(
+            contact=self.settings.contact,
+            rate_limit=float(self.settings.output_rate_limit or 0.0),
+            device_damping=float(self.settings.device_damping or 0.0),
+            energy_reserve=float(self.settings.energy_reserve),
+        )
 
     @property
     def feedthrough(self) -> bool:
@@ -258,24 +294,11 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
     else:
         dynamics = effect_model(model, wanted)
     return ExportModel(
-        name=model.name,
+        identified=model,
+        settings=settings,
         dynamics=dynamics,
         sampling_time=wanted,
-        input=model.input,
-        output=model.output,
         moving_average=averaged_samples(model.name, settings.moving_average_ms, wanted),
-        output_limit=float(settings.output_limit),
-        gain_limit=float(settings.gain_limit),
-        fit=_fit_texts(model),
-        guards=Guards(
-            contact=settings.contact,
-            rate_limit=float(settings.output_rate_limit or 0.0),
-            device_damping=float(settings.device_damping or 0.0),
-            energy_reserve=float(settings.energy_reserve),
-        ),
-        starts_at_rest=settings.start == "first_position",
-        prescribed=model.estimator == GIVEN,
-        valid_for=model.valid_for,
     )
 
 
@@ -308,7 +331,7 @@ def _export_as_in_thesis(model: FittedModel, settings: RuntimeSettings) -> Expor
         f"Run as in the thesis (section 3.2.3.2): at {1 / model.sampling_time:g} Hz, on the mean of the three samples before "
         f"the newest, within {exported.output_limit:g} {model.output.unit}; to compare with, not for a faster loop."
     )
-    return replace(exported, name=model.name, dynamics=dynamics, runtime=runtime)
+    return replace(exported, identified=model, dynamics=dynamics, runtime=runtime)
 
 
 def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> int:
@@ -323,20 +346,6 @@ def averaged_samples(name: str, milliseconds: float, sampling_time: float) -> in
         )
         problems.raise_if_any()
     return max(1, round(samples))
-
-
-def _fit_texts(model: FittedModel) -> dict[str, str]:
-    texts = {"Identified from": "nothing: the coefficients are prescribed"}
-    if model.trained_on:
-        texts["Identified from"] = f"record {model.trained_on}, estimator {model.estimator}"
-    if model.alpha is not None:
-        texts["Ridge parameter"] = f"{model.alpha:.6g}"
-    if model.scores.vaf_percent is not None:
-        texts["VAF of the free run on the training record"] = f"{model.scores.vaf_percent:.2f} %"
-    for item in model.parameters:
-        interval = "" if item.low is None else f" ({item.low:.4g} to {item.high:.4g})"
-        texts[item.key] = f"{item.value:.6g} {item.unit}{interval}"
-    return texts
 
 
 def _refuse_unstable(models: list[ExportModel]) -> None:

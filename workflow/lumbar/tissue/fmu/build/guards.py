@@ -51,9 +51,6 @@ class Guards:
         return found
 
 
-UNGUARDED = Guards()
-
-
 @dataclass(frozen=True)
 class Guarded:
     """Forces behind the guards."""
