@@ -118,7 +118,8 @@ def run_check(options) -> None:
     if fmus:
         from lumbar.interface.device import check_fmu
 
-        for check in check_fmu(fmus, key=options.key, settings=settings.runtime):
+        own = settings.improvement.effect_files
+        for check in check_fmu(fmus, key=options.key, effect_files=own, settings=settings.runtime):
             print(f"runtime: {check}")
     plan = [_reading(file, options.chapter, settings) for file in files if not _is_fmu(file)]
     for chapter, recordings in check_recordings(plan, read_upright).items():

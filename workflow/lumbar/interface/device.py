@@ -126,7 +126,7 @@ def export_fmu(
     cache = cache_folder(settings.compiler_cache)
     asked = with_device(export_models(selected, settings), settings, selected)
     written = export_fmus(asked, Path(folder), data or read_from, settings.targets, cache)
-    check_new_files(written, cache)
+    check_new_files(written, asked, cache)
     if sign is not None:
         from lumbar.tissue.fmu.signature import sign_new_files
 
@@ -168,9 +168,12 @@ def check_fmu(
     path: str | os.PathLike | Iterable[str | os.PathLike],
     *,
     key: str | os.PathLike | None = None,
+    effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
 ) -> list[FileCheck]:
     """Check FMUs: description, library, reference signals and sources must say and do the same.
+
+    All that a file says follows from its record, ``resources/model.json``: it is written anew from that and compared.
 
     The library in an FMU is a program and is run, as every importer does: check only files that you would run.
 
@@ -181,6 +184,8 @@ def check_fmu(
         where it is one for this machine.
     key : path, optional
         Public keys of OpenSSH, a line each: every file must have been signed with one of them, or nothing in it is run.
+    effect_files : iterable of path, optional
+        Files with effects of your own that the models have and the FMUs do not carry: those in Python.
     settings : RuntimeSettings, optional
         For the compiler's cache.
 
@@ -200,17 +205,19 @@ def check_fmu(
     >>> print(*lumbar.check_fmu("fmu/KB_fmi3.fmu"))  # doctest: +SKIP
     KB_fmi3.fmu: sound; plays its reference, and its sources give the same library
     """
+    from lumbar.tissue.effects.catalogue import catalogues_with
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.check.file_check import check_files
 
+    known = catalogues_with(list(effect_files))
     paths = [Path(item) for item in ([path] if isinstance(path, str | os.PathLike) else path)]
     cache = cache_folder((settings or RuntimeSettings()).compiler_cache)
     if key is None:
-        return check_files(paths, cache)
+        return check_files(paths, cache, known)
     from lumbar.tissue.fmu.signature import verify
 
     signers = verify(paths, Path(key))
-    checks = check_files(paths, cache)
+    checks = check_files(paths, cache, known)
     return [replace(check, signed_with=signer) for check, signer in zip(checks, signers, strict=True)]
 
 

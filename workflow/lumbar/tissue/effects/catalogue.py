@@ -139,11 +139,17 @@ def catalogues_with(files: Collection[str | Path], content: object = None) -> di
     InputError
         As `catalogue_with` and `lumbar.tissue.effects.notation.carried_effects`.
     """
+    bases = {base.system: base.name for base in BASES.values()}
+    return with_carried({system: catalogue_with(files, base) for system, base in bases.items()}, content)
+
+
+def with_carried(
+    catalogues: Mapping[str, Mapping[str, Effect]], content: object
+) -> dict[str, dict[str, Effect]]:
+    """Return catalogues by system with the effects that a file of models carries."""
     from lumbar.tissue.effects.notation import carried_effects
 
-    bases = {base.system: base.name for base in BASES.values()}
-    found = {system: catalogue_with(files, base) for system, base in bases.items()}
-    return {system: {**carried_effects(content, known), **known} for system, known in found.items()}
+    return {system: {**carried_effects(content, known), **known} for system, known in catalogues.items()}
 
 
 def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:

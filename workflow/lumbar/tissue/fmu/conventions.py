@@ -11,6 +11,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+RECORD = "resources/model.json"
+"""The model as it was identified and how it is run: all else in an FMU follows from it."""
 REFERENCE = ("resources/reference_input.csv", "resources/reference_output.csv")
 """Signals to try an importer with."""
 WITHOUT_EVENT_MODE = "resources/reference_output_without_event_mode.csv"

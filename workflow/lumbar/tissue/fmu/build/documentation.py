@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
 from lumbar import __version__
 from lumbar.base.templates import template
@@ -19,20 +19,26 @@ from lumbar.tissue.fmu.build.meaning import (
     rate_text,
     sign_text,
 )
-from lumbar.tissue.fmu.build.reference_response import reference_plot
+from lumbar.tissue.fmu.build.reference_response import reference_plot, reference_push
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place
 
 
-def documentation_html(
-    model: ExportModel, version: str, data: str, push: tuple[np.ndarray, np.ndarray, np.ndarray]
-) -> str:
+def pictures(model: ExportModel, version: str) -> list[str]:
+    """What the page draws, as SVG elements: the equation of each form of a model with effects, and the embedded reference."""
+    time, inputs, outputs = reference_push(model, version)
+    forms = [] if isinstance(model.dynamics, LinearModel) else [term.form for term in model.dynamics.terms]
+    plot = reference_plot(time, [(model.input.label, inputs), (model.output.label, outputs)])
+    return [*(equation_svg(form.latex) for form in forms), plot]
+
+
+def documentation_html(model: ExportModel, version: str, data: str, drawn: Sequence[str]) -> str:
     """Return a page of its own: no script, no outside resource.
 
     Parameters
     ----------
-    push : tuple of numpy.ndarray
-        Time, input and output of the embedded reference, drawn.
+    drawn : sequence of str
+        Its `pictures`.
     """
     from markupsafe import Markup
 
@@ -45,7 +51,9 @@ def documentation_html(
         input=x,
         output=y,
         linear_equations=model.dynamics.equations() if linear else [],
-        terms=[] if linear else [_term(model, term) for term in model.dynamics.terms],
+        terms=[]
+        if linear
+        else [_term(model, *item) for item in zip(model.dynamics.terms, drawn, strict=False)],
         averaged=_averaged(model),
         guards=[*guards_text(model), gain_text(model)],
         stable=model.stable,
@@ -70,7 +78,7 @@ def documentation_html(
             for item in variables(model)
         ],
         fit=_fit(model.identified),
-        plot=Markup(reference_plot(push[0], [(x.label, push[1]), (y.label, push[2])])),
+        plot=Markup(drawn[-1] if drawn else ""),
     )
 
 
@@ -110,12 +118,11 @@ _ACTS = {
 }
 
 
-def _term(model: ExportModel, term: Term) -> tuple:
+def _term(model: ExportModel, term: Term, equation: str) -> tuple:
     """One row of the table of forms."""
     from markupsafe import Markup
 
-    equation = Markup(equation_svg(term.form.latex))
-    return term.form.key, _ACTS[term.form.place], equation, _numbers(model, term)
+    return term.form.key, _ACTS[term.form.place], Markup(equation), _numbers(model, term)
 
 
 def _numbers(model: ExportModel, term: Term) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import struct
 import xml.etree.ElementTree as ElementTree
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +18,13 @@ from lumbar.base.files import replacing
 from lumbar.base.progress import track
 from lumbar.tissue.fmu.build.compiler import TARGETS, library_of, resolve_targets, warm_cache
 from lumbar.tissue.fmu.build.description import FMI_VERSIONS, build_description, model_description
-from lumbar.tissue.fmu.build.documentation import documentation_html
+from lumbar.tissue.fmu.build.documentation import documentation_html, pictures
 from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.build.record import record_text
 from lumbar.tissue.fmu.build.reference_response import reference_output, reference_push
 from lumbar.tissue.fmu.build.related_files import related_files
 from lumbar.tissue.fmu.build.sources import C_FILES, source_files
-from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
+from lumbar.tissue.fmu.conventions import RECORD, REFERENCE, WITHOUT_EVENT_MODE
 
 _MAGIC = 0xCAFEBABE
 _MACH_O_64 = 0xFEEDFACF
@@ -150,16 +152,42 @@ def fmu_contents(
     model: ExportModel, version: str, data: str, libraries: dict[str, bytes]
 ) -> dict[str, bytes]:
     """Return the files of an FMU by their path in the archive."""
+    drawn = pictures(model, version)
+    record = {RECORD: record_text(model, data, list(map(checksum, drawn))).encode("utf-8")}
+    return {**written_files(model, version, data, drawn), **record, **_binaries(model, version, libraries)}
+
+
+def checksum(picture: str) -> str:
+    """Of a picture, as the record holds it."""
+    return hashlib.sha256(picture.encode("utf-8")).hexdigest()
+
+
+def written_files(
+    model: ExportModel,
+    version: str,
+    data: str,
+    drawn: Sequence[str],
+    signals: Mapping[str, str] | None = None,
+) -> dict[str, bytes]:
+    """Return all files of an FMU but record and libraries, by their path in the archive.
+
+    Parameters
+    ----------
+    drawn : sequence of str
+        `lumbar.tissue.fmu.build.documentation.pictures`.
+    signals : mapping of str to str, optional
+        Reference signals of a file that holds the model, for the manifest's checksums: another machine may round otherwise.
+    """
     push = reference_push(model, version)
     contents = {f"sources/{name}": text for name, text in source_files(model).items()}
     contents["modelDescription.xml"] = model_description(model, version, data)
-    contents["documentation/index.html"] = documentation_html(model, version, data, push)
+    contents["documentation/index.html"] = documentation_html(model, version, data, drawn)
     if version == "3.0":
         contents["sources/buildDescription.xml"] = build_description(model)
-    signals = resources(model, version, push)
-    contents.update({**signals, **related_files(model, signals)})
+    computed = resources(model, version, push)
+    contents.update({**computed, **related_files(model, {**computed, **(signals or {})})})
     files = {path: text.encode("utf-8") for path, text in contents.items()}
-    return {**files, **attachments(model, version), **_binaries(model, version, libraries)}
+    return {**files, **attachments(model, version)}
 
 
 def _binaries(model: ExportModel, version: str, libraries: dict[str, bytes]) -> dict[str, bytes]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import uuid
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from lumbar.tissue.fmu.c import c_source
 
 C_FILES = ("sampled_force.c", "fmi2.c", "fmi3.c", "fmi3_unused.c")
 """What is compiled; ``sampled_force.c`` includes the model itself."""
+SIZES, NUMBERS = "model_size.h", "model_data.h"
+"""What is written for each model."""
 _HEADERS = ("model.h", "sampled_force.h")
 _FMI_HEADERS = (
     "fmi2Functions.h",
@@ -40,20 +43,29 @@ def _fixed_sources(model: ExportModel) -> dict[str, str]:
 
 def source_files(model: ExportModel) -> dict[str, str]:
     """Return all sources of a model's library by file name; ``model_data.h`` holds the numbers."""
-    return {
-        **_fixed_sources(model),
-        "model_size.h": _model_size(model),
-        "model_data.h": _model_data(model, content_token(model)),
-    }
+    return _sources(model, content_token(model))
 
 
-def content_token(model: ExportModel) -> str:
-    """FMI's GUID and instantiation token: a hash of all sources, the model's numbers and variables."""
+def _sources(model: ExportModel, token: str) -> dict[str, str]:
+    numbers = {SIZES: _model_size(model), NUMBERS: _model_data(model, token)}
+    return {**_fixed_sources(model), **numbers}
+
+
+def content_token(model: ExportModel, sources: Mapping[str, str] | None = None) -> str:
+    """FMI's GUID and instantiation token: a hash of all sources, the model's numbers and variables.
+
+    Parameters
+    ----------
+    sources : mapping of str to str, optional
+        Those of a file that holds the model, without the token: another machine may round a number otherwise.
+    """
+    fixed = dict(sources or _sources(model, ""))
+    written = (fixed.pop(SIZES), fixed.pop(NUMBERS))
     digest = hashlib.sha256()
-    for name, text in sorted(_fixed_sources(model).items()):
+    for name, text in sorted(fixed.items()):
         digest.update(f"{name}\0{text}\0".encode())
     names = (model.name, model.input.quantity, model.input.unit, model.output.quantity, model.output.unit)
-    digest.update("\0".join((*names, _model_size(model), _model_data(model, ""))).encode())
+    digest.update("\0".join((*names, *written)).encode())
     return str(uuid.UUID(bytes=digest.digest()[:16]))
 
 

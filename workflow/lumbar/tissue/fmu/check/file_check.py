@@ -7,13 +7,20 @@ import tempfile
 import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, library_of
-from lumbar.tissue.fmu.check.lint import lint_fmu
-from lumbar.tissue.fmu.check.playing import play_libraries
+from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.check.agreement import hold_together
+from lumbar.tissue.fmu.check.lint import open_fmu
+from lumbar.tissue.fmu.check.playing import play_libraries, waiting_player
+from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.model_entry import Catalogues
+from lumbar.tissue.models.structure import Structure
 
 
 @dataclass(frozen=True)
@@ -27,20 +34,23 @@ class FileCheck:
     """Whether there was a library for this machine to play; only then was it built anew from the sources."""
     same_bytes: bool = False
     """Whether the library built from the sources is the shipped one to the byte; else its forces are."""
+    left_out: str = ""
+    """What it says that could not be held together, and why."""
     signed_with: str = ""
     """Key that it was signed with, where that was asked."""
 
     def __str__(self) -> str:
         """One line for a sound file."""
-        signed = f"; signed with {self.signed_with}" if self.signed_with else ""
-        if not self.played:
-            return f"{self.path.name}: sound as a file; it has no library for this machine to play{signed}"
-        built = "the same library" if self.same_bytes else "a library of the same forces"
-        return f"{self.path.name}: sound; plays its reference, and its sources give {built}{signed}"
+        found = "sound as a file; it has no library for this machine to play"
+        if self.played:
+            built = "the same library" if self.same_bytes else "a library of the same forces"
+            found = f"sound; plays its reference, and its sources give {built}"
+        signed = f"signed with {self.signed_with}" if self.signed_with else ""
+        return f"{self.path.name}: {'; '.join(filter(None, (found, self.left_out, signed)))}"
 
 
 def check_file(path: Path, cache: Path) -> FileCheck:
-    """Check an FMU: files and description first, then, where these are sound, library and sources.
+    """Check an FMU: each file by itself, then, where these are sound, all that it says, its library and its sources.
 
     Parameters
     ----------
@@ -55,34 +65,49 @@ def check_file(path: Path, cache: Path) -> FileCheck:
     return check_each([path], cache)[0]
 
 
-def check_each(paths: list[Path], cache: Path, built_anew: bool = True) -> list[FileCheck]:
+def check_each(
+    paths: list[Path], cache: Path, catalogues: Catalogues = CATALOGUES, built_anew: bool = True
+) -> list[FileCheck]:
     """Check files as `check_file` does; what is slow to start is started once for all.
 
     Parameters
     ----------
+    catalogues : mapping
+        Effects of every system that the models may have.
     built_anew : bool
         Whether the library is held to the sources beside it: not where it has just been made of them.
     """
     for path in paths:
         if not path.is_file():
             raise InputError(f"{path}: no such file")
-    checks = [FileCheck(path, tuple(lint_fmu(path) or _validated(path))) for path in paths]
+    opened = [open_fmu(path) for path in paths]
+    libraries = [None if problems else _library(files) for files, problems in opened]
     with tempfile.TemporaryDirectory(prefix="lumbar-check-") as name:
         work = Path(name)
-        libraries = {}
-        for number, check in enumerate(checks):
-            if not check.problems:
-                with zipfile.ZipFile(check.path) as archive:
+        with waiting_player() if any(libraries) else nullcontext() as player:
+            checks = [_said(path, *found, catalogues) for path, found in zip(paths, opened, strict=True)]
+            sound = [
+                number for number, check in enumerate(checks) if libraries[number] and not check.problems
+            ]
+            for number in sound:
+                with zipfile.ZipFile(paths[number]) as archive:
                     archive.extractall(work / f"shipped-{number}")
-                libraries[number] = _library(work / f"shipped-{number}")
-        playable = [number for number, library in libraries.items() if library is not None]
-        found = play_libraries([(work / f"shipped-{number}",) for number in playable], work)
-        for number, problems in zip(playable, found, strict=True):
-            checks[number] = FileCheck(paths[number], tuple(problems), played=True)
-        sound = [number for number in playable if not checks[number].problems]
-        for number in sound if built_anew else ():
-            checks[number] = _built_anew(checks[number], work, number, libraries[number], cache)
+            found = play_libraries([(work / f"shipped-{number}",) for number in sound], work, player)
+        for number, problems in zip(sound, found, strict=True):
+            checks[number] = replace(checks[number], problems=tuple(problems), played=True)
+            if built_anew and not problems:
+                library = work / f"shipped-{number}" / str(libraries[number])
+                checks[number] = _built_anew(checks[number], work, number, library, cache)
     return checks
+
+
+def _said(path: Path, files: dict[str, bytes], problems: list[str], catalogues: Catalogues) -> FileCheck:
+    """What can be told of a file without running anything in it."""
+    problems = problems or _validated(path)
+    if problems:
+        return FileCheck(path, tuple(problems))
+    said = hold_together(files, catalogues)
+    return FileCheck(path, said.problems, left_out=said.left_out)
 
 
 def _built_anew(check: FileCheck, work: Path, number: int, library: Path, cache: Path) -> FileCheck:
@@ -97,9 +122,11 @@ def _built_anew(check: FileCheck, work: Path, number: int, library: Path, cache:
     return replace(check, problems=tuple(play_libraries([(shipped, folder)], work)[0]))
 
 
-def check_files(paths: Iterable[Path], cache: Path, built_anew: bool = True) -> list[FileCheck]:
+def check_files(
+    paths: Iterable[Path], cache: Path, catalogues: Catalogues = CATALOGUES, built_anew: bool = True
+) -> list[FileCheck]:
     """Check FMUs and raise one error with all problems of all of them; parameters as of `check_each`."""
-    checks = check_each(list(paths), cache, built_anew)
+    checks = check_each(list(paths), cache, catalogues, built_anew)
     wrong = [check for check in checks if check.problems]
     problems = Problems(wrong[0].path.name if len(wrong) == 1 else "FMUs that must not be used")
     for check in wrong:
@@ -109,10 +136,13 @@ def check_files(paths: Iterable[Path], cache: Path, built_anew: bool = True) -> 
     return checks
 
 
-def check_new_files(paths: list[Path], cache: Path) -> None:
-    """Check files that were just written, and remove them all where one has a problem; parameters as of `check_file`."""
+def check_new_files(paths: list[Path], models: Iterable[ExportModel], cache: Path) -> None:
+    """Check files that were just written of these models, and remove them all where one has a problem."""
+    structures = [model.identified.structure for model in models]
+    forms = [form for item in structures if isinstance(item, Structure) for form in item.forms]
+    own = {form.effect: Effect(form.effect, "", (form,), "") for form in forms if not form.definition}
     try:
-        check_files(paths, cache, built_anew=False)
+        check_files(paths, cache, dict.fromkeys(CATALOGUES, own), built_anew=False)
     except InputError:
         for path in paths:
             path.unlink()
@@ -129,15 +159,14 @@ def _validated(path: Path) -> list[str]:
         return [f"modelDescription.xml: {error}"]
 
 
-def _library(folder: Path) -> Path | None:
-    """Library of this machine's platform."""
+def _library(files: Iterable[str]) -> str | None:
+    """Path in the archive of the library for this machine."""
     try:
         target = TARGETS[host_target()]
     except InputError:
         return None  # a platform that FMUs are not built for
-    found = (folder / "binaries" / name for name in (target.fmi2, target.fmi3))
-    files = [file for place in found if place.is_dir() for file in place.glob(f"*{target.suffix}")]
-    return files[0] if files else None
+    folders = tuple(f"binaries/{name}/" for name in (target.fmi2, target.fmi3))
+    return next((name for name in files if name.startswith(folders) and name.endswith(target.suffix)), None)
 
 
 def _built(shipped: Path, library: Path, folder: Path, cache: Path) -> Path:

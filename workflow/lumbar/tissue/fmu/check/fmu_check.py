@@ -24,7 +24,7 @@ from lumbar.tissue.fmu.build.reference_response import (
     samples_within_range,
     scale_to,
 )
-from lumbar.tissue.fmu.check.lint import lint_fmu
+from lumbar.tissue.fmu.check.lint import open_fmu
 
 TOLERANCE = 1e-12
 """Largest error of a sound FMU, relative to the largest output."""
@@ -48,7 +48,7 @@ class Check:
     """What `largest_error` may be at most."""
     schema: list[str]
     lint: list[str]
-    """`schema`, `lint`: problems that fmpy's validation and `lint_fmu` found."""
+    """`schema`, `lint`: problems that fmpy's validation and `open_fmu` found."""
 
     def problems(self) -> list[str]:
         """Reasons why the FMU must not be used."""
@@ -160,7 +160,7 @@ def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: 
         largest_error=float(np.abs(simulated - reference).max() / (largest or 1.0)),
         tolerance=max(TOLERANCE, model.dynamics.rounding_bound(inputs, reference)),
         schema=list(validate_fmu(str(path))),
-        lint=lint_fmu(path),
+        lint=open_fmu(path)[1],
     )
 
 

@@ -7,7 +7,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from lumbar.base.errors import InputError
@@ -15,7 +16,24 @@ from lumbar.tissue.fmu.check import behaviour
 from lumbar.tissue.fmu.check.behaviour import SECONDS, result_file
 
 
-def play_libraries(jobs: Sequence[tuple[Path, ...]], work: Path) -> list[list[str]]:
+@contextmanager
+def waiting_player() -> Iterator[subprocess.Popen]:
+    """A process that makes itself ready to play while others prepare what; it ends with the block."""
+    # The scripts of the workflow find this package by sys.path, which a new process does not inherit.
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command, pipe = [sys.executable, "-m", behaviour.__name__], subprocess.PIPE
+    with subprocess.Popen(
+        command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=environment
+    ) as player:
+        try:
+            yield player
+        finally:
+            player.kill()
+
+
+def play_libraries(
+    jobs: Sequence[tuple[Path, ...]], work: Path, waiting: subprocess.Popen | None = None
+) -> list[list[str]]:
     """Return the problems that the libraries of these FMUs show.
 
     Libraries share a process: starting one costs more than playing a library. A library with which something is wrong ends it,
@@ -27,6 +45,8 @@ def play_libraries(jobs: Sequence[tuple[Path, ...]], work: Path) -> list[list[st
         Folder of an unzipped FMU; with a second one the two are compared.
     work : Path
         Folder for what the processes find.
+    waiting : subprocess.Popen, optional
+        A player that nobody has asked yet.
 
     Returns
     -------
@@ -42,30 +62,26 @@ def play_libraries(jobs: Sequence[tuple[Path, ...]], work: Path) -> list[list[st
     for number in range(len(jobs)):
         result_file(work, number).unlink(missing_ok=True)
     while rest := [number for number in range(len(jobs)) if number not in found]:
-        done = _process(work, {number: [str(folder) for folder in jobs[number]] for number in rest})
+        asked = {number: [str(folder) for folder in jobs[number]] for number in rest}
+        with nullcontext(waiting) if waiting else waiting_player() as player:
+            _, said = player.communicate(json.dumps([str(work), asked]))
+        waiting = None
         finished = [number for number in rest if result_file(work, number).is_file()]
         for number in finished:
             found[number] = json.loads(result_file(work, number).read_text(encoding="utf-8"))
         if not finished:
-            found[rest[0]] = [_failure(done)]
+            found[rest[0]] = [_failure(player.returncode, said)]
     return [found[number] for number in range(len(jobs))]
 
 
-def _process(work: Path, jobs: dict[int, list[str]]) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", behaviour.__name__, str(work), json.dumps(jobs)]
-    # The scripts of the workflow find this package by sys.path, which a new process does not inherit.
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-
-
-def _failure(done: subprocess.CompletedProcess) -> str:
+def _failure(status: int, said: str) -> str:
     """Why a process ended before its first library had been played."""
-    if done.returncode < 0:
-        if -done.returncode == signal.SIGKILL:  # which no library sends to itself
+    if status < 0:
+        if -status == signal.SIGKILL:  # which no library sends to itself
             raise InputError("the check was killed from outside, as where memory runs out; check again")
-        return f"the library crashes with signal {-done.returncode}; it must play"
-    if done.returncode and "Timeout (" in done.stderr:
+        return f"the library crashes with signal {-status}; it must play"
+    if status and "Timeout (" in said:
         return f"the library does not come back within {SECONDS} s; it must play a push in a second"
-    if done.returncode == 0:
+    if status == 0:
         return "the library ends the program that plays it; it must play"
-    raise InputError(f"the check itself failed:\n{done.stderr[-2000:]}")
+    raise InputError(f"the check itself failed:\n{said[-2000:]}")

@@ -1,0 +1,342 @@
+"""What an FMU tells in several places is held together: whatever is altered in one of them is named with that place."""
+
+import hashlib
+import json
+from functools import cache
+
+import pytest
+from c_programs import ON_LINUX
+from test_runtime_defects import DESCRIPTION, contents
+
+from lumbar.tissue.effects.catalogue import CATALOGUES
+from lumbar.tissue.fmu.check import agreement
+from lumbar.tissue.fmu.check.agreement import PAGE, hold_together
+from lumbar.tissue.fmu.conventions import EXPERIMENTS, MANIFEST, RECORD, REFERENCE, WITHOUT_EVENT_MODE
+
+pytestmark = ON_LINUX
+NUMBERS, SIZES = "sources/model_data.h", "sources/model_size.h"
+TERMINALS, BUILD = "terminalsAndIcons/terminalsAndIcons.xml", "sources/buildDescription.xml"
+LICENCE = "documentation/licenses/license.txt"
+STEPPING = 'canHandleVariableCommunicationStepSize="true"'
+GAIN = 'what a rise does" causality="parameter" variability="tunable" initial="exact"'
+ALTERED = {
+    DESCRIPTION: [
+        ("discrete at 0.01 s", "discrete at 0.001 s"),
+        ("it grows into the model", "it grows out of the model"),
+        ("Data: synthetic twin", "Data: patients of 2020"),
+        ("one sample late", "two samples late"),
+        ("0.1 to 5 Hz", "0.1 to 50 Hz"),
+        ("a positive force resists", "a negative force resists"),
+        ("where positive it resists", "where negative it resists"),
+        ("Largest magnitude", "Smallest magnitude"),
+        ('license="MIT', 'license="GPL'),
+        ("Copyright (c) 2026", "Copyright (c) 1999"),
+        (' author="The lumbar developers"', ""),
+        ('modelName="KB"', 'modelName="HO"'),
+        ('generationTool="lumbar', 'generationTool="another'),
+        ('version="0', 'version="9'),
+        ('NamingConvention="flat"', 'NamingConvention="structured"'),
+        ('name="logStatusWarning"', 'name="logEvents"'),
+        (STEPPING, STEPPING.replace("true", "false")),
+        (STEPPING, f'{STEPPING} needsExecutionTool="true"'),
+        (STEPPING, f'{STEPPING} canBeInstantiatedOnlyOncePerProcess="true"'),
+        (STEPPING, f'{STEPPING} maxOutputDerivativeOrder="2"'),
+        ('s="-2"', 's="-1"'),
+        ('factor="0.001"', 'factor="0.01"'),
+        ('<BaseUnit m="1"', '<DisplayUnit name="cm" factor="0.1" /><BaseUnit m="1"'),
+        ('startTime="0.0"', 'startTime="1.0"'),
+        ('stopTime="10.0"', 'stopTime="5.0"'),
+        ('stepSize="0.01"', 'stepSize="0.02"'),
+        ('stepSize="0.01"', 'stepSize="0.01" tolerance="1e-4"'),
+        ('causality="input" variability="discrete"', 'causality="input" variability="continuous"'),
+        ('causality="output" variability="discrete"', 'causality="output" variability="continuous"'),
+        (GAIN, GAIN.replace("tunable", "fixed")),
+        (GAIN, GAIN.replace("parameter", "calculatedParameter")),
+        ('initial="exact"', 'initial="approx"'),
+        ('nominal="15.0"', 'nominal="150.0"'),
+        ('min="-15.0"', 'min="-14.0"'),
+        ('max="10.0"', 'max="20.0"'),
+        ('start="1.0"', 'start="2.0"'),
+        ('unit="N"', 'unit="kN"'),
+        ('dependencies="1 3 4 5 6"', 'dependencies="3 4 5 6"'),
+        ('dependencies="1 3 4 5 6"', 'dependencies="1 3 4 5 6" dependenciesKind="constant"'),
+        ('"force_limit"', '"force_most"'),
+        ("growing position", "shrinking position"),
+        ('="lumbar">', '="other">'),
+    ],
+    PAGE: [
+        ("0.45 x1", "0.55 x1"),
+        ("<title>KB", "<title>HO"),
+        ("<strong>Data: synthetic twin", "<strong>Data: patients"),
+        ("a positive force resists", "a negative force resists"),
+        ("0.1 to 5 Hz", "0.1 to 50 Hz"),
+        ("last 3 samples", "last 5 samples"),
+        ("(30 ms)", "(3 ms)"),
+        ("|pole|: 0.45", "|pole|: 0.95"),
+        (", stable.", ", unstable."),
+        ("within ±force_limit", "within ±2 force_limit"),
+        ("every 0.01 s", "every 0.001 s"),
+        ("at 100 Hz", "at 1000 Hz"),
+        ("one sample late", "two samples late"),
+        ("<td>gain</td><td>parameter</td><td>1</td><td>1", "<td>gain</td><td>parameter</td><td>1</td><td>2"),
+        ("it grows into the model", "it grows out of the model"),
+        ("81.20 %", "91.20 %"),
+        ("<dd>0.27</dd>", "<dd>0.72</dd>"),
+        ("licence: MIT", "licence: proprietary"),
+        ("model version 0", "model version 9"),
+        ("<!-- Force (N) -->", "<!-- Force (mN) -->"),
+        ("</svg>", "</svg><svg></svg>"),
+    ],
+    LICENCE: [("MIT License", "GPL"), ("without limitation", "with some limitation")],
+    NUMBERS: [
+        ((1.9).hex(), (1.8).hex()),
+        ((1.9).hex(), (1.9 * (1 + 1e-8)).hex()),
+        (f".output_limit = {(15.0).hex()}", f".output_limit = {(20.0).hex()}"),
+        (".contact = 0", ".contact = 1"),
+        (".resistance = ", ".resistance = -"),
+        ('.token = "', '.token = "0'),
+    ],
+    SIZES: [("MODEL_WINDOW 3", "MODEL_WINDOW 4")],
+    "sources/sampled_force.c": [("/* ", "/* Not ")],
+    "sources/model_linear.c": [("return y;", "return z;")],
+    "sources/fmi2TypesPlatform.h": [("typedef double", "typedef float")],
+    "sources/fmi3.c": [
+        (
+            "fmi3Status fmi3EnterInitializationMode",
+            '__asm__(".incbin");\nfmi3Status fmi3EnterInitializationMode',
+        )
+    ],
+    REFERENCE[0]: [
+        ("time,position", "time,position_mm"),
+        ("\n0.05,", "\n0.051,"),
+        ("\n1.3,0.0", "\n1.3,0.1"),
+        ("\n0.01,0.0", "\n0.01,nan"),
+    ],
+    REFERENCE[1]: [("time,force", "time,torque"), ("\n0.01,", "\n"), ("\n", ",0\n")],
+    MANIFEST: [
+        ("</fmiReferences>", ""),
+        ("fmi-ls-ref", "fmi-ls-xcp"),
+        ("reference_input.csv", "input.csv"),
+        ('role="result"', 'role="testcase"'),
+        ('checksum="', 'checksum="0'),
+    ],
+    EXPERIMENTS: [
+        ('name="KB"', 'name="HO"'),
+        ('stepSize="0.01"', 'stepSize="0.001"'),
+        ("reference_output", "reference_input"),
+    ],
+    RECORD: [
+        ("synthetic twin", "another twin"),
+        ("81.2", "91.2"),
+        ("1.9", "1.8"),
+        ('"output_limit": 15.0', '"output_limit": 16.0'),
+        ('"runtime": {', '"spare": 1, "runtime": {'),
+        ('"runtime": {', '"data": "x", "runtime": {'),
+        ('"start": "offset"', '"start": "anywhere"'),
+        ('"models"', '"model"'),
+        ("{", "["),
+    ],
+}
+"""By file: what stands there, and what it is altered to."""
+FMI3 = {
+    DESCRIPTION: [
+        (
+            "providesDirectionalDerivatives",
+            'providesAdjointDerivatives="true" providesDirectionalDerivatives',
+        ),
+        (
+            "providesDirectionalDerivatives",
+            'providesPerElementDependencies="true" providesDirectionalDerivatives',
+        ),
+        ('hasEventMode="true"', 'hasEventMode="false"'),
+        ('mightReturnEarlyFromDoStep="true"', 'mightReturnEarlyFromDoStep="false"'),
+        ('fixedInternalStepSize="0.01"', 'fixedInternalStepSize="0.02"'),
+        (
+            '<InitialUnknown valueReference="2" dependencies="1',
+            '<InitialUnknown valueReference="2" dependencies="',
+        ),
+        ('"highest": 2.5', '"highest": 25'),
+        ('"prescribed": false', '"prescribed": true'),
+        ('unit="s"', 'unit="mm"'),
+    ],
+    TERMINALS: [
+        ('matchingRule="bus"', 'matchingRule="sequence"'),
+        ('matchingRule="bus"', 'matchingRule="bus" terminalKind="org.example.tool"'),
+        ('variableKind="signal"', 'variableKind="inflow"'),
+        ('memberName="force"', 'memberName="torque"'),
+        ('variableName="force"', 'variableName="torque"'),
+        ("The tool that touches", "The patient that touches"),
+        ("</Terminals>", ""),
+    ],
+    BUILD: [
+        ('modelIdentifier="KB"', 'modelIdentifier="KC"'),
+        ("C99", "C11"),
+        ("C99", 'C99" compilerOptions="-DX'),
+        ("</SourceFileSet>", '<SourceFile name="model_linear.c" /></SourceFileSet>'),
+    ],
+    WITHOUT_EVENT_MODE: [("\n0.01,0.0", "\n0.01,1.0")],
+}
+FMI2 = {
+    DESCRIPTION: [
+        (STEPPING, f'{STEPPING} canInterpolateInputs="true"'),
+        (STEPPING, f'{STEPPING} canRunAsynchronuously="true"'),
+        ('<File name="fmi3.c"', '<File name="fmi4.c"'),
+        ('resisting_sign="1"', 'resisting_sign="-1"'),
+        ('unit="mm" lowest', 'unit="m" lowest'),
+    ]
+}
+CASES = [
+    (version, path, *change)
+    for version, tables in ((3, (ALTERED, FMI3)), (2, (ALTERED, FMI2)))
+    for table in tables
+    for path, changes in table.items()
+    for change in changes
+]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def written_once():
+    """Write each model anew once for all tests: it takes longer than all that is tested."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(agreement, "_written", cache(agreement._written))
+        yield
+
+
+@pytest.fixture(scope="module")
+def sound(fmu_folder):
+    """Files of an FMU by version."""
+    return {version: contents(fmu_folder / f"KB_fmi{version}.fmu") for version in (2, 3)}
+
+
+def told(files: dict[str, bytes]) -> tuple[str, ...]:
+    return hold_together(files, CATALOGUES).problems
+
+
+@pytest.mark.parametrize(
+    ("version", "path", "before", "after"),
+    CASES,
+    ids=[f"{path}-{after}-fmi{v}" for v, path, _, after in CASES],
+)
+def test_what_is_altered_in_one_place_is_named_with_that_place(version, path, before, after, sound):
+    files = dict(sound[version])
+    files[path] = files[path].replace(before.encode(), after.encode())
+    assert files[path] != sound[version][path], f"{before} is not in {path}"
+    found = told(files)
+    assert any(path in sentence for sentence in found), found
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_files_that_are_missing_or_too_many_are_named(version, sound):
+    for path in (
+        set(sound[version])
+        - {DESCRIPTION}
+        - {name for name in sound[version] if name.startswith("binaries/")}
+    ):
+        found = told({name: content for name, content in sound[version].items() if name != path})
+        assert any(f"there is no {path}" in sentence for sentence in found), found
+    for path in ("README.txt", "documentation/manual.pdf", "resources/notes.txt", "sources/spare.c"):
+        assert told({**sound[version], path: b"x"}) == (f"{path} is no part of this FMU",)
+    icon = "model.png" if version == 2 else "terminalsAndIcons/icon.png"
+    assert told({**sound[version], icon: b"x"}) == (
+        f"{icon} is another picture (1 bytes); by {RECORD} it is one of 2357 bytes",
+    )
+    for broken in (b"{}", b"[]", b"null", b"\xff", b'{"written_by": "lumbar 0.1.0"}'):
+        assert len(told({**sound[version], RECORD: broken})) == 1
+
+
+def test_sentences_say_what_stands_there_and_what_should(sound):
+    files, record = sound[3], f"by {RECORD}"
+    for path, before, after, sentence in (
+        (
+            DESCRIPTION,
+            'start="1.0"',
+            'start="2.0"',
+            f"{DESCRIPTION}, ModelVariables, Float64 gain: start is '2.0'; {record} it is '1.0'",
+        ),
+        (
+            PAGE,
+            "(30 ms)",
+            "(3 ms)",
+            f"{PAGE}, line 15 is '…last 3 samples (3 ms) of position − p…'; {record} it is "
+            "'…last 3 samples (30 ms) of position − p…'",
+        ),
+        (
+            NUMBERS,
+            (15.0).hex(),
+            (20.0).hex(),
+            f"{NUMBERS}, line 13 is '.output_limit = 20.0, \\\\'; {record} it is '.output_limit = 15.0, \\\\'",
+        ),
+        (
+            REFERENCE[0],
+            "\n1.3,0.0",
+            "\n1.3,0.1",
+            f"{REFERENCE[0]}, line 132: position is 0.1; {record} it is 0.0",
+        ),
+        (
+            TERMINALS,
+            ' matchingRule="bus"',
+            "",
+            f"{TERMINALS}, Terminals, Terminal tool: matchingRule is missing; {record} it is 'bus'",
+        ),
+    ):
+        assert told({**files, path: files[path].replace(before.encode(), after.encode())}) == (sentence,)
+    record = json.loads(files[RECORD])
+    record["runtime"]["output_limit"] = 7.0
+    many = told({**files, RECORD: json.dumps(record).encode()})
+    assert many[-1].endswith(f"more differences from {RECORD}")
+
+
+def test_order_and_what_stands_twice_matter(sound):
+    lines = sound[3][DESCRIPTION].decode().splitlines(keepends=True)
+    offset, limit = (
+        next(k for k, line in enumerate(lines) if f'name="force_{name}"' in line)
+        for name in ("offset", "limit")
+    )
+    lines[offset], lines[limit] = lines[limit], lines[offset]
+    found = told({**sound[3], DESCRIPTION: "".join(lines).encode()})
+    assert found == (
+        f"{DESCRIPTION}, ModelVariables, Float64 force_limit is out of its order; by {RECORD} it is in the "
+        "order of the variables",
+    )
+    swapped = {REFERENCE[1]: sound[3][WITHOUT_EVENT_MODE], WITHOUT_EVENT_MODE: sound[3][REFERENCE[1]]}
+    assert {sentence.split(",")[0] for sentence in told({**sound[3], **swapped})} == set(swapped)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_digits_that_another_machine_rounds_otherwise_are_no_difference(version, sound):
+    """The last bits of numbers, the token that follows from them and the manifest's checksums."""
+    files = dict(sound[version])
+    files[NUMBERS] = files[NUMBERS].replace((1.9).hex().encode(), (1.9 + 4e-16).hex().encode())
+    files[REFERENCE[1]] = b"".join(
+        line.replace(b"5,", b"5000000000000001,") if line.startswith(b"0.0") else line
+        for line in files[REFERENCE[1]].splitlines(keepends=True)
+    )
+    old, new = (hashlib.sha3_256(content[REFERENCE[1]]).hexdigest() for content in (sound[version], files))
+    files[MANIFEST] = files[MANIFEST].replace(old.encode(), new.encode())
+    (problem,) = told(files)
+    token, own = problem.split("the token is ")[1].split("; that of the model and these sources is ")
+    files = {
+        name: text.replace(token.encode(), own.encode()).replace(
+            b"+" + token[:8].encode(), b"+" + own[:8].encode()
+        )
+        for name, text in files.items()
+    }
+    assert told(files) == ()
+
+
+def test_what_another_release_wrote_is_left_to_it(sound):
+    files = dict(sound[3])
+    release = b"0.0.9"
+    files[DESCRIPTION] = (
+        files[DESCRIPTION]
+        .replace(b"lumbar 0.1.0", b"lumbar " + release)
+        .replace(b'version="0.1.0+', b'version="' + release + b"+")
+    )
+    files[RECORD] = files[RECORD].replace(b"lumbar 0.1.0", b"lumbar " + release)
+    found = hold_together(files, CATALOGUES)
+    assert (found.problems, found.left_out) == (
+        (),
+        "what it says was not compared: lumbar 0.0.9 wrote it, this is lumbar 0.1.0",
+    )
+    del files[RECORD]
+    assert hold_together(files, CATALOGUES).left_out
