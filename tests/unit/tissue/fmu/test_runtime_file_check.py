@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 from c_programs import ON_LINUX
+from effect_entries import entry_of_effects
+from runtime_models import models_json
 from test_runtime_defects import BINARY, binary, contents, edited
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.settings.runtime import RuntimeSettings
+from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
+from lumbar.tissue.effects.catalogue import catalogue_with
 from lumbar.tissue.fmu.build.compiler import compile_library
 from lumbar.tissue.fmu.build.package import write_fmu
 from lumbar.tissue.fmu.build.sources import C_FILES, content_token, source_files
@@ -21,6 +24,7 @@ from lumbar.tissue.fmu.check.behaviour import first_difference, problems_of
 from lumbar.tissue.fmu.check.file_check import check_file, check_files
 from lumbar.tissue.fmu.check.instance import UnzippedFmu
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
+from lumbar.tissue.models.fitted_model import read_models
 
 pytestmark = ON_LINUX
 PAGE = "documentation/index.html"
@@ -373,8 +377,6 @@ def test_the_command_checks_files_and_folders(run, fmu_folder, tmp_path):
 
 
 def test_export_keeps_no_file_that_fails_its_check(tmp_path, zig_cache, monkeypatch):
-    from runtime_models import models_json
-
     from lumbar.base.files import write_json
     from lumbar.tissue.fmu.build import package
 
@@ -391,3 +393,22 @@ def test_export_keeps_no_file_that_fails_its_check(tmp_path, zig_cache, monkeypa
     with pytest.raises(InputError, match="must not be used"):
         lumbar.export_fmu(tmp_path / "models.json", tmp_path / "wrong", settings=settings)
     assert list((tmp_path / "wrong").iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["py", "yaml"])
+@pytest.mark.usefixtures("played_here")
+def test_an_effect_of_ones_own_is_held_together_with_its_file_or_carried(kind, project, zig_cache, tmp_path):
+    """The FMU carries it as data; in Python it is a program, which no file carries."""
+    own = project / "examples" / "own_effect" / f"hertzian_contact.{kind}"
+    catalogue = catalogue_with([own])
+    content = models_json(entry_of_effects("LE", {"hertzian_contact/sphere": ([0.4], [])}, catalogue))
+    models = read_models(content, {"tissue": catalogue})
+    settings = RuntimeSettings(compiler_cache=str(zig_cache), device=DeviceSettings(hands=0))
+    made = lumbar.export_fmu(models, tmp_path, settings=settings)
+    assert lumbar.check_fmu(made, effect_files=[own], settings=settings)[0].same_bytes
+    with (
+        nullcontext()
+        if kind == "yaml"
+        else pytest.raises(InputError, match="unknown effect 'hertzian_contact'")
+    ):
+        lumbar.check_fmu(made, settings=settings)
