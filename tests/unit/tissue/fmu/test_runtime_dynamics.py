@@ -129,7 +129,7 @@ def test_rate_of_the_configuration_is_that_of_the_fmu():
 
 
 def simulate(system, inputs):
-    return control.forced_response(system, inputs=inputs).outputs
+    return control.forced_response(control.StateSpace(*system, True), inputs=inputs).outputs
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,6 @@ def test_transfer_function_is_that_of_python_control():
     """Observer form and `control.tf`, which know nothing of each other, respond alike at every frequency."""
     numerator, denominator = (1.9, -2.9, 1.1), (1.0, -1.5, 0.57)
     z = np.exp(1j * np.linspace(0.01, np.pi, 50))
-    system = observer_form(TransferFunction(numerator, denominator), 0.01)
-    assert system.dt == 0.01
+    system = control.StateSpace(*observer_form(TransferFunction(numerator, denominator)), 0.01)
     np.testing.assert_allclose(system(z), control.tf(numerator, denominator, 0.01)(z), rtol=1e-10)
     np.testing.assert_allclose(np.sort(system.poles()), np.sort(np.roots(denominator)), rtol=1e-12)

@@ -24,10 +24,9 @@ from runtime_models import (
     put,
     selected,
 )
-from test_runtime_defects import BINARY, contents, edited
+from test_runtime_defects import BINARY, contents
 from test_runtime_file_check import CORE, defective, played_here  # noqa: F401 - a fixture
 
-from lumbar import __version__
 from lumbar.tissue.fmu.build.package import export_fmus, write_fmu
 from lumbar.tissue.fmu.check.file_check import check_each, check_file
 from study_settings import changed
@@ -289,16 +288,6 @@ PASSIVE = {
         "built from the FMU's own sources",
     ),
 }
-TEXTS = {
-    "a force that pulls in its own words": (
-        edited("where positive it resists", "where negative it resists"),
-        "its description says",
-    ),
-    "version of another model": (
-        edited(f'version="{__version__}+', f'version="{__version__}+f'),
-        "it must end with +",
-    ),
-}
 
 
 @pytest.fixture(scope="module")
@@ -353,29 +342,6 @@ def test_energy_must_be_what_is_taken_in(
     path = put_in(passive_folder / f"KB_fmi{version}.fmu", library, version, tmp_path)
     found = check_file(path, zig_cache).problems
     assert any(words in text for text in found), found
-
-
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("name", TEXTS)
-def test_words_must_be_the_numbers(name, version, fmu_folder, zig_cache, tmp_path):
-    change, words = TEXTS[name]
-    files = contents(fmu_folder / f"KB_fmi{version}.fmu")
-    change(files, version)
-    write_fmu(tmp_path / f"KB_fmi{version}.fmu", files)
-    found = check_file(tmp_path / f"KB_fmi{version}.fmu", zig_cache).problems
-    assert any(words in text for text in found), found
-
-
-def test_sources_need_no_options(fmu_folder, zig_cache, tmp_path):
-    files = contents(fmu_folder / "KB_fmi3.fmu")
-    options = edited(
-        'language="C99"', 'language="C99" compilerOptions="-ffast-math"', "sources/buildDescription.xml"
-    )
-    options(files, 3)
-    write_fmu(tmp_path / "KB_fmi3.fmu", files)
-    assert any(
-        "compiler options" in text for text in check_file(tmp_path / "KB_fmi3.fmu", zig_cache).problems
-    )
 
 
 def test_of_several_libraries_the_right_one_is_to_blame(

@@ -129,7 +129,9 @@ class FittedModel(ModelData):
         if isinstance(self.structure, TransferFunction):
             from lumbar.tissue.models.transfer_function import observer_form
 
-            return observer_form(self.structure, self.sampling_time)
+            return control.StateSpace(
+                *observer_form(self.structure), dt=self.sampling_time, remove_useless_states=False
+            )
         system = self.to_control()
         if len(system.num[0][0]) > len(system.den[0][0]):
             raise NumericalError(

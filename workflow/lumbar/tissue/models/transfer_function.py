@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-
-if TYPE_CHECKING:
-    import control
 
 
 @dataclass(frozen=True)
@@ -97,28 +94,39 @@ class TransferFunction:
         return max(len(self.numerator), len(self.denominator)) - 1
 
 
-def observer_form(discrete: TransferFunction, sampling_time: float | bool = True) -> control.StateSpace:
+class StateSpace(NamedTuple):
+    """x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k]; shapes (n, n), (n, 1), (1, n) and (1, 1)."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+    @property
+    def nstates(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of A, complex; shape (n,)."""
+        return np.linalg.eigvals(self.A).astype(complex)
+
+
+def observer_form(discrete: TransferFunction) -> StateSpace:
     """Return the observer canonical form (Eqs 3.17 and 3.18 of the thesis), i.e. direct form II transposed.
 
     Its states are partial sums of the output, so that they have the size of the output; those of the controllable
     canonical form, which `control.ss` makes of a transfer function, are inputs filtered by 1/denominator and grow large
     where poles lie close to z = 1.
 
-    It has ``discrete.largest_lag`` states, trailing zeros left out. `sampling_time` is in seconds; True where it does
-    not matter.
+    It has ``discrete.largest_lag`` states, trailing zeros left out.
     """
-    import control
-
     b, a = aligned_coefficients(discrete)
     order = len(a) - 1
-    if not order:
-        return control.StateSpace([], [], [], [b], dt=sampling_time)
     matrix = np.eye(order, k=1)
-    matrix[:, 0] = -a[1:]
+    matrix[:, :1] = -a[1:, None]
     column, row = b[1:] - a[1:] * b[0], np.eye(1, order)
-    return control.StateSpace(
-        matrix, column[:, None], row, [[b[0]]], dt=sampling_time, remove_useless_states=False
-    )
+    return StateSpace(matrix, column[:, None], row, np.array([[b[0]]]))
 
 
 def aligned_coefficients(discrete: TransferFunction) -> tuple[np.ndarray, np.ndarray]:

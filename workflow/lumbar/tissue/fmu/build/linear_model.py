@@ -5,15 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.tissue.models.transfer_function import TransferFunction, observer_form
-
-if TYPE_CHECKING:
-    import control
+from lumbar.tissue.models.transfer_function import StateSpace, TransferFunction, observer_form
 
 MAX_STATES = 16
 _NEAR_ONE = 1e-9
@@ -40,7 +36,7 @@ class LinearModel:
     histories = ()
 
     @cached_property
-    def state_space(self) -> control.StateSpace:
+    def state_space(self) -> StateSpace:
         """The model as Eqs 3.17 and 3.18 of the thesis."""
         return observer_form(TransferFunction(self.numerator, self.denominator))
 
