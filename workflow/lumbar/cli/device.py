@@ -79,6 +79,7 @@ def run_render(options) -> None:
         damping_N_s_m=options.damping,
         hand_stiffness_N_m=options.hand,
         rate_Hz=options.rate,
+        trust=options.trust,
         effect_files=settings.improvement.effect_files,
         settings=settings.runtime,
     )

@@ -58,7 +58,7 @@ CONFIG = path(
 TRUST = option(
     "--trust",
     action="store_true",
-    help="run Python that settings from outside of this project name as an effect",
+    help="run programs from outside of this project: Python that settings name as an effect, libraries in FMUs",
 )
 
 

@@ -119,7 +119,9 @@ def run_check(options) -> None:
         from lumbar.interface.device import check_fmu
 
         own = settings.improvement.effect_files
-        for check in check_fmu(fmus, key=options.key, effect_files=own, settings=settings.runtime):
+        for check in check_fmu(
+            fmus, key=options.key, trust=options.trust, effect_files=own, settings=settings.runtime
+        ):
             print(f"runtime: {check}")
     plan = [_reading(file, options.chapter, settings) for file in files if not _is_fmu(file)]
     for chapter, recordings in check_recordings(plan, read_upright).items():
@@ -176,8 +178,8 @@ def _line(description: dict) -> str:
 
 CHECK = Command(
     "check",
-    "read recordings and FMUs and describe them, or tell every problem of every file; the library in an FMU is a program "
-    "and is run, so check only files that you would run",
+    "read recordings and FMUs and describe them, or tell every problem of every file; the library in an FMU is a program, "
+    "run where this machine makes the same of its record, where --key vouches for it, or with --trust",
     "lumbar check recordings/tissue\n  lumbar check --chapter survey survey.csv\n  lumbar check fmu/KB_fmi3.fmu",
     run_check,
     (

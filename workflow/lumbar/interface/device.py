@@ -27,6 +27,8 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
     Parameters
     ----------
     path : path
+    trust : bool
+        Whether libraries of anybody are run.
     effect_files : iterable of path, optional
         Files with effects of your own that the models have and the file does not carry: those in Python.
 
@@ -168,6 +170,7 @@ def check_fmu(
     path: str | os.PathLike | Iterable[str | os.PathLike],
     *,
     key: str | os.PathLike | None = None,
+    trust: bool = False,
     effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
 ) -> list[FileCheck]:
@@ -175,7 +178,8 @@ def check_fmu(
 
     All that a file says follows from its record, ``resources/model.json``: it is written anew from that and compared.
 
-    The library in an FMU is a program and is run, as every importer does: check only files that you would run.
+    The library in an FMU is a program. It is run where it is, to the byte, what this machine makes of the file's
+    record, where a key vouches for the file, or where it is trusted; else all but the library is checked.
 
     Parameters
     ----------
@@ -213,7 +217,7 @@ def check_fmu(
     paths = [Path(item) for item in ([path] if isinstance(path, str | os.PathLike) else path)]
     cache = cache_folder((settings or RuntimeSettings()).compiler_cache)
     if key is None:
-        return check_files(paths, cache, known)
+        return check_files(paths, cache, known, trust=trust)
     from lumbar.tissue.fmu.signature import verify
 
     signers = verify(paths, Path(key))
@@ -230,6 +234,7 @@ def render(
     damping_N_s_m: float | None = None,
     hand_stiffness_N_m: float | None = None,
     rate_Hz: float | None = None,
+    trust: bool = False,
     effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
     data: str = "",
@@ -253,6 +258,9 @@ def render(
         Of the device; default the settings' ``device``.
     rate_Hz : float, optional
         Of the servo loop.
+    trust : bool
+        Of an FMU: whether its library is run, whoever made it; else that alone which this machine makes of the
+        file's record to the byte, and of any other file the record is judged.
     effect_files : iterable of path, optional
         Of a file: files with effects of your own.
     settings : RuntimeSettings, optional
@@ -291,7 +299,8 @@ def render(
     if isinstance(model, str | os.PathLike) and Path(model).suffix == ".fmu":
         from lumbar.tissue.haptics.judgement import judge_fmu
 
-        return Rendering((judge_fmu(Path(model), settings),), (), settings, data or Path(model).name)
+        judgement, remarks = judge_fmu(Path(model), settings, trust, effect_files)
+        return Rendering((judgement,), remarks, settings, data or Path(model).name)
     fitted, read_from = chosen_models(model, settings, names, trained_on, effect_files)
     found = rendering_of(fitted, settings, data or read_from)
     if not len(found):
@@ -315,7 +324,7 @@ class Rendering(Result):
     """``analysis`` (damping needed, largest stable gain), ``run`` (the simulated loop) and the lowest safe rates of each
     model at each rate."""
     refused: tuple[str, ...]
-    """Why models have no counterpart at a rate."""
+    """Why models have no counterpart at a rate, or an FMU was judged without its library."""
     settings: RuntimeSettings
     """With the device."""
     data: str

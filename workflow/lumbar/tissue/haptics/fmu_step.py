@@ -121,11 +121,22 @@ class UnpackedFmu:
         return 1.0 if told.get("prescribed") else float(told["resisting_sign"])
 
 
+def check_rendered(path: Path) -> None:
+    """Look for a file that can be none for FMI 3.0.
+
+    Raises
+    ------
+    InputError
+        If it is not there, or is one for FMI 2.0.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; 'lumbar export' makes <model>_fmi3.fmu")
+
+
 def _description(path: Path) -> ModelDescription:
     import fmpy
 
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; 'lumbar export' makes <model>_fmi3.fmu")
+    check_rendered(path)
     description = fmpy.read_model_description(str(path))
     version = description.fmiVersion
     if not version.startswith("3"):

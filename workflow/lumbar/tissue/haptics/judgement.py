@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +16,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.fmu.conventions import RECORD
 from lumbar.tissue.haptics.closed_loop import largest_stable_gain
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import RenderedModel, export_at, render_model, scale_of
@@ -280,19 +283,37 @@ def worst_run(fmu: UnpackedFmu, meets: RenderedModel, device: DeviceSettings) ->
     return max(runs, key=lambda run: (not run.calm, run.peak_to_peak))
 
 
-def judge_fmu(path: Path, settings: RuntimeSettings) -> Judgement:
-    """Judge an FMU for FMI 3.0 at its own rate.
+def judge_fmu(
+    path: Path, settings: RuntimeSettings, trust: bool = False, effect_files: Iterable[str | os.PathLike] = ()
+) -> tuple[Judgement, tuple[str, ...]]:
+    """Judge an FMU for FMI 3.0 at its own rate; the judgement, and what to know of it.
+
+    Its library is run as `lumbar.tissue.fmu.check.file_check.check_each` runs it; else its record is judged.
 
     Raises
     ------
     InputError
-        If the file cannot be rendered.
+        If the file is not sound, or cannot be rendered.
     """
-    from lumbar.tissue.haptics.fmu_step import UnpackedFmu
+    from lumbar.tissue.effects.catalogue import catalogues_with
+    from lumbar.tissue.fmu.build.compiler import cache_folder
+    from lumbar.tissue.fmu.build.record import read_record
+    from lumbar.tissue.fmu.check.file_check import UNKNOWN, check_files
+    from lumbar.tissue.fmu.check.lint import open_fmu
+    from lumbar.tissue.haptics.fmu_step import UnpackedFmu, check_rendered
 
+    check_rendered(path)
+    known = catalogues_with(list(effect_files))
+    (check,) = check_files([path], cache_folder(settings.compiler_cache), known, False, trust)
+    if check.unknown:
+        if check.left_out:
+            raise InputError(f"{path}: {check.left_out}; {UNKNOWN}")
+        model, *_ = read_record(json.loads(open_fmu(path)[0][RECORD]), known)
+        return judge_exported(model, settings), (f"{path.name} was judged by its record: {UNKNOWN}",)
     with UnpackedFmu(path) as fmu:
         meets = fmu.rendered(settings.device)
-        return Judgement(meets, analyse(meets, settings.device), worst_run(fmu, meets, settings.device))
+        run = worst_run(fmu, meets, settings.device)
+        return Judgement(meets, analyse(meets, settings.device), run), ()
 
 
 def oscillating_and_calm(judgements: Sequence[Judgement]) -> tuple[Judgement, Judgement] | None:

@@ -6,10 +6,10 @@ import shutil
 import tempfile
 import xml.etree.ElementTree as ElementTree
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.tissue.effects.catalogue import CATALOGUES
@@ -21,6 +21,13 @@ from lumbar.tissue.fmu.check.playing import play_libraries, waiting_player
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.model_entry import Catalogues
 from lumbar.tissue.models.structure import Structure
+
+Files = Mapping[str, bytes]
+"""Contents of an FMU by their path in it."""
+UNKNOWN = (
+    "its library is not the one that this version makes of its record, nobody vouches for it, and it was not run: lumbar check "
+    "--key KEY.pub runs what its owner signed, --trust anything"
+)
 
 
 @dataclass(frozen=True)
@@ -36,12 +43,16 @@ class FileCheck:
     """Whether the library built from the sources is the shipped one to the byte; else its forces are."""
     left_out: str = ""
     """What it says that could not be held together, and why."""
+    unknown: bool = False
+    """Whether there was a library that nobody vouches for, which was not run."""
     signed_with: str = ""
     """Key that it was signed with, where that was asked."""
 
     def __str__(self) -> str:
         """One line for a sound file."""
-        found = "sound as a file; it has no library for this machine to play"
+        found = (
+            f"sound as a file; {UNKNOWN if self.unknown else 'it has no library for this machine to play'}"
+        )
         if self.played:
             built = "the same library" if self.same_bytes else "a library of the same forces"
             found = f"sound; plays its reference, and its sources give {built}"
@@ -66,7 +77,11 @@ def check_file(path: Path, cache: Path) -> FileCheck:
 
 
 def check_each(
-    paths: list[Path], cache: Path, catalogues: Catalogues = CATALOGUES, built_anew: bool = True
+    paths: list[Path],
+    cache: Path,
+    catalogues: Catalogues = CATALOGUES,
+    built_anew: bool = True,
+    trust: bool = True,
 ) -> list[FileCheck]:
     """Check files as `check_file` does; what is slow to start is started once for all.
 
@@ -76,6 +91,8 @@ def check_each(
         Effects of every system that the models may have.
     built_anew : bool
         Whether the library is held to the sources beside it: not where it has just been made of them.
+    trust : bool
+        Whether any library is run; else that alone which is, to the byte, what this machine makes of sources that are known.
     """
     for path in paths:
         if not path.is_file():
@@ -89,6 +106,12 @@ def check_each(
             sound = [
                 number for number, check in enumerate(checks) if libraries[number] and not check.problems
             ]
+            if not trust:
+                for number in sound:
+                    files, name = opened[number][0], str(libraries[number])
+                    known = not checks[number].left_out and _compiled(files, name, cache) == files[name]
+                    checks[number] = replace(checks[number], unknown=not known)
+                sound = [number for number in sound if not checks[number].unknown]
             for number in sound:
                 with zipfile.ZipFile(paths[number]) as archive:
                     archive.extractall(work / f"shipped-{number}")
@@ -96,8 +119,13 @@ def check_each(
         for number, problems in zip(sound, found, strict=True):
             checks[number] = replace(checks[number], problems=tuple(problems), played=True)
             if built_anew and not problems:
-                library = work / f"shipped-{number}" / str(libraries[number])
-                checks[number] = _built_anew(checks[number], work, number, library, cache)
+                checks[number] = _built_anew(
+                    checks[number],
+                    opened[number][0],
+                    str(libraries[number]),
+                    work / f"shipped-{number}",
+                    cache,
+                )
     return checks
 
 
@@ -110,23 +138,30 @@ def _said(path: Path, files: dict[str, bytes], problems: list[str], catalogues: 
     return FileCheck(path, said.problems, left_out=said.left_out)
 
 
-def _built_anew(check: FileCheck, work: Path, number: int, library: Path, cache: Path) -> FileCheck:
+def _built_anew(check: FileCheck, files: Files, library: str, shipped: Path, cache: Path) -> FileCheck:
     """The check with what the FMU's own sources give: the same bytes, or the same forces."""
-    shipped, folder = work / f"shipped-{number}", work / f"built-{number}"
     try:
-        built = _built(shipped, library, folder, cache)
+        built = _compiled(files, library, cache)
     except InputError as error:
         return replace(check, problems=(f"sources: {error}",))
-    if built.read_bytes() == library.read_bytes():
+    if built == files[library]:
         return replace(check, same_bytes=True)
-    return replace(check, problems=tuple(play_libraries([(shipped, folder)], work)[0]))
+    folder = shipped.with_name(f"built-{shipped.name}")
+    shutil.copytree(shipped, folder, ignore=shutil.ignore_patterns("sources", "binaries", "documentation"))
+    (folder / library).parent.mkdir(parents=True)
+    (folder / library).write_bytes(built)
+    return replace(check, problems=tuple(play_libraries([(shipped, folder)], shipped.parent)[0]))
 
 
 def check_files(
-    paths: Iterable[Path], cache: Path, catalogues: Catalogues = CATALOGUES, built_anew: bool = True
+    paths: Iterable[Path],
+    cache: Path,
+    catalogues: Catalogues = CATALOGUES,
+    built_anew: bool = True,
+    trust: bool = True,
 ) -> list[FileCheck]:
     """Check FMUs and raise one error with all problems of all of them; parameters as of `check_each`."""
-    checks = check_each(list(paths), cache, catalogues, built_anew)
+    checks = check_each(list(paths), cache, catalogues, built_anew, trust)
     wrong = [check for check in checks if check.problems]
     problems = Problems(wrong[0].path.name if len(wrong) == 1 else "FMUs that must not be used")
     for check in wrong:
@@ -169,24 +204,24 @@ def _library(files: Iterable[str]) -> str | None:
     return next((name for name in files if name.startswith(folders) and name.endswith(target.suffix)), None)
 
 
-def _built(shipped: Path, library: Path, folder: Path, cache: Path) -> Path:
-    """Build the library from the FMU's own sources into a copy of the FMU without them."""
-    shutil.copytree(shipped, folder, ignore=shutil.ignore_patterns("sources", "binaries", "documentation"))
-    built = folder / "binaries" / library.parent.name / library.name
-    built.parent.mkdir(parents=True)
+def _compiled(files: Files, library: str, cache: Path) -> bytes:
+    """Library for this machine of an FMU's own sources."""
     # buildDescription.xml is FMI 3.0's alone and nothing to compile.
-    files = sorted(file for file in (shipped / "sources").iterdir() if file.suffix != ".xml")
-    sources = tuple((file.name, file.read_bytes()) for file in files)
-    built.write_bytes(library_of(sources, _listed(shipped), library.name, host_target(), cache))
-    return built
+    sources = tuple(
+        (name.removeprefix("sources/"), content)
+        for name, content in sorted(files.items())
+        if name.startswith("sources/") and not name.endswith(".xml")
+    )
+    return library_of(sources, _listed(files), PurePosixPath(library).name, host_target(), cache)
 
 
-def _listed(folder: Path) -> tuple[str, ...]:
+def _listed(files: Files) -> tuple[str, ...]:
     """C files that the FMU says it is built of, in its order."""
-    build = folder / "sources" / "buildDescription.xml"
-    if build.is_file():
-        names = [item.get("name", "") for item in ElementTree.parse(build).iter("SourceFile")]
+    build = files.get("sources/buildDescription.xml")
+    if build is not None:
+        found = ElementTree.fromstring(build).iter("SourceFile")
     else:
-        root = ElementTree.parse(folder / "modelDescription.xml").getroot()
-        names = [item.get("name", "") for item in root.iterfind("CoSimulation/SourceFiles/File")]
-    return tuple(names)
+        found = ElementTree.fromstring(files["modelDescription.xml"]).iterfind(
+            "CoSimulation/SourceFiles/File"
+        )
+    return tuple(item.get("name", "") for item in found)

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
+from lumbar.base.files import LARGEST_FILE
 from lumbar.tissue.fmu.build.compiler import TARGETS
 
 _UNIVERSAL = b"\xca\xfe\xba\xbe"
@@ -41,6 +42,11 @@ def open_fmu(path: Path) -> tuple[dict[str, bytes], list[str]]:
     """
     try:
         with zipfile.ZipFile(path) as archive:
+            size = sum(item.file_size for item in archive.infolist())
+            if size > LARGEST_FILE:
+                return {}, [
+                    f"the archive unpacks to {size / 1e6:.0f} MB; at most {LARGEST_FILE // 1_000_000} MB are read"
+                ]
             names = archive.namelist()
             files = {name: archive.read(name) for name in names}
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
