@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lumbar.cli.options import OUTPUT, OUTPUT_OR_PRINTED, Command, given_settings, option, path
+from lumbar.cli.options import OUTPUT, OUTPUT_OR_PRINTED, Command, given_settings, option, path, say_what_runs
 
 TRAINED_ON = option(
     "--trained-on",
@@ -71,6 +71,7 @@ def run_render(options) -> None:
     from lumbar.interface.device import render
 
     settings = given_settings(options)
+    say_what_runs([options.models] if options.models.suffix == ".fmu" else [], options.trust)
     found = render(
         options.models,
         options.model,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,6 +61,13 @@ TRUST = option(
     action="store_true",
     help="run programs from outside of this project: Python that settings name as an effect, libraries in FMUs",
 )
+
+
+def say_what_runs(fmus: list[Path], trust: bool) -> None:
+    """Say before it happens that libraries of anybody are run."""
+    if fmus and trust:
+        names = ", ".join(file.name for file in fmus)
+        print(f"--trust: the program in {names} is run with your rights, whoever made it", file=sys.stderr)
 
 
 def given_settings(options: argparse.Namespace) -> StudySettings:

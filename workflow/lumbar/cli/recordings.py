@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.cli.options import Command, given_settings, option, path
+from lumbar.cli.options import Command, given_settings, option, path, say_what_runs
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
@@ -118,6 +118,7 @@ def run_check(options) -> None:
     if fmus:
         from lumbar.interface.device import check_fmu
 
+        say_what_runs(fmus, options.trust)
         own = settings.improvement.effect_files
         for check in check_fmu(
             fmus, key=options.key, trust=options.trust, effect_files=own, settings=settings.runtime

@@ -13,6 +13,7 @@ from test_runtime_defects import BINARY, binary, contents, edited
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.cli.command import main
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.effects.catalogue import catalogue_with
 from lumbar.tissue.fmu.build.compiler import compile_library
@@ -412,3 +413,38 @@ def test_an_effect_of_ones_own_is_held_together_with_its_file_or_carried(kind, p
         else pytest.raises(InputError, match="unknown effect 'hertzian_contact'")
     ):
         lumbar.check_fmu(made, settings=settings)
+
+
+def test_a_library_that_nobody_vouches_for_is_not_run(
+    fmu_models, fmu_folder, zig_cache, workshop, tmp_path, capsys
+):
+    """Loading it is running it: this one writes a file when it is loaded."""
+    model, sound = next(item for item in fmu_models if item.name == "KB"), fmu_folder / "KB_fmi3.fmu"
+    sign = tmp_path / "ran"
+    begun = f'__attribute__((constructor)) static void begun(void) {{ fclose(fopen("{sign}", "w")); }}'
+    changes = {"#include <float.h>": f"#include <float.h>\n#include <stdio.h>\n{begun}"}
+    library = defective(model, CORE, changes, zig_cache, workshop)
+    foreign = tmp_path / sound.name
+    write_fmu(foreign, {**contents(sound), BINARY[3]: library})
+    settings = tmp_path / "settings.yaml"
+    settings.write_text(f"runtime: {{compiler_cache: {zig_cache}}}", encoding="utf-8")
+    configured = ["--config", str(settings)]
+    assert main(["check", str(foreign), *configured]) == 0
+    assert "nobody vouches for it" in capsys.readouterr().out
+    assert main(["render", str(foreign), *configured]) == 0
+    by_record = capsys.readouterr().out
+    assert "was judged by its record" in by_record
+    assert not sign.exists()
+    assert main(["render", str(sound), *configured]) == 0
+    played = capsys.readouterr().out
+    assert played.split("; simulated")[0].split("largest")[1] in by_record
+    assert main(["check", str(foreign), "--trust", *configured]) == 0
+    assert "the program in KB_fmi3.fmu is run with your rights" in capsys.readouterr().err
+    assert sign.exists()
+    outside = tmp_path / "outside.fmu"
+    described = contents(sound)["modelDescription.xml"].replace(
+        b'modelIdentifier="KB"', b'modelIdentifier="../../KB"'
+    )
+    write_fmu(outside, {**contents(sound), "modelDescription.xml": described})
+    assert main(["render", str(outside), "--trust", *configured]) == 1
+    assert "modelIdentifier '../../KB' is no C identifier" in capsys.readouterr().err
