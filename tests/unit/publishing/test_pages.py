@@ -41,6 +41,7 @@ from lumbar.tissue.identification.metrics import variance_accounted_for
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.signals.settling import settling_time
 from lumbar.twin.examples import example_records
 
 SIGMA = 0.02
@@ -247,7 +248,7 @@ def test_every_model_of_the_search_is_drawn_as_its_fit_simulates_it(diagnosis, p
         for item in diagnosis.verdict.experiment.records:
             simulated = candidates[model.key].fit.simulate(Motion.of(item))
             assert np.allclose(model.values[item.name], simulated, rtol=1e-5, atol=1e-6)
-            first = round(0.5 / item.sampling_time)
+            first = round(settling_time(item) / item.sampling_time)
             vaf = variance_accounted_for(item["output"][first:], simulated[first:])
             assert model.merits[item.name]["vaf"] == pytest.approx(vaf)
 
@@ -261,7 +262,8 @@ def test_the_thesis_s_models_stand_beside_as_identify_finds_them(page):
         for name in ("KB", "HO"):
             simulated = found.get(name, estimator).simulate(records[1])
             assert np.allclose(shown[f"{name}:{estimator}"].values["other"], simulated, rtol=1e-5, atol=1e-6)
-    unseen = records[1]["output"][25:] - found["KB"].simulate(records[1])[25:]
+    first = round(settling_time(records[1]) / records[1].sampling_time)
+    unseen = records[1]["output"][first:] - found["KB"].simulate(records[1])[first:]
     assert shown["KB:arx"].test_rms == pytest.approx(np.sqrt(np.mean(unseen**2)))
     assert shown["IL:given"].group.endswith("given")
 

@@ -136,10 +136,11 @@ def test_sixty_samples_at_ten_hertz_are_located():
     assert str(slow.add().locate())
 
 
-def test_sixty_samples_at_a_hundred_hertz_are_too_few():
-    position = np.cumsum(noise(60, 5))
-    with pytest.raises(InputError, match="too short"):
-        lumbar.diagnose([record(position, relaxing_force(position))])
+@pytest.mark.parametrize("step", [0.1, 0.01])
+def test_fifty_samples_are_too_few_at_any_rate(step):
+    position = np.cumsum(noise(50, 5))
+    with pytest.raises(InputError, match=r"50 samples are too few.*48 follow.*record longer or faster"):
+        lumbar.diagnose([_at(record(position, relaxing_force(position)), step)])
 
 
 def test_values_that_are_all_equal_are_refused(tmp_path):

@@ -81,7 +81,7 @@ def locate(
     >>> records = example_records()
     >>> found = lumbar.locate(records, lumbar.refine(records, []).model)
     >>> print(found["other"].location.sentences[0].split(";")[0])
-    other: 0.224 N of the error's 0.224 N are not noise
+    other: 0.224 N of the error's 0.225 N are not noise
     """
     return Locations(*_on_records(records, model, train, settings, data))
 

@@ -56,7 +56,7 @@ def identify(
     >>> from lumbar.twin.examples import example_records
     >>> found = lumbar.identify(example_records(), "multisine")
     >>> found["KB"]
-    <FittedModel KB, arx on multisine, VAF 94.45 %>
+    <FittedModel KB, arx on multisine, VAF 94.52 %>
     >>> stiffness = found["KB"]["spring_stiffness"]
     >>> f"{stiffness.value:.2f} {stiffness.unit}"
     '0.62 N/mm'

@@ -52,8 +52,8 @@ def refine(
     >>> from lumbar.twin.examples import example_records
     >>> refined = lumbar.refine(example_records(), ["coulomb_friction"])
     >>> print(str(refined).partition("Verdict")[0].rstrip())
-    KB: 0.2309 N in training, 0.2238 unseen
-    + coulomb_friction: 0.009905 N in training, 0.009905 unseen (-96 %)
+    KB: 0.2299 N in training, 0.2247 unseen
+    + coulomb_friction: 0.00989 N in training, 0.009904 unseen (-96 %)
     Noise floor: 0.0101 N (0.00961 to 0.0106) from 5 periods of 4 s.
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
