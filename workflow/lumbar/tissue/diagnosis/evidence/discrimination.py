@@ -36,8 +36,9 @@ _ONSET = 10.0
 """Times in which the machine turns, over which motion sets in after rest."""
 REFITTED = 4
 """How many excitations, the best to first order, are judged with full refits."""
-CLEAR = 6.0
-"""Noise standard deviations that are enough; beyond it an excitation within the range already recorded is preferred."""
+CLEAR, CLEARER = 6.0, 2.0
+"""Noise standard deviations, and times those of the record that left the tie, that are enough: an excitation beyond both is
+preferred within the range already recorded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,16 +263,14 @@ def separating_excitation(diagnosis: Verdict, limits: Kinematics | None = None) 
         return min(_left_to_first_order(model, rival.fit, data) for rival in rivals)
 
     ranked = sorted(((first_order(item), item) for item in family), key=lambda pair: -pair[0].rms)
+    own = ExcitationCandidate(training.name, training.motion, True)
+    recorded = _judged(model, rivals, own, training.whitening)[0].distance(noise)
     inside = [pair for pair in ranked if pair[1].within]
-    enough = inside and inside[0][0].distance(noise) > CLEAR
+    enough = inside and inside[0][0].distance(noise) > max(CLEAR, CLEARER * recorded)
     chosen = [item for _, item in (inside if enough else ranked)[:REFITTED]]
     found = [(*_judged(model, rivals, item, training.whitening), item) for item in chosen]
     left, closest, excitation = max(found, key=lambda item: item[0].rms)
-    own = ExcitationCandidate(training.name, training.motion, True)
-    recorded = _judged(model, rivals, own, training.whitening)[0]
-    return Separation(
-        excitation, left.distance(noise), left.rms, recorded.distance(noise), closest, len(family)
-    )
+    return Separation(excitation, left.distance(noise), left.rms, recorded, closest, len(family))
 
 
 @dataclass(frozen=True, order=True)
