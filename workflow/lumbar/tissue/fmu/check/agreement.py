@@ -50,7 +50,14 @@ def hold_together(files: Mapping[str, bytes], catalogues: Catalogues) -> Agreeme
         if said.problems or said.left_out:
             return said
         problems = list(_problems(files, root, *read_record(record, catalogues)))
-    except (AttributeError, KeyError, TypeError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (
+        AttributeError,
+        KeyError,
+        TypeError,
+        RecursionError,
+        UnicodeDecodeError,
+        json.JSONDecodeError,
+    ) as error:
         return Agreement((f"{RECORD} is no record of an FMU: {error!r}",))
     except Exception as error:
         words = user_message(error)

@@ -27,6 +27,8 @@ _MACHINES = {
 _FUNCTIONS = {"2.0": b"fmi2DoStep", "3.0": b"fmi3DoStep"}
 
 
+_MOST_FILES, _LONGEST_DESCRIPTION = 1000, 5_000_000
+"""Files of an archive, and bytes of its description: a hundred times those of the largest model."""
 _C_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -42,12 +44,14 @@ def open_fmu(path: Path) -> tuple[dict[str, bytes], list[str]]:
     """
     try:
         with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            if len(names) > _MOST_FILES:
+                return {}, [f"the archive holds {len(names)} files; at most {_MOST_FILES} are read"]
             size = sum(item.file_size for item in archive.infolist())
             if size > LARGEST_FILE:
                 return {}, [
                     f"the archive unpacks to {size / 1e6:.0f} MB; at most {LARGEST_FILE // 1_000_000} MB are read"
                 ]
-            names = archive.namelist()
             files = {name: archive.read(name) for name in names}
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
         return {}, [f"the archive cannot be read: {error}"]
@@ -57,6 +61,8 @@ def open_fmu(path: Path) -> tuple[dict[str, bytes], list[str]]:
 def _lint_files(files: Mapping[str, bytes]) -> list[str]:
     if "modelDescription.xml" not in files:
         return ["there is no modelDescription.xml"]
+    if len(files["modelDescription.xml"]) > _LONGEST_DESCRIPTION:
+        return [f"modelDescription.xml is longer than {_LONGEST_DESCRIPTION // 1_000_000} MB"]
     try:
         root = ElementTree.fromstring(files["modelDescription.xml"])
     except ElementTree.ParseError as error:
