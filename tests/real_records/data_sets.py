@@ -63,6 +63,42 @@ def _bouc_wen_unseen(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     return tuple(loadmat(folder / "bouc_wen" / f"{name}.mat", squeeze_me=True)[name] for name in names)
 
 
+def silverbox(folder: Path) -> Read:
+    """Nine realisations of the multisine to learn from; the tenth, the arrow and the arrow within their range unseen."""
+    table = np.genfromtxt(folder / "silverbox" / "SNLS80mV.csv", delimiter=",", skip_header=1, usecols=(0, 1))
+    places = {f"multisine_{k + 1}": 41_150 + 8692 * k for k in range(10)}
+    slices = {name: slice(first, first + 8192) for name, first in places.items()}
+    slices |= {"arrow": slice(100, 40_575), "arrow_inside": slice(100, 32_100)}
+    records = [
+        _record(name, 2**14 / 1e7, *((1000 * table[part, column], "voltage", "mV") for column in (0, 1)))
+        for name, part in slices.items()
+    ]
+    return RecordSet(records), {"train": [*places][:9], "settings": FORCE_IN}
+
+
+def wiener_hammerstein(folder: Path) -> Read:
+    """The official split; of the test part the first thousand samples do not count."""
+    content = loadmat(folder / "wiener_hammerstein" / "WienerHammerBenchMark.mat", squeeze_me=True)
+    signals = content["uBenchMark"], content["yBenchMark"]
+    records = [
+        _record(name, 1 / 51_200, *((1000 * signal[part], "voltage", "mV") for signal in signals))
+        for name, part in (("train", slice(0, 100_000)), ("unseen", slice(100_000, None)))
+    ]
+    return RecordSet(records), {"train": "train", "settings": FORCE_IN}
+
+
+def cascaded_tanks(folder: Path) -> Read:
+    """Voltage of the pump to level of the lower tank, from two unknown levels."""
+    table = np.genfromtxt(
+        folder / "cascaded_tanks" / "dataBenchmark.csv", delimiter=",", skip_header=1, usecols=range(4)
+    )
+    records = [
+        _record(name, 4.0, (table[:, first], "voltage", "V"), (table[:, first + 2], "level", "V"))
+        for first, name in enumerate(("estimation", "validation"))
+    ]
+    return RecordSet(records), {"train": "estimation", "settings": FORCE_IN}
+
+
 def davinci_tool_friction(folder: Path) -> Read:
     """As in the study of the project."""
     return _study(folder, "davinci_tool")
@@ -95,6 +131,9 @@ READERS = {
     "coupled_drives_3": lambda folder: coupled_drives(folder, 3),
     "bouc_wen_inverse": lambda folder: bouc_wen(folder, forward=False),
     "bouc_wen_forward": lambda folder: bouc_wen(folder, forward=True),
+    "silverbox": silverbox,
+    "wiener_hammerstein": wiener_hammerstein,
+    "cascaded_tanks": cascaded_tanks,
     "davinci_tool_friction": davinci_tool_friction,
     "friction_damper": friction_damper,
 }

@@ -71,9 +71,10 @@ def diagnose(
     >>> diagnosis.selected
     ('coulomb_friction',)
     >>> print(str(diagnosis).splitlines()[0])
-    The KB model is missing coulomb friction: with it the error on unseen records falls from 0.225 to 0.0099 N.
+    The KB model is missing coulomb friction: with it the error on unseen records falls by 96 %, from 0.225 to 0.0099 N.
     """
     from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
+    from lumbar.tissue.diagnosis.law.chain import with_chain
     from lumbar.tissue.diagnosis.law.proposal import law_beside, with_law
     from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 
@@ -83,7 +84,7 @@ def diagnose(
     driven = [forced(record) for record in records] if chosen.forward else list(records)
     used, changed = limit_samples(driven, chosen.session)
     verdict = search(used, chosen)
-    verdict = replace(verdict, findings=(*changed, *verdict.findings))
+    verdict = with_chain(replace(verdict, findings=(*changed, *verdict.findings)))
     proposing = settings.improvement.propose_law and chosen.system == "tissue" and not chosen.forward
     proposal = law_beside(verdict) if proposing else None
     return Diagnosis(used, chosen, with_law(verdict, proposal), settings, data, proposal)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.publishing.figures.chain_figure import chain_figure
 from lumbar.publishing.figures.comparison_figures import (
     comparison_figure,
     ladder_figure,
@@ -106,9 +107,9 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
     return [
         paragraph(
-            f"Root mean square of the free-run simulation error from 0.5 s on. Fitted on {experiment.training.name}; unseen: "
-            f"{tests}. Noise floor: {noise}. Each set of effects is refitted together with the base; the ranking is by the "
-            "likelihood of all records."
+            "Root mean square of the free-run simulation error, the start of each record aside (tissue.settling_s). Fitted on "
+            f"{experiment.training.name}; unseen: {tests}. Noise floor: {noise}. Each set of effects is refitted together with "
+            "the base; the ranking is by the likelihood of all records."
         ),
         table(head, rows),
         heading("The selected model on every record", 3),
@@ -239,7 +240,7 @@ def draw_pictures(
     data: str,
     proposal: Proposal | None = None,
 ) -> dict[str, Path]:
-    """Write ``comparison``, ``location``, ``ladder`` and ``signatures`` as SVG and PDF; ``proposed_law`` where there is one.
+    """Write ``comparison``, ``location``, ``ladder`` and ``signatures``, and ``proposed_law``, ``chain`` where found.
 
     Parameters
     ----------
@@ -276,6 +277,12 @@ def draw_pictures(
         captions["proposed_law"] = (
             "The missing force over the two coordinates that explain most of it, the proposed law beside it (lines), and the "
             "errors without and with it."
+        )
+    if diagnosis.chain is not None:
+        figures["chain"] = chain_figure(diagnosis)
+        captions["chain"] = (
+            f"The chain that explains the records ({diagnosis.chain.kind}), in the order in which a signal passes it: gain of "
+            "the filter in front, the static curve, gain of the filter behind."
         )
     for name, drawn in figures.items():
         save(drawn, folder / name, "" if name == "signatures" else data)

@@ -229,6 +229,10 @@ class Confirmation(Selection):
                 if np.isfinite(found.score):
                     self.tried.append(found)
 
+    def fitted_on(self, model: Candidate) -> Candidate:
+        """The same model, its simulation fitted from where it ended."""
+        return resume_fit(self.experiment, model, self.evaluations)
+
     def follows(self, before: Candidate, after: Candidate) -> bool:
         """Whether a larger set may be selected after another one."""
         may = self.passes if before is self.base else self.is_further

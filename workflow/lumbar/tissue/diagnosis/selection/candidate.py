@@ -49,6 +49,8 @@ class Candidate:
     """Minus twice the log-likelihood of all records, up to a constant, and the logarithm of their size for each parameter
     (Schwarz, Ann. Statist. 6 (1978) 461-464): smaller is better. Unseen errors are taken as Student's t, so that a few
     peaks beyond the range of the training record do not outweigh all the rest."""
+    unseen_rms: dict[str, float]
+    """`test_rms` record by record."""
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -65,12 +67,14 @@ def evaluate(fit: Fit, experiment: Experiment) -> Candidate:
     """Simulate a fitted model on all records."""
     training, tests = experiment.training, experiment.tests
     simulated = [(item, fit.simulate(item.motion)) for item in tests]
-    errors = np.concatenate([item.error(values) for item, values in simulated])
+    errors = {item.name: item.error(values) for item, values in simulated}
     unseen = np.concatenate([item.whitened_error(values) for item, values in simulated])
     score = training.size * np.log(fit.squared_error / training.size) + _unlikelihood(unseen)
     score += (len(fit.linear) + len(fit.nonlinear)) * np.log(training.size + len(unseen))
     train_rms = training.compute_once(("rms", fit), lambda: fit.rms(training))
-    return Candidate(fit, train_rms, float(np.sqrt(np.mean(errors**2))), float(score))
+    by_record = {name: float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
+    test_rms = float(np.sqrt(np.mean(np.concatenate([*errors.values()]) ** 2)))
+    return Candidate(fit, train_rms, test_rms, float(score), by_record)
 
 
 def fit_base(base: Base, experiment: Experiment) -> Candidate:

@@ -12,7 +12,12 @@ from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.linear.linear_dynamics import nonlinear_share
 from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, refit
-from lumbar.tissue.diagnosis.selection.findings import linear_alternative, offsets
+from lumbar.tissue.diagnosis.selection.findings import (
+    apparent_zeros,
+    linear_alternative,
+    offsets,
+    zeros_moved,
+)
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import without_channels
@@ -51,19 +56,22 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     found = _search(experiment, settings)
     if experiment.error_dwarfs_noise(found.model.train_rms):
         found = _search(experiment.without_whitening(), settings)
-    found = _with_own_zeros(found, settings)
+    found, zeros = _with_own_zeros(found, settings)
     found, linear = _beside_linear(found, settings)
-    return replace(found, not_tried=not_tried, findings=(*experiment.faults, *offsets(found), *linear))
+    return replace(
+        found, not_tried=not_tried, findings=(*experiment.faults, *offsets(found), *zeros, *linear)
+    )
 
 
-def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
+def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
     """Search again with a zero of its own for every record, where the model or a smaller one does much better with them.
 
-    Where records differ in their zeros, what accumulates (a drift) may pass for the difference.
+    Where records differ in their zeros, what accumulates (a drift) may pass for the difference. Where they do not, a model that
+    lacks a relaxation would have them differ all the same: a zero of its own counts only where the record begins with it.
     """
     experiment = found.experiment
     if settings.system != "tissue" or experiment.own_zeros:
-        return found
+        return found, []
     with_zeros = experiment.with_own_zeros()
 
     def helps(item: Candidate) -> bool:
@@ -72,12 +80,20 @@ def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> Verdict:
 
     accumulating = any(settings.candidates[name].accumulates for name in found.selected)
     if not (accumulating or any(helps(item) for item in found.path)):
-        return found
+        return found, []
     again = _search(with_zeros, settings)
     better = again.model.test_rms < _ZEROS_HELP * found.model.test_rms
     simpler = len(again.selected) < len(found.selected)
     as_good = again.model.test_rms < found.model.test_rms / _ZEROS_HELP
-    return again if better or (simpler and as_good) else found
+    if not (better or (simpler and as_good)):
+        return found, []
+    if zeros_moved(again):
+        return again, []
+    if set(found.selected) != set(again.selected):
+        # What is named hangs on zeros that did not move.
+        found = replace(found, verdict="unexplained", tied_with=[])
+    after = "unexplained" if found.verdict_after == "adequate" else found.verdict_after
+    return replace(found, verdict_after=after), [apparent_zeros(again)]
 
 
 def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
@@ -87,7 +103,8 @@ def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict
     effect of the catalogue explains it.
     """
     experiment = found.experiment
-    if settings.system != "tissue" or is_adequate(found.model, experiment):
+    only_linear = bool(found.selected) and all(settings.candidates[name].linear for name in found.selected)
+    if settings.system != "tissue" or (is_adequate(found.model, experiment) and not only_linear):
         return found, []
     alternative = linear_alternative(found.model, experiment)
     if alternative is None:

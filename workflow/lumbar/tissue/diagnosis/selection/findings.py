@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import zero_interval
 from lumbar.tissue.diagnosis.linear.linear_dynamics import linear_dynamics
@@ -13,6 +14,11 @@ from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, uns
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 
+_START = 3
+"""Samples that a record's beginning has at least."""
+_BESIDE, _UNSURE = 0.1, 2.5
+"""Distance between the zero at a record's beginning and over all of it, up to which it is one zero: a share of its shift, and
+standard errors of the beginning's median."""
 _NOTABLE = 0.01
 """Share of the response's range from which on a sensor's zero is worth a word."""
 
@@ -47,26 +53,78 @@ def offsets(found: Verdict) -> list[Finding]:
             )
         )
     if experiment.own_zeros and fit.structure.base.sensor_zero:
-        findings += _own_zeros(fit, experiment)
+        findings += _own_zeros(found)
     return findings
 
 
-def _own_zeros(fit: Fit, experiment: Experiment) -> list[Finding]:
-    unit, quantity = experiment.output_unit, experiment.output_quantity
-    found = []
-    for item in experiment.tests:
-        zero = fit.zero - float(np.mean(item.trim(fit.simulate(item.motion) - item.force)))
-        found.append(
-            Finding(
-                "force_offset",
-                f"{item.name}: the zero of the {quantity} lies at {zero:+.3g} {unit}, in {experiment.training.name} at "
-                f"{fit.zero:+.3g} {unit}: it moved between the records; each was judged from its own.",
-                zero,
-                unit,
-                item.name,
-            )
+@dataclass(frozen=True)
+class _Zero:
+    """The zero that an unseen record has under a model that was fitted to others."""
+
+    name: str
+    zero: float
+    begins: float
+    """Zero that the record's first samples have, before its motion tells."""
+    first: int
+    """Number of these."""
+    rms: float
+    """Error from its own zero, and from that of training."""
+    strict_rms: float
+
+
+def _zeros(found: Verdict) -> list[_Zero]:
+    fit = found.model.fit
+    zeros = []
+    for item in found.experiment.tests:
+        error = item.force - fit.simulate(item.motion)
+        counted, start = item.trim(error), error[item.begins : max(item.first, item.begins + _START)]
+        values = (fit.zero + float(value) for value in (counted.mean(), np.median(start)))
+        sizes = float(counted.std()), float(np.sqrt(np.mean(counted**2)))
+        zeros.append(_Zero(item.name, *values, len(start), *sizes))
+    return zeros
+
+
+def zeros_moved(found: Verdict) -> bool:
+    """Whether records judged from zeros of their own begin with these, as far as noise allows, and not with that of training."""
+    zeros, zero = _zeros(found), found.model.fit.zero
+    away = np.array([item.begins - item.zero for item in zeros])
+    shifts = np.array([item.zero - zero for item in zeros])
+    noise = found.experiment.noise / np.sqrt([item.first for item in zeros])
+    return bool(np.linalg.norm(away) < _BESIDE * np.linalg.norm(shifts) + _UNSURE * np.linalg.norm(noise))
+
+
+def apparent_zeros(found: Verdict) -> Finding:
+    """What zeros records would be given by a model that lacks something, and that they do not begin with them."""
+    unit, zero = found.experiment.output_unit, found.model.fit.zero
+    words = ", ".join(
+        f"{item.name} {item.zero:+.3g} (begins at {item.begins:+.3g})" for item in _zeros(found)
+    )
+    return Finding(
+        "apparent_zeros",
+        f"With a zero of its own for every record the error on unseen records would be {found.model.test_rms:.3g} {unit}: "
+        f"{words}, in {found.experiment.training.name} {zero:+.3g} {unit}. They do not begin there, so these may be no zeros of "
+        "the sensor: what the model lacks (a relaxation, a force that follows rate or amplitude) would look the same. All are "
+        "judged from one zero.",
+        zero,
+        unit,
+    )
+
+
+def _own_zeros(found: Verdict) -> list[Finding]:
+    unit, quantity = found.experiment.output_unit, found.experiment.output_quantity
+    training = found.experiment.training.name
+    return [
+        Finding(
+            "force_offset",
+            f"{item.name}: the zero of the {quantity} lies at {item.zero:+.3g} {unit}, in {training} at "
+            f"{found.model.fit.zero:+.3g} {unit}: it moved between the records, and begins so; judged from its own, the error is "
+            f"{item.rms:.3g} {unit}, from that of {training} {item.strict_rms:.3g}.",
+            item.zero,
+            unit,
+            item.name,
         )
-    return found
+        for item in _zeros(found)
+    ]
 
 
 def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candidate, Finding] | None:

@@ -26,12 +26,14 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     is_worthwhile,
     later_improvement,
     likelihood_ratio,
+    refit,
     unseen_improvement,
     with_forms,
 )
 from lumbar.tissue.diagnosis.selection.thresholds import (
     BLIND,
     COMPLETE,
+    EXPLAINS,
     LEVEL,
     MOST_OF_REST,
     STRUCTURED,
@@ -49,6 +51,8 @@ REFITTED = 5
 """How many effects are refitted after screening in the rounds after the first one, which refits all."""
 EXCHANGED = 3
 """How many effects are tried, in all their forms, in the place of one that is taken out."""
+_MORE_FITS = 3
+"""Times that the fit of a selected model is begun again where it has ended before its optimum."""
 _AKAIKE = 2.0
 _SHOWN = 10
 """How many sets of effects a ranking shows."""
@@ -159,7 +163,7 @@ class Selection:
     def diagnosis(self) -> Verdict:
         """Select effects and judge what was selected."""
         path = self.selected_path()
-        model = path[-1]
+        model = path[-1] = self.settled(path[-1])
         tied = self.ties(model)
         share = self.share_removed(model)
         verdict = self.verdict(model, tied, share)
@@ -175,6 +179,18 @@ class Selection:
             verdict_after=verdict if model is self.base else self.verdict_after(model, further),
             further=further,
         )
+
+    def settled(self, model: Candidate) -> Candidate:
+        """A model whose fit has stopped before its optimum, fitted on from there."""
+        for _ in range(_MORE_FITS):
+            if model is self.base or model.fit.converged:
+                break
+            model = self.fitted_on(model)
+        return model
+
+    def fitted_on(self, model: Candidate) -> Candidate:
+        """The same model, its fit begun where it ended."""
+        return refit(model.fit.structure, model.fit.nonlinear, self.experiment)
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
         """Probability that the best of all forms gains as much where nothing is missing."""
@@ -277,11 +293,8 @@ class Selection:
         return other.score - model.score - more * (float(np.log(size)) - _AKAIKE)
 
     def share_removed(self, model: Candidate) -> float:
-        """Share of the base's explainable variance on unseen records that the effects remove."""
-        # Where the noise is unknown nothing better than the best model met is known to be possible.
-        reached = min(item.test_rms for item in [*self.tried, model])
-        floor = self.experiment.noise if self.experiment.floor else reached
-        explainable = max(self.base.test_rms**2 - floor**2, 0.0)
+        """Share of the base's variance on unseen records, that of known noise aside, that the effects remove."""
+        explainable = max(self.base.test_rms**2 - self.experiment.noise**2, 0.0)
         removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
         return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
 
@@ -290,7 +303,7 @@ class Selection:
         if model is self.base:
             lacking = self.periods_differ or not is_adequate(self.base, self.experiment)
             return "unexplained" if lacking else "adequate"
-        if share < 0.5 and not is_adequate(model, self.experiment):
+        if not model.fit.converged or (share < EXPLAINS and not is_adequate(model, self.experiment)):
             return "unexplained"
         return "tied" if tied else "named"
 

@@ -26,6 +26,8 @@ UNSEEN = 2.33
 COMPLETE = 1.2
 """Error in noise floors, on training and unseen records, up to which a refined model that nothing further improves counts
 as complete: its parameters are estimates, and cost a little on records that they were not fitted to."""
+EXPLAINS = 0.5
+"""Share of the base's variance on unseen records, that of known noise aside, that effects must remove to be named."""
 TIED = 9.2
 """Difference in twice the log-likelihood below which two effects cannot be told apart (odds of 100 to 1)."""
 STRUCTURED = 0.2

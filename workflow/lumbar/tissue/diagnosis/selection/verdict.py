@@ -5,17 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate
-from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, contradictions, is_adequate
+from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, LEVEL
 from lumbar.tissue.effects.catalogue import CHANNELS
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter
 
+if TYPE_CHECKING:
+    from lumbar.tissue.diagnosis.law.block_structure import BlockStructure
+
 _MOST = 7
 """Digits: errors that differ by less are alike."""
+
+_APART = 1.5
+"""Ratio of the errors of unseen records from which on they are told one by one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +51,7 @@ class Verdict:
     ranking: list[Ranked]
     """Sets of effects, best first."""
     explainable_share_removed: float
-    """Share of the base's explainable variance on unseen records that the selected effects remove."""
+    """Share of the base's variance on unseen records, that of known noise aside, that the selected effects remove."""
     verdict_after: str
     """Verdict on the refined model: ``named`` (`further` passes what an effect must pass to be selected), else
     ``adequate`` (its error is within `COMPLETE` of the noise floor, or that is not known) or ``unexplained``."""
@@ -57,6 +64,8 @@ class Verdict:
     """What is true of the records and is no physical effect."""
     diagnosed_again: bool = True
     """Whether a further effect was looked for beside those selected."""
+    chain: BlockStructure | None = None
+    """A static curve between linear filters that explains what no effect does."""
 
     @property
     def model(self) -> Candidate:
@@ -99,11 +108,17 @@ class Verdict:
             "selected": list(self.selected),
             "tied_with": [_new_effects(item, self.selected) for item in self.tied_with],
             "findings": [item.to_json() for item in self.findings],
+            "chain": None if self.chain is None else self.chain.to_json(),
             "noise_floor_rms": None if floor is None else floor.rms,
             "explainable_share_removed": self.explainable_share_removed,
             "ranking": [_ranked_json(item) for item in self.ranking],
             "ladder": [
-                {"effects": list(item.effects), "train_rms": item.train_rms, "test_rms": item.test_rms}
+                {
+                    "effects": list(item.effects),
+                    "train_rms": item.train_rms,
+                    "test_rms": item.test_rms,
+                    "unseen_rms": item.unseen_rms,
+                }
                 for item in self.path
             ],
             "not_tried": [
@@ -185,7 +200,10 @@ def headline(diagnosis: Verdict) -> str:
     unit, base = diagnosis.experiment.output_unit, diagnosis.base.fit.structure.base.name
     before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
     named = effects_text(diagnosis.selected)
-    fall = f"the error on unseen records falls from {' to '.join(distinguishing_digits([before, after], 3))} {unit}"
+    fall = (
+        f"the error on unseen records falls by {_percent(1 - after / before)}, from "
+        f"{' to '.join(distinguishing_digits([before, after], 3))} {unit}"
+    )
     if diagnosis.orientation is not None:
         return f"These records are not what the {base} model takes. {diagnosis.orientation.sentence}"
     if diagnosis.verdict == "adequate":
@@ -198,8 +216,18 @@ def headline(diagnosis: Verdict) -> str:
         return (
             f"Something is missing; {named} explains it ({fall}), but {others} cannot be told apart from it."
         )
-    tail = f"; the best candidate, {named}, removes too little of it" if diagnosis.selected else ""
-    return f"Something is missing from the {base} model and no effect of the catalogue explains it{tail}."
+    missing = f"Something is missing from the {base} model and no effect of the catalogue explains it"
+    if not diagnosis.selected:
+        return f"{missing}."
+    removed = f"remove{'s' if len(diagnosis.selected) == 1 else ''} {_percent(1 - after / before)} of the error on unseen records"
+    if diagnosis.explainable_share_removed < EXPLAINS:
+        return f"{missing}; it looks a little like {named}, which {removed}."
+    return f"{missing}; {named}, which come{'s' if len(diagnosis.selected) == 1 else ''} nearest, {removed}."
+
+
+def _percent(share: float) -> str:
+    """A share in words: with a decimal where it is nearly all or nearly nothing."""
+    return f"{100 * share:.{1 if share > 0.99 or share < 0.1 else 0}f} %"
 
 
 def noise_sentence(experiment: Experiment) -> str:
@@ -219,9 +247,10 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
     lines = [item.sentence for item in diagnosis.findings]
     if not diagnosis.model.fit.converged:
+        named = f"{diagnosis.base.fit.structure.base.name} with {effects_text(diagnosis.selected)}"
         lines.append(
-            f"The fit of {effects_text(diagnosis.selected)} did not converge: its parameters are where the optimiser "
-            "stopped and no result."
+            f"The fit of {named if diagnosis.selected else named.split()[0]} did not converge: its parameters are where the "
+            "optimiser stopped and no result."
         )
     lines.append(noise_sentence(diagnosis.experiment))
     if floor is not None:
@@ -232,22 +261,17 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     if diagnosis.selected:
         lines.append(_removed_and_left(diagnosis))
         lines.append(_diagnosed_again(diagnosis))
+    unseen = diagnosis.model.unseen_rms
+    if max(unseen.values()) > _APART * min(unseen.values()):
+        told = ", ".join(f"{name} {rms:.3g}" for name, rms in unseen.items())
+        lines.append(f"Error on unseen records, one by one: {told} {unit}.")
     if diagnosis.verdict in ("named", "tied"):
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
         ]
     second = runner_up(diagnosis)
-    if second is not None and diagnosis.verdict == "adequate":
-        lines.append(
-            f"Best candidate: {effects_text(second.candidate.effects)}, error on unseen records "
-            f"{second.candidate.test_rms:.3g} {unit}; where nothing is missing the best of all gains as much in "
-            f"{100 * second.p_value:.2g} % of the cases ({100 * LEVEL:g} % would be needed)."
-        )
-    elif second is not None:
-        lines.append(
-            f"Runner-up: {effects_text(second.candidate.effects)}, error on unseen records "
-            f"{second.candidate.test_rms:.3g} {unit}."
-        )
+    if second is not None:
+        lines.append(_second_sentence(diagnosis, second))
     for item in diagnosis.tied_with:
         new = [name for name in item.effects if name not in diagnosis.selected]
         lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in new]
@@ -267,17 +291,36 @@ def not_tried(diagnosis: Verdict) -> list[str]:
     ]
 
 
+def _second_sentence(diagnosis: Verdict, second: Ranked) -> str:
+    """The best set of effects that was not selected, and why it was not where the base is adequate."""
+    rms, base = second.candidate.test_rms, diagnosis.base
+    error = f"{effects_text(second.candidate.effects)}, error on unseen records {rms:.3g} {diagnosis.experiment.output_unit}"
+    if rms > base.test_rms:
+        error += f", worse than {base.fit.structure.base.name} alone ({base.test_rms:.3g})"
+    if diagnosis.verdict != "adequate":
+        return f"Runner-up: {error}."
+    if second.p_value <= LEVEL:
+        against = contradictions(second.candidate.fit, diagnosis.experiment)
+        why = against[0] if against else "on unseen records it is not surely better"
+        return (
+            f"Best candidate: {error}; it gains more in training than chance would and is not named: {why}."
+        )
+    return (
+        f"Best candidate: {error}; where nothing is missing the best of all gains as much in "
+        f"{100 * second.p_value:.2g} % of the cases ({100 * LEVEL:g} % would be needed)."
+    )
+
+
 def _removed_and_left(diagnosis: Verdict) -> str:
     """What is left, in noise floors, then what was removed: 99 % of a large error may leave many times the noise."""
     share = f"{100 * diagnosis.explainable_share_removed:.1f} % of the variance"
     floor, model = diagnosis.experiment.floor, diagnosis.model
     if floor is None:
-        return f"The selected effects remove {share} that the best of all models tried removes."
-    removed = f"{share} that a model could explain"
+        return f"The selected effects remove {share} of the error on unseen records, noise included."
     rms = max(model.train_rms, model.test_rms)
     return (
         f"The error left is {rms / floor.rms:.2f} times the noise floor at most ({rms:.3g} "
-        f"{diagnosis.experiment.output_unit}); the selected effects remove {removed}."
+        f"{diagnosis.experiment.output_unit}); the selected effects remove {share} that a model could explain."
     )
 
 
