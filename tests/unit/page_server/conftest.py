@@ -9,6 +9,7 @@ import pytest
 from asking import ask, serving
 
 import lumbar
+from lumbar.page_server.background import BESIDE
 from lumbar.page_server.own_recordings import OwnDiagnosis
 from lumbar.page_server.served_sets import ExploredSet
 from lumbar.page_server.server import new_server
@@ -16,6 +17,7 @@ from lumbar.page_server.study_change import with_value
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.examples import example_records
+from patience import PATIENCE_S
 
 QUICK = StudySettings(improvement=ImprovementSettings(most_effects=1, propose_law=False))
 
@@ -53,6 +55,17 @@ def begin():
     event = threading.Event()
     event.set()
     return event
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _nothing_is_drawn_after_the_module(begin):
+    """What the servers began is waited for: tests of other modules draw in this process too, and Matplotlib draws one at a time."""
+    yield
+    begin.set()
+    for thread in threading.enumerate():
+        if thread.name == BESIDE:
+            thread.join(PATIENCE_S)
+            assert not thread.is_alive()
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,8 @@ DRAWING = threading.Lock()
 """Held where figures are drawn: Matplotlib draws one at a time."""
 WRITING = threading.Lock()
 """Held where files are written: the server does not end in between."""
+BESIDE = "beside the server"
+"""Name of the threads in which work goes on."""
 
 
 class Cancelled(LumbarError):
@@ -50,7 +52,7 @@ async def in_background(function: Callable, *arguments) -> Any:
         with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
             loop.call_soon_threadsafe(settle, *outcome)
 
-    threading.Thread(target=run, daemon=True).start()
+    threading.Thread(target=run, name=BESIDE, daemon=True).start()
     return await future
 
 
@@ -74,7 +76,7 @@ class Job:
         self.words, self.error = "reading the records", ""
         self._work, self._began = work, time.monotonic()
         self._cancelled, self._done = threading.Event(), threading.Event()
-        threading.Thread(target=self._run, daemon=True).start()
+        threading.Thread(target=self._run, name=BESIDE, daemon=True).start()
 
     @property
     def cancelled(self) -> bool:
