@@ -120,7 +120,7 @@ def _section(effect: Effect, reference: CataloguePage) -> str:
 |---|---|---|---|---|---|
 {rows}
 
-Source: {effect.source}. Experiment that shows it: {effect.experiment}.
+Source: {effect.source}. Experiment that shows it: {effect.experiment}.{" " + effect.sensors if effect.sensors else ""}
 """
 
 

@@ -138,3 +138,18 @@ def test_a_relaxation_spectrum_is_no_moved_zero():
         assert ("force_offset" in [item.kind for item in answer.findings if item.record == "fast"]) == bool(
             shift
         )
+
+
+def test_a_position_that_is_read_late_passes_for_a_dashpot_and_is_named_beside_it():
+    """Of a spring k whose position is read τ late the force k z(t) is k p + kτ dp/dt of what is read: a viscosity of kτ."""
+    stiffness, late, samples, records = 0.8, 0.004, 500, []
+    for name, seed in (("multisine", 0), ("other", 3)):
+        true = multisine(8, samples, lines=np.arange(1, 16), seed=seed)
+        angle = 2j * np.pi * np.fft.rfftfreq(len(true), 0.01)
+        read = np.fft.irfft(np.fft.rfft(true) * np.exp(-angle * late), len(true))
+        records.append(record(read, stiffness * true + 0.005 * noise(len(true), seed + 20), name))
+    found = lumbar.diagnose(records, base="LE", train="multisine")
+    assert found.selected == ("viscous_damping",)
+    (viscosity,) = (item for item in found.verdict.ranking[0].estimates if item.effect == "viscous_damping")
+    assert viscosity.low < stiffness * late < viscosity.high
+    assert "A position that is read late looks the same" in str(found)

@@ -115,7 +115,7 @@ def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictur
         title=effects_text(effects).capitalize(),
         role=role_of(item, diagnosis),
         error=f"Error on unseen records: {before} → {after} {unit}; {probability(item.p_value)}.",
-        mechanism=" ".join(catalogue[name].mechanism for name in new),
+        mechanism=" ".join(f"{catalogue[name].mechanism} {catalogue[name].sensors}".rstrip() for name in new),
         settles="; ".join(catalogue[name].experiment for name in new) if set(effects) in tied else "",
         effects=effects,
         forms=[picture(equation_svg(form.latex), form.latex, "equation") for form in forms],

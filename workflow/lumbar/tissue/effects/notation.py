@@ -28,7 +28,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
 _EFFECT_FLAGS = ("accumulates", "unrepeated", "linear")
-_EFFECT_KEYS = ("name", "mechanism", "source", "experiment", *_EFFECT_FLAGS, "forms")
+_EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "sensors", *_EFFECT_FLAGS, "forms")
 _FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "essential")
 _HOOK_KEYS = ("solution", "by_hand", "latex", "starts", "contradiction")
 """Of the catalogue's files alone; ``latex`` stands in place of the equation of a form that is written by hand."""
@@ -185,7 +185,8 @@ class _Reading:
         if name in taken:
             self.problem("name", f"{name!r} is taken by an effect of the catalogue", "choose another")
         texts = {
-            key: self.text(content, key, key == "mechanism") for key in ("mechanism", "source", "experiment")
+            key: self.text(content, key, key == "mechanism")
+            for key in ("mechanism", "source", "experiment", "sensors")
         }
         flags = {key: self.flag(content, key) for key in _EFFECT_FLAGS}
         if single:

@@ -223,6 +223,8 @@ class Effect:
     """Reference."""
     experiment: str = ""
     """Which excitation shows it best, for ties."""
+    sensors: str = ""
+    """What of the measuring chain looks the same in the records, one sentence."""
     accumulates: bool = False
     """Whether it grows with time or path from each record's start, so that short records hardly show it."""
     unrepeated: bool = False

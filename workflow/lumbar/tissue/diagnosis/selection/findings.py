@@ -10,7 +10,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import zero_interval
 from lumbar.tissue.diagnosis.linear.linear_dynamics import linear_dynamics
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, unseen_improvement
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, unseen_improvement
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 
@@ -131,7 +131,7 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candid
     """Linear model of higher order that explains all records surely better than a selected one, and what it reaches.
 
     By likelihood and number of parameters, and by the loss on unseen records. None where there is none; contact that is lost is
-    never linear.
+    never linear, and what explains the records with as few states is not replaced by a model without names.
     """
     if model.fit.structure.base.contact:
         return None
@@ -139,14 +139,18 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candid
     if unseen_improvement(model, linear, experiment) <= UNSEEN or linear.score >= model.score - TIED:
         return None
     unit, order = experiment.output_unit, linear.fit.order
+    structure = model.fit.structure
+    states = len(structure.base.state) + sum(len(form.state) for form in structure.forms)
+    if is_adequate(model, experiment) and order <= states:
+        return None
     words = {
         "prony": "a spectrum of relaxation times",
-        "rational": f"{order} poles",
+        "rational": f"{order} poles" if order else "of spring, dashpot and mass alone",
         "delayed": f"{order} poles behind a delay",
     }[linear.fit.kind]
     finding = Finding(
         "higher_order_linear",
-        f"Linear dynamics of higher order ({words}) explain these records better than any effect that is nonlinear: their "
+        f"Linear dynamics ({words}) explain these records better than the effects selected: their "
         f"error on unseen records is {linear.test_rms:.3g} {unit}, that of the refined model {model.test_rms:.3g} {unit}.",
         float(order),
         "1",

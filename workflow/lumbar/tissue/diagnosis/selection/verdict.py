@@ -267,7 +267,8 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
         lines.append(f"Error on unseen records, one by one: {told} {unit}.")
     if diagnosis.verdict in ("named", "tied"):
         lines += [
-            f"{readable(name).capitalize()}: {catalogue[name].mechanism}" for name in diagnosis.selected
+            f"{readable(name).capitalize()}: {catalogue[name].mechanism} {catalogue[name].sensors}".rstrip()
+            for name in diagnosis.selected
         ]
     second = runner_up(diagnosis)
     if second is not None:
