@@ -59,7 +59,7 @@ def begin():
 
 @pytest.fixture(scope="module", autouse=True)
 def _nothing_is_drawn_after_the_module(begin):
-    """What the servers began is waited for: tests of other modules draw in this process too, and Matplotlib draws one at a time."""
+    """What the servers began is waited for: Matplotlib draws one figure at a time in a process."""
     yield
     begin.set()
     for thread in threading.enumerate():
