@@ -303,9 +303,43 @@ def test_an_uneven_clock_is_resampled_as_stated(tmp_path):
     record = one.record
     assert np.ptp(np.diff(record.time)) < 1e-9
     expected = 4 * np.sin(2 * np.pi * 1.1 * record.time) + 1.5 * np.sin(2 * np.pi * 3.3 * record.time + 1)
-    assert record["input"] == pytest.approx(expected, abs=1e-3)  # the ripple of the anti-aliasing filter
+    assert record["input"] == pytest.approx(expected, abs=0.02)  # a peak between two samples is cut
+    assert np.std(record["input"] - expected) < 2e-3
     assert "resampled to its median rate" in one.notes[0]
-    assert len(record) < len(TIME) - 18
+    assert record.time[-1] > time[-1] - 1 / RATE
+
+
+def test_a_resampled_record_stays_between_its_neighbouring_samples(tmp_path):
+    """A sensor clipped at 750.02 once read 751.5 there: filters and splines ring at corners."""
+    random = np.random.default_rng(3)
+    time = np.round(TIME + random.uniform(-0.4, 0.4, len(TIME)) / RATE, 3)
+    clipped = np.clip(1e3 * np.sin(2 * np.pi * 1.1 * time), -600, 750.02)
+    text = HEAD + rows(",", columns=(time, POSITION, clipped), digits=3)
+    record = imported(tmp_path, text, accept_clipped=True).record
+    after = np.clip(np.searchsorted(time, record.time), 1, len(time) - 1)
+    clipped = np.round(clipped, 3)
+    assert np.all(record["output"] <= np.maximum(clipped[after - 1], clipped[after]))
+    assert np.all(record["output"] >= np.minimum(clipped[after - 1], clipped[after]))
+
+
+@pytest.mark.parametrize("rate", [1024.0, 600.0, 857.0, 300.0])
+@pytest.mark.parametrize("told", [np.rint, np.floor])
+def test_a_clock_in_whole_milliseconds_is_the_even_one_behind_it(tmp_path, rate, told):
+    time = np.arange(600) / rate
+    whole = told(1e3 * time)
+    text = "time_ms,position_mm,force_N\n" + rows(",", columns=(whole, POSITION, FORCE))
+    one = imported(tmp_path, text)
+    assert 1 / one.record.sampling_time == pytest.approx(rate, rel=3e-4)
+    assert one.record["output"] == pytest.approx(FORCE, abs=2e-5)
+    assert [note for note in one.notes if "rounded to 1 ms" in note]
+
+
+@pytest.mark.parametrize("rate", [1000.0, 500.0, 200.0])
+def test_a_sample_that_was_dropped_or_stands_twice_is_no_rounding(tmp_path, rate):
+    whole = np.rint(1e3 * np.arange(600) / rate)
+    lines = ("time_ms,position_mm,force_N\n" + rows(",", columns=(whole, POSITION, FORCE))).splitlines()
+    assert "1 samples dropped" in imported(tmp_path, "\n".join(lines[:300] + lines[301:])).notes[0]
+    assert "line 302: 1 time stamps repeated" in refusal(tmp_path, "\n".join(lines[:301] + lines[300:]))
 
 
 def test_a_gap_in_an_uneven_clock_is_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""An even clock for a record: from the time column, from a stated rate, or by resampling an uneven one."""
+"""An even clock for a record: from the time column, behind rounded time stamps, from a stated rate, or by resampling."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.importing.raw_table import StatedRate
-from lumbar.records.record import CLOCK_TOLERANCE, Record, place_of, resample
+from lumbar.records.record import CLOCK_TOLERANCE, FEWEST_SAMPLES, Record, place_of
 
 LONGEST_STEP = 3.0
 """Longest step of an uneven clock, in median steps, that is interpolated over."""
-_FINER = 4
-"""Samples of the spline per median step: enough for the filter that follows to see no images."""
+_FEWEST_ODD = 10
+"""Odd steps of a coarse clock, evenly spread, that show that its stamps are rounded and no samples dropped."""
 _MOST_NAMED = 5
 _AGREE = 0.01
 """Relative difference from which a stated rate contradicts the clock."""
@@ -74,12 +74,44 @@ def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) ->
     problems.raise_if_any()
 
 
+def unrounded(time: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return the even clock that time stamps of few digits are rounded from, and that in words; else the stamps themselves.
+
+    They are where their last digit is all by which they leave it. With digits as coarse as the clock, a few long or short
+    steps would also be samples that were dropped or stand twice: then they are taken for that.
+    """
+    number, steps = np.arange(len(time)), np.diff(time)
+    digit = next((10.0**-k for k in range(7) if np.allclose(time * 10**k, np.rint(time * 10**k), 0, 1e-3)), 0)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    odd = np.sum(np.abs(steps - usual) > 0.5 * digit)
+    coarse = digit > 0.5 * usual
+    if (
+        not digit
+        or not odd
+        or len(time) < FEWEST_SAMPLES
+        or (coarse and not _FEWEST_ODD <= odd < len(steps) / 3)
+    ):
+        return time, ""
+
+    def leaves(rate: float) -> float:
+        return float(np.ptp(time - number / rate))
+
+    found = 1 / float(np.polyfit(number, time, 1)[0])
+    widest = 1.2 * digit  # the slope of the line is fitted
+    if not leaves(found) <= widest:
+        return time, ""
+    simpler = (float(f"{found:.{digits}g}") for digits in range(1, 16))
+    rate = next((rate for rate in simpler if leaves(rate) <= widest), found)
+    return time[0] + number / rate, (
+        f"the time stamps are rounded to {1e3 * digit:g} ms: the even clock of {rate:.9g} Hz behind them is taken"
+    )
+
+
 def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, list[str]]:
     """Return the record on an even clock, and what was done to it in sentences.
 
-    A clock within `CLOCK_TOLERANCE` of an even one stays as it is. Otherwise a cubic spline through the samples, four to
-    the median step, goes through the anti-aliasing filter of `lumbar.records.record.resample` to the median rate,
-    which leaves ten samples out at either end.
+    A clock within `CLOCK_TOLERANCE` of an even one stays as it is. Otherwise a cubic spline through the samples is read at the
+    median rate, and kept between the two samples around: it would overshoot where a sensor is clipped or a tool strikes.
 
     Raises
     ------
@@ -93,22 +125,25 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, lis
         return record, []
     _check_gaps(record, steps, step, lines)
     rate = _round(1 / step)
-    fine = record.time[0] + np.arange(int((record.time[-1] - record.time[0]) * rate * _FINER) + 1) / (
-        rate * _FINER
-    )
-    from scipy.interpolate import CubicSpline
-
+    time = record.time[0] + np.arange(int((record.time[-1] - record.time[0]) * rate * (1 + 1e-12)) + 1) / rate
     channels = {
-        role: replace(channel, values=CubicSpline(record.time, channel.values)(fine))
+        role: replace(channel, values=_between_neighbours(record.time, channel.values, time))
         for role, channel in record.channels.items()
     }
     dropped = int(np.sum(np.maximum(np.round(steps / step) - 1, 0)))
-    done = resample(replace(record, time=fine, channels=channels), rate)
-    return done, [
+    return replace(record, time=time, channels=channels), [
         f"the clock is uneven (steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms, {dropped} samples dropped): "
-        f"resampled to its median rate, {rate:g} Hz, by a cubic spline and an anti-aliasing filter; ten samples at either "
-        "end are left out"
+        f"resampled to its median rate, {rate:g} Hz, by a cubic spline that stays between neighbouring samples"
     ]
+
+
+def _between_neighbours(time: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Cubic spline at the times wanted, within the range of the two samples around each."""
+    from scipy.interpolate import CubicSpline
+
+    after = np.clip(np.searchsorted(time, wanted), 1, len(time) - 1)
+    around = values[after - 1], values[after]
+    return np.clip(CubicSpline(time, values)(wanted), np.minimum(*around), np.maximum(*around))
 
 
 def _round(rate: float) -> float:

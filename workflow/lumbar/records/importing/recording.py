@@ -8,7 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.importing.clock import check_forward, contradictions, even_clock, longest, stated_time
+from lumbar.records.importing.clock import (
+    check_forward,
+    contradictions,
+    even_clock,
+    longest,
+    stated_time,
+    unrounded,
+)
 from lumbar.records.importing.raw_table import RawTable
 from lumbar.records.importing.roles import NONE, ROLES, Role, find_roles
 from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of, samples_between
@@ -100,20 +107,24 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
         cannot be analysed.
     """
     roles = find_roles(table, choices.wishes())
-    time, clock = _clock(table, roles.get("time"), choices)
-    grounds = {"time": clock} | {role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS}
+    time, from_where = _clock(table, roles.get("time"), choices)
+    grounds = {"time": from_where} | {
+        role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS
+    }
     samples, notes = len(time), []
     keep = np.arange(samples)
     if choices.trim:
         keep = samples_between(time, choices.trim, table.source)
         notes.append(f"{samples - keep.size} of {samples} samples lie outside --trim and are left out")
     lines = None if table.lines is None else [table.lines[int(sample)] for sample in keep]
-    check_forward(time[keep], lines, table.source)
+    clock, rounded = unrounded(time[keep])
+    notes += [rounded] if rounded else []
+    check_forward(clock, lines, table.source)
     channels = {channel: _channel(role, roles[role], keep) for role, channel in CHANNELS.items()}
     if choices.flip_force:
         channels["output"] = replace(channels["output"], values=-channels["output"].values)
         notes.append("the sign of the force is changed, as told by --flip-force")
-    record = Record(name, time[keep], channels, table.source)
+    record = Record(name, clock, channels, table.source)
     _check_complete(record, lines)
     if not choices.clipped:
         check_clipping(record, lines)  # before resampling, after which no two samples are alike
