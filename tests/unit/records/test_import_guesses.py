@@ -62,7 +62,7 @@ def test_a_spelling_that_several_units_could_have_is_none(spelling):
         ("Ch 1 Force,lbf", ("Ch 1 Force", "lbf")),
         ("TimeMs", ("Time", "Ms")),
         ("x_m", ("x", "m")),
-        ("vel_in_s", ("vel_in", "s")),
+        ("vel_in_s", ("vel", "in_s")),
         ("Load", ("Load", "")),
         ("Strain (%)", ("Strain (%)", "")),
     ],

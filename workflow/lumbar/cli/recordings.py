@@ -68,7 +68,7 @@ IMPORT = Command(
             )
             for role, examples, calibration in (
                 ("time", "s, ms, µs", "0.5 ms"),
-                ("position", "m, mm, µm, inch, rad, deg", "0.01 mm"),
+                ("position", "m, mm, µm, inch, rad, deg; mm/s, rad/s: integrated", "0.01 mm"),
                 ("force", "N, mN, kN, lbf, N·m", "35.15 N"),
             )
         ),

@@ -17,13 +17,15 @@ from lumbar.records.importing.clock import (
     unrounded,
 )
 from lumbar.records.importing.raw_table import RawTable
-from lumbar.records.importing.roles import NONE, ROLES, Role, find_roles
+from lumbar.records.importing.roles import NONE, ROLES, Role, find_roles, named_velocity
+from lumbar.records.importing.velocity import position_of
 from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of, samples_between
 from lumbar.records.stretches import check_clipping
 
 CHANNELS = {"position": "input", "force": "output"}
 """Channel of a record by the role of a column."""
 _NAMES = {"length": "position", "angle": "angle", "force": "force", "torque": "torque"}
+_NAMES |= {"velocity": "position", "angular velocity": "angle"}
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,8 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
     _check_complete(record, lines)
     if not choices.clipped:
         check_clipping(record, lines)  # before resampling, after which no two samples are alike
+    record, moved = _motion(record, roles["position"], time, keep, table)
+    notes += moved
     notes += contradictions(record, table.rates)
     record, resampled = even_clock(record, lines)
     check_record(record, lines=None if resampled else lines)
@@ -145,6 +149,24 @@ def _clock(table: RawTable, role: Role | None, choices: Choices) -> tuple[np.nda
             f"--time {NONE}"
         )
     return role.column.values * role.unit.factor, f"{role.column.label}, {role.why}"
+
+
+def _motion(
+    record: Record, role: Role, time: np.ndarray, keep: np.ndarray, table: RawTable
+) -> tuple[Record, list[str]]:
+    """The record with its motion where a velocity was recorded, and what is said of that."""
+    label = role.column.label
+    if role.is_velocity:
+        way, unit = record.channels["input"], role.unit.target.removesuffix("/s")
+        velocity = role.column.values * role.unit.factor
+        values, words = position_of(time, velocity, keep, unit, table.lines)
+        record = replace(record, channels={**record.channels, "input": Channel(values, way.quantity, unit)})
+        return record, [f"the {way.quantity} is the integral of {label} {words}"]
+    if not named_velocity(role.column.own_name):
+        return record, []
+    return record, [
+        f"{label} is named a velocity, and is taken for a position as told; --position-unit mm/s would integrate it"
+    ]
 
 
 def _channel(name: str, role: Role, keep: np.ndarray) -> Channel:

@@ -10,12 +10,15 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.records.importing.raw_table import RawColumn, RawTable
-from lumbar.records.importing.units import Unit, find_unit, told_unit
+from lumbar.records.importing.units import SPEEDS, Unit, find_unit, told_unit
 
 ROLES = ("time", "position", "force")
 NONE = "none"
 """What a person gives for the time of a table that has none."""
 QUANTITIES = {"time": ("time",), "position": ("length", "angle"), "force": ("force", "torque")}
+_TAKEN = {**QUANTITIES, "position": (*QUANTITIES["position"], *SPEEDS.values())}
+"""What a role is made of: a velocity is integrated."""
+_VELOCITIES = "velocity vel speed geschwindigkeit vitesse velocidad velocita snelheid prędkość скорость 速度"
 _WORDS = {
     "time": "time zeit temps tiempo tempo tijd tid aika timestamp elapsed laufzeit pruefzeit testzeit x_value "
     "czas cas время 时间 時間",
@@ -29,11 +32,14 @@ _WORDS = {
 _WEAK = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
 """Names of one letter, which others use for other things."""
 _OTHERS = (
-    "velocity vel speed geschwindigkeit vitesse velocidad velocita acceleration acc accel beschleunigung strain stress "
+    f"{_VELOCITIES} acceleration acc accel beschleunigung strain stress "
     "dehnung spannung temperature temp temperatur current strom index idx sample samples cycle cycles zyklus count "
     "command cmd commanded setpoint soll sollwert target ref reference error segment rate"
 )
 """Words of what is measured or commanded beside the three; a column named so is taken on request only."""
+_UNMEASURED = frozenset(
+    ["command", "cmd", "commanded", "setpoint", "soll", "sollwert", "target", "ref", "reference", "error"]
+)
 _SMOOTHER = 5.0
 """How many times smoother one of two nameless columns must be to pass for the position."""
 _COARSE = 1e-4
@@ -48,6 +54,11 @@ class Role:
     unit: Unit
     why: str
     """Why this column, and why in this unit."""
+
+    @property
+    def is_velocity(self) -> bool:
+        """Whether the column holds the velocity of what is wanted."""
+        return self.unit.quantity in SPEEDS.values()
 
 
 def _plain(text: str) -> str:
@@ -161,7 +172,26 @@ def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
             labels = " or ".join(column.label for column in best)
             raise InputError(f"{role} may be {labels}; choose by --{role} NAME or NUMBER")
         return best[0], "by its name" if named else "by its unit"
+    speeds = [column for column in free if role == "position" and _is_speed(column)]
+    if len(speeds) > 1:
+        labels = " or ".join(column.label for column in speeds)
+        raise InputError(f"position may be {labels}, integrated; choose by --position NAME or NUMBER")
+    if speeds:
+        return speeds[0], "the only velocity where no column is position"
     return _by_numbers(free, role)
+
+
+def named_velocity(name: str) -> bool:
+    """Whether a name says that a velocity was measured, and no command or error of one."""
+    tokens = set(_tokens(name))
+    return bool(tokens & {_plain(word) for word in _VELOCITIES.split()}) and not tokens & _UNMEASURED
+
+
+def _is_speed(column: RawColumn) -> bool:
+    unit, others = find_unit(column.unit), set(_tokens(column.own_name)) & _UNMEASURED
+    if unit is not None and unit.quantity != "reading":
+        return unit.quantity in SPEEDS.values() and not others
+    return not column.unit and named_velocity(column.own_name)
 
 
 def _grows(column: RawColumn) -> bool:
@@ -213,12 +243,12 @@ _PLAUSIBLE_HZ = (1.0, 1e5)
 def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
     if told:
         given = told_unit(told, f"--{role}-unit")
-        if given.quantity not in (*QUANTITIES[role], *(["reading"] if role != "time" else [])):
+        if given.quantity not in (*_TAKEN[role], *(["reading"] if role != "time" else [])):
             raise InputError(f"--{role}-unit {told!r} is a unit of {given.quantity}, not of {role}")
         return Role(column, given, f"{why}; unit {given.name}, as told by --{role}-unit")
     unit = find_unit(column.unit)
     step = float(np.nanmedian(np.diff(column.values)))
-    if unit is not None and unit.quantity in QUANTITIES[role]:
+    if unit is not None and unit.quantity in _TAKEN[role]:
         if (
             role == "time"
             and step > 0
@@ -237,6 +267,8 @@ def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
         "position": ("mm", "0.01 mm"),
         "force": ("N", "35.15 N"),
     }[role]
+    if role == "position" and named_velocity(column.own_name):
+        example, calibration = "mm/s", "0.01 mm/s"
     if unit is not None and unit.quantity == "reading":
         found = f"{column.label} is what the sensor gave, in {unit.name}"
         words = f"say what one of its numbers is, as in --{role}-unit '{calibration}', or --{role}-unit {unit.name}"

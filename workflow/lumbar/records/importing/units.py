@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 from lumbar.base.errors import InputError
 
@@ -43,6 +44,8 @@ _SPELLED = {
     ("torque", 12 * _POUND * _INCH * 1e-3): "lbf·ft lbf-ft ft-lb ft-lbf",
 }
 """Quantity and factor to the target's unit (s, mm, rad, N, N·m), with the spellings."""
+SPEEDS = {"length": "velocity", "angle": "angular velocity"}
+"""Quantity of a velocity by that of its way."""
 TARGETS = {"time": "s", "length": "mm", "angle": "rad", "force": "N", "torque": "N·m"}
 """Unit in which records are written, by quantity."""
 _READINGS = "V mV uV volt volts count counts cnt cnts bit bits raw digit digits a.u. au"
@@ -56,7 +59,7 @@ class Unit:
     name: str
     """As it was spelled."""
     quantity: str
-    """``time``, ``length``, ``angle``, ``force``, ``torque``, or ``reading`` for what a sensor gives."""
+    """``time``, ``length``, ``angle``, ``force``, ``torque``, one of `SPEEDS`, or ``reading`` for what a sensor gives."""
     factor: float
     """Number in this unit times `factor` is the number in `target`."""
     target: str
@@ -64,7 +67,10 @@ class Unit:
 
 
 def _folded(spelling: str) -> str:
-    return spelling.replace("µ", "u").replace("μ", "u").replace("⋅", "·").replace(" ", "")
+    word = spelling.replace("µ", "u").replace("μ", "u").replace("⋅", "·").replace(" ", "")
+    return re.sub(
+        r"(?:_per_|per|_|/)(s|sec|min)$|[·*.]?s(?:\^?-1|⁻¹)$", lambda per: f"/{per[1] or 's'}", word
+    )
 
 
 def _tables() -> tuple[dict[str, Unit], dict[str, Unit]]:
@@ -74,6 +80,12 @@ def _tables() -> tuple[dict[str, Unit], dict[str, Unit]]:
         for (quantity, factor), words in _SPELLED.items()
         for word in words.split()
     }
+    times = [unit for unit in exact.values() if unit.name in ("s", "sec", "min")]
+    ways = [unit for unit in exact.values() if unit.quantity in SPEEDS]
+    for way, time in product(ways, times):
+        speed, factor = f"{way.name}/{time.name}", way.factor / time.factor
+        exact[speed] = Unit(speed, SPEEDS[way.quantity], factor, f"{way.target}/s")
+    exact["rpm"] = replace(exact["rev/min"], name="rpm")
     exact |= {word: Unit(word, "reading", 1.0, word) for word in _READINGS.split()}
     by_small: dict[str, list[Unit]] = {}
     for word, unit in exact.items():
@@ -105,7 +117,7 @@ def find_unit(spelling: str) -> Unit | None:
     return _EXACT.get(word) or _SMALL.get(word.casefold())
 
 
-_CALIBRATED = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s/].*?)(?:/.*)?$")
+_CALIBRATED = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s/].*)$")
 
 
 def told_unit(text: str, place: str) -> Unit:
@@ -125,11 +137,15 @@ def told_unit(text: str, place: str) -> Unit:
 
     Examples
     --------
-    >>> told_unit("35.15 N/V", "--force-unit").factor
-    35.15
+    >>> told_unit("35.15 N/V", "--force-unit").factor, told_unit("2 m/s", "--position-unit").quantity
+    (35.15, 'velocity')
     """
     calibrated = _CALIBRATED.match(text.strip())
     unit = find_unit(calibrated.group(2) if calibrated else text)
+    if unit is None and calibrated:
+        of_one, _, reading = calibrated.group(2).rpartition("/")
+        per = find_unit(reading)
+        unit = None if per is not None and per.quantity == "time" else find_unit(of_one)
     factor = float(calibrated.group(1)) if calibrated else 1.0
     if unit is None or factor == 0 or not math.isfinite(factor):
         known = ", ".join(words.split()[0] for words in _SPELLED.values())
@@ -143,6 +159,7 @@ def told_unit(text: str, place: str) -> Unit:
 _IN_HEADER = (
     re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$"),
     re.compile(r"^(?P<name>.*?)\s+in\s+(?P<unit>[^\s\d]+)$"),
+    re.compile(r"^(?P<name>.*?[^\W_])[\s_/,:;|.-]+(?P<unit>[^\W_]+(?:/|_|_per_| per )(?:s|sec|min))$"),
     re.compile(r"^(?P<name>.*?)\s*[/,:;|]\s*(?P<unit>[^\s\d]+)$"),
     re.compile(r"^(?P<name>.*[^\s_.-])[\s_.-]+(?P<unit>[^\s_]+)$"),
     re.compile(r"^(?P<name>.*[a-zà-ÿ])(?P<unit>[A-Z][a-z]{0,2}|[mk]N)$"),

@@ -1,0 +1,121 @@
+"""A column of velocity is integrated to the motion, and that is said with what nobody knows of it."""
+
+import json
+
+import numpy as np
+import pytest
+from foreign_files import RATE, TIME, rows
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.records.importing.units import find_unit, name_and_unit, told_unit
+
+RADIAN = 2 * np.pi * 1.1
+VELOCITY = 4 * RADIAN * np.cos(RADIAN * TIME)
+"""Millimetres per second, of 4 mm · sin."""
+MOTION = 4 * np.sin(RADIAN * TIME)
+FORCE = 1.3 * MOTION + 0.02 * np.random.default_rng(5).normal(size=len(TIME))
+
+
+def imported(tmp_path, head, columns=(TIME, VELOCITY, FORCE), **told):
+    (tmp_path / "trial.csv").write_text(head + "\n" + rows(",", columns=columns, digits=7), encoding="utf-8")
+    [recording] = lumbar.import_recordings(tmp_path / "trial.csv", **told)
+    return recording
+
+
+@pytest.mark.parametrize(
+    ("spelling", "factor", "target"),
+    [
+        ("mm/s", 1.0, "mm/s"),
+        ("[m/s]", 1e3, "mm/s"),
+        ("mm/min", 1 / 60, "mm/s"),
+        ("in/sec", 25.4, "mm/s"),
+        ("mm s^-1", 1.0, "mm/s"),
+        ("m·s⁻¹", 1e3, "mm/s"),
+        ("deg/s", np.pi / 180, "rad/s"),
+        ("rpm", 2 * np.pi / 60, "rad/s"),
+    ],
+)
+def test_units_of_velocity(spelling, factor, target):
+    unit = find_unit(spelling)
+    assert (unit.target, unit.factor) == (target, pytest.approx(factor, rel=1e-12))
+
+
+@pytest.mark.parametrize("cell", ["speed [mm/s]", "speed mm/s", "speed/mm/s", "speed_mm_s", "speed_mm_per_s"])
+def test_a_velocity_in_a_header_is_no_time(cell):
+    name, unit = name_and_unit(cell)
+    assert (name, find_unit(unit).target) == ("speed", "mm/s")
+
+
+def test_a_calibration_in_a_velocity_is_no_position():
+    assert told_unit("0.5 mm/s", "--position-unit").quantity == "velocity"
+    assert told_unit("0.5 mm/s/V", "--position-unit").factor == 0.5
+    with pytest.raises(InputError, match="is no unit"):
+        told_unit("3 N/s", "--force-unit")
+
+
+@pytest.mark.parametrize(
+    ("head", "told"),
+    [
+        ("time_s,v [mm/s],force_N", {}),
+        ("time_s,Geschwindigkeit,force_N", {"position_unit": "mm/s"}),
+        ("time_s,drive [V],force_N", {"position": "drive", "position_unit": "1 mm/s"}),
+    ],
+)
+def test_a_velocity_is_integrated_and_it_is_said(tmp_path, head, told):
+    one = imported(tmp_path, head, **told)
+    step = 1 / RATE
+    assert one.record["input"][0] == 0
+    assert one.record["input"] == pytest.approx(MOTION, abs=step**2 / 12 * np.ptp(RADIAN * VELOCITY) + 1e-6)
+    assert list(one.frame()) == ["time_s", "position_mm", "force_N"]
+    [note] = [note for note in one.notes if "integral" in note]
+    for words in ("0 at the first sample", "is not known", "an offset of the velocity would be a drift"):
+        assert words in note
+
+
+def test_what_is_kept_says_so_too(run, tmp_path):
+    imported(tmp_path, "time_s,v [mm/s],force_N")
+    status, out, _ = run("import", tmp_path / "trial.csv", "--output", tmp_path / "records")
+    assert status == 0
+    [entry] = json.loads((tmp_path / "records/imported.json").read_text())["records"]
+    for text in (out, (tmp_path / "records/study.yaml").read_text(), entry["notes"][0]):
+        assert "is the integral of column 2 'v' [mm/s]" in text
+
+
+def test_a_position_goes_before_a_velocity(tmp_path):
+    one = imported(tmp_path, "time_s,v [mm/s],z [mm],force_N", columns=(TIME, VELOCITY, MOTION + 3, FORCE))
+    assert one.record["input"] == pytest.approx(MOTION + 3, abs=1e-6)
+    both = {"position": "v"}
+    two = imported(
+        tmp_path, "time_s,v [mm/s],z [mm],force_N", columns=(TIME, VELOCITY, MOTION + 3, FORCE), **both
+    )
+    assert two.record["input"][0] == 0
+
+
+def test_two_velocities_and_a_velocity_without_unit_are_asked_about(tmp_path):
+    with pytest.raises(InputError, match=r"position may be column 2 'v1' .* or column 3 'v2' .*; choose by"):
+        imported(tmp_path, "time_s,v1 [mm/s],v2 [mm/s],force_N", columns=(TIME, VELOCITY, VELOCITY, FORCE))
+    with pytest.raises(InputError, match=r"without a unit; give --position-unit, e.g. mm/s"):
+        imported(tmp_path, "time_s,velocity,force_N")
+    note = imported(tmp_path, "time_s,velocity,force_N", position="velocity", position_unit="mm").notes[0]
+    assert "is named a velocity, and is taken for a position as told" in note
+
+
+def test_parts_of_a_recording_share_their_zero(tmp_path):
+    """As long as nothing is missing before them; else each has its own, and says so."""
+    whole = imported(tmp_path, "time_s,v [mm/s],force_N").record
+    part = imported(tmp_path, "time_s,v [mm/s],force_N", trim=(1, 2)).record
+    assert part["input"] == pytest.approx(whole["input"][200:400])
+    gap = VELOCITY.copy()
+    gap[50] = np.nan
+    part = imported(tmp_path, "time_s,v [mm/s],force_N", columns=(TIME, gap, FORCE), trim=(1, 2))
+    assert part.record["input"] == pytest.approx(whole["input"][200:400] - whole["input"][51])
+    assert "0 at line 53" in part.notes[1]
+
+
+def test_an_uneven_clock_is_integrated_on_itself(tmp_path):
+    time = TIME + np.random.default_rng(2).uniform(-0.4, 0.4, len(TIME)) / RATE
+    speed = 4 * RADIAN * np.cos(RADIAN * time)
+    record = imported(tmp_path, "time_s,v [mm/s],force_N", columns=(time, speed, FORCE)).record
+    expected = 4 * (np.sin(RADIAN * record.time) - np.sin(RADIAN * time[0]))
+    assert record["input"] == pytest.approx(expected, abs=0.02)
