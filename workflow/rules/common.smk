@@ -93,6 +93,7 @@ def address(path):
 
 
 EFFECT_FILES = [source(path) for path in settings.improvement.effect_files]
+BASE_FILES = [source(path) for path in sorted(set(settings.improvement.base_files.values()))]
 BENCHMARKS = Path(at_hand(f"results/{STUDY}/benchmarks"))
 
 

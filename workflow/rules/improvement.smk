@@ -26,6 +26,7 @@ rule diagnose_records:
             if chapter in RECORD_SET_CHAPTERS
         ],
         effects=EFFECT_FILES,
+        bases=BASE_FILES,
     output:
         **published(
             "diagnoses",

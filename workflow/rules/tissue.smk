@@ -35,6 +35,7 @@ rule identify_tissue:
     input:
         recordings=TISSUE_RECORDINGS,
         effects=EFFECT_FILES,
+        bases=BASE_FILES,
         checked="<results>/checked/tissue.json",
     output:
         fits="<results>/tissue/identified/{training}.json",
@@ -75,6 +76,7 @@ rule tissue_models:
         grids=expand("<results>/tissue/identified/{training}.csv", training=TRAINING),
         recordings=TISSUE_RECORDINGS,
         effects=EFFECT_FILES,
+        bases=BASE_FILES,
         checked="<results>/checked/tissue.json",
     output:
         **published("table_3_1", "physical_parameters", "figure_3_4", "figure_3_5"),

@@ -125,8 +125,8 @@ FIT = (
     option(
         "--base",
         metavar="MODEL",
-        help="base model: LE, Maxwell, KV, KB, KV-mass, KB-mass or pendulum (default: the settings'); the pendulum's records are "
-        "time_s,angle_rad,moment_Nm",
+        help="base model: LE, Maxwell, KV, KB, KV-mass, KB-mass, pendulum or a file of your own, BASE.yaml (default: the "
+        "settings'); the pendulum's records are time_s,angle_rad,moment_Nm",
     ),
     option(
         "--forward",

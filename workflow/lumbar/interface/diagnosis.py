@@ -45,7 +45,7 @@ def diagnose(
         One per excitation, with channels ``input`` and ``output``; the period of an excitation is the record's own
         (``Record.period``), else found from the input.
     base : str, optional
-        Base model: LE, Maxwell, KV, KB or pendulum; default the settings'.
+        Base model: LE, Maxwell, KV, KB, pendulum or a file of one's own, BASE.yaml; default the settings'.
     train : str or sequence of str, optional
         Record to fit on, or several that are fitted together; default the settings', or the longest.
     settings : StudySettings, optional

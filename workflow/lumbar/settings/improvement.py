@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated, Literal, get_args
 
 from lumbar.base.errors import InputError
-from lumbar.settings.key import UNIQUE, FolderName, key, required, settings
+from lumbar.settings.key import UNIQUE, Each, FolderName, key, required, settings
 from lumbar.settings.layout import ColumnLayout, RecordSettings
 
 TissueBase = Literal[
@@ -13,18 +15,27 @@ TissueBase = Literal[
 ]
 """Bases of a tissue that a study may name."""
 BASE_NAMES = (*get_args(TissueBase), "pendulum")
+BaseFile = Annotated[str, Each(pattern=r".\.ya?ml$")]
+"""File of a base of one's own."""
+
+
+def is_data(file: str) -> bool:
+    """Whether a base is named by a file of one's own, and whether a file of effects is data, which runs nothing."""
+    return file.endswith((".yaml", ".yml"))
 
 
 def system_of(base: str) -> Literal["tissue", "pendulum"]:
-    """What a base is a model of.
+    """What a base is a model of; one of one's own is of a tissue, or of whatever is measured in its place.
 
     Raises
     ------
     InputError
         For an unknown one, with those that there are.
     """
-    if base not in BASE_NAMES:
-        raise InputError(f"unknown base model {base!r}; known are {', '.join(BASE_NAMES)}")
+    if base not in BASE_NAMES and not is_data(base):
+        raise InputError(
+            f"unknown base model {base!r}; known are {', '.join(BASE_NAMES)} and files, BASE.yaml"
+        )
     return "pendulum" if base == "pendulum" else "tissue"
 
 
@@ -33,7 +44,7 @@ class RecordSetSettings:
     """One set of records that is diagnosed."""
 
     name: FolderName = required("Name of the set and its folder.")
-    base: TissueBase | Literal["pendulum"] | None = key(
+    base: TissueBase | Literal["pendulum"] | BaseFile | None = key(
         "Base model of this set, instead of improvement.base. The records of a pendulum are read by "
         "lifting.moment_layout, all others by tissue.layout.",
         default=None,
@@ -68,9 +79,10 @@ class RecordSetSettings:
 class ImprovementSettings:
     """Comparing, diagnosing and refining models of tissue tests."""
 
-    base: TissueBase = key(
+    base: TissueBase | BaseFile = key(
         "Base model that effects are added to; auto takes the one that the data ask for. Those with -mass "
-        "move a mass; those with -contact are for a tool that is not fastened to the tissue.",
+        "move a mass; those with -contact are for a tool that is not fastened to the tissue. A base of your own is a file, "
+        "BASE.yaml, relative to the project.",
         default="auto",
     )
     train: str | Annotated[tuple[str, ...], UNIQUE] | None = key(
@@ -106,3 +118,19 @@ class ImprovementSettings:
         "minutes.",
         default=True,
     )
+
+    def with_bases_at(self, place: Callable[[str], str]) -> ImprovementSettings:
+        """The same with the files of bases where `place` says that they are."""
+
+        def placed(base):
+            return place(base) if base and is_data(base) else base
+
+        sets = tuple(replace(entry, base=placed(entry.base)) for entry in self.record_sets)
+        return replace(self, base=placed(self.base), record_sets=sets)
+
+    @property
+    def base_files(self) -> dict[str, str]:
+        """Files of bases of one's own, by the key that names each."""
+        sets = {f"record_sets.{number}.base": entry.base for number, entry in enumerate(self.record_sets)}
+        named = {"base": self.base, **sets}
+        return {place: file for place, file in named.items() if file and is_data(file)}

@@ -116,7 +116,7 @@ def _check_groups(study: Study, add: Add) -> None:
 
 
 def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> None:
-    """Check that the effects which a study adds are known, its own files of effects among them.
+    """Check that the effects which a study adds are known, and its own files of effects and bases sound.
 
     Parameters
     ----------
@@ -125,12 +125,20 @@ def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> Non
     add : callable
         Takes key, what was found and what is allowed.
     """
-    for number, file in enumerate(improvement.effect_files):
+    files = {f"effect_files.{number}": file for number, file in enumerate(improvement.effect_files)}
+    for place, file in {**improvement.base_files, **files}.items():
         if set("{}") & set(file):
-            add(f"improvement.effect_files.{number}", repr(file), _NO_BRACES)
-    if improvement.effects or improvement.effect_files:
-        files, base = improvement.effect_files, improvement.base
-        _check_effects(improvement.effects, "improvement.effects", files, base, root, add)
+            add(f"improvement.{place}", repr(file), _NO_BRACES)
+    from lumbar.tissue.effects.catalogue import read_base
+
+    for place, file in improvement.base_files.items():
+        try:
+            read_base(root / file)
+        except (LumbarError, OSError) as error:
+            add(f"improvement.{place}", str(error), "")
+    if improvement.effects or files:
+        place = "improvement.effects"
+        _check_effects(improvement.effects, place, improvement.effect_files, improvement.base, root, add)
 
 
 _NO_BRACES = "no braces, which Snakemake takes for wildcards: rename it"

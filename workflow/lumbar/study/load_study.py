@@ -264,7 +264,9 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     problems.raise_if_any()
     places = [Path(), *(parent for path in reversed(files) for parent in path.resolve().parents)]
     own = tuple(_first_found(file, places) for file in settings.improvement.effect_files)
-    improvement = replace(settings.improvement, effect_files=own)
+    improvement = replace(settings.improvement, effect_files=own).with_bases_at(
+        lambda file: _first_found(file, places)
+    )
     if not trust:
         project = Path() if DEFAULT_FILES[0].is_file() else None
         check_code(improvement, files, project, problems, origins)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.tissue.effects.notation import is_data
+from lumbar.settings.improvement import is_data
 
 if TYPE_CHECKING:
     from lumbar.base.errors import Problems

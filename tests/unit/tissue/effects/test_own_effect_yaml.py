@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model
-from lumbar.tissue.effects.catalogue import catalogue_with, catalogues_with
+from lumbar.tissue.effects.catalogue import catalogue_with, catalogues_with, read_base
 from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
 from study_settings import changed
 
@@ -244,10 +244,11 @@ def test_the_page_names_all_signals_functions_and_keys(project):
         assert re.search(rf"`{name}[`:(]", page), name
 
 
-def test_the_pages_example_is_read(project, tmp_path):
+def test_the_pages_examples_are_read(project, tmp_path):
     page = (project / "docs" / "tissue" / "own_effect.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
-    assert catalogue_with([written(tmp_path, example)])["own_friction"].forms[0].state
+    effect, base = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    assert catalogue_with([written(tmp_path, effect)])["own_friction"].forms[0].state
+    assert len(read_base(written(tmp_path, base)).state) == 3
 
 
 CREEP = """

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from lumbar.base.errors import InputError
 from lumbar.settings.improvement import system_of
-from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
+from lumbar.tissue.models.model_entry import OWN_BASES
 
 CHANNELS = {
     "box_held": "box_held",
@@ -145,11 +146,19 @@ def catalogues_with(files: Collection[str | Path], content: object = None) -> di
 
 def with_carried(
     catalogues: Mapping[str, Mapping[str, Effect]], content: object
-) -> dict[str, dict[str, Effect]]:
-    """Return catalogues by system with the effects that a file of models carries."""
-    from lumbar.tissue.effects.notation import carried_effects
+) -> dict[str, dict[str, Effect | Base]]:
+    """Return catalogues by system with the effects that a file of models carries, and its bases."""
+    from lumbar.tissue.effects.notation import carried_bases, carried_effects
 
-    return {system: {**carried_effects(content, known), **known} for system, known in catalogues.items()}
+    found = {system: {**carried_effects(content, known), **known} for system, known in catalogues.items()}
+    return {**found, OWN_BASES: carried_bases(content)}
+
+
+def read_base(file: str | Path) -> Base:
+    """Read a base of a user's own; errors as of `lumbar.tissue.effects.notation.load_base`."""
+    from lumbar.tissue.effects.notation import load_base
+
+    return load_base(Path(file))
 
 
 def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:

@@ -1,4 +1,4 @@
-"""The notation of effects: one effect in a YAML file, as equations, the catalogue's own and a user's alike.
+"""The notation of effects and bases: one in a YAML file, as equations, the catalogue's own and a user's alike.
 
 ``docs/tissue/own_effect.md`` says what a file holds. Files of the catalogue may name `lumbar.tissue.effects.hooks` besides, which
 are code; a user's cannot.
@@ -12,14 +12,16 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
+from lumbar.settings.improvement import is_data
+from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.expression import parse
 from lumbar.tissue.models.form import Effect, Form, Place
 from lumbar.tissue.models.parameter import SCALES, Constant, LinearParameter, NonlinearParameter
@@ -30,19 +32,17 @@ _SIGNS = {"positive": 1, "negative": -1, "any": 0}
 _EFFECT_FLAGS = ("accumulates", "unrepeated", "linear")
 _EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "sensors", *_EFFECT_FLAGS, "forms")
 _FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "essential")
+_BASE_KEYS = ("name", "mechanism", "source", "equation", "state", "parameters", "constants")
 _HOOK_KEYS = ("solution", "by_hand", "latex", "starts", "contradiction")
 """Of the catalogue's files alone; ``latex`` stands in place of the equation of a form that is written by hand."""
 _STATE_KEYS = ("rate", "start")
 _LINEAR_KEYS = ("name", "unit", "latex", "sign")
 _NONLINEAR_FLAGS = ("follows_record", "decisive")
 _NONLINEAR_KEYS = ("name", "unit", "latex", "start", "scale", "points", "reach", "lines", *_NONLINEAR_FLAGS)
+_MOST_CORNERS = 32
+"""Of the box of nonlinear parameters, at which an equation is tried."""
 _FREQUENCY = 0.5
 """Hz; of the standard motion on which an equation must stay finite."""
-
-
-def is_data(path: str | Path) -> bool:
-    """Whether a file of effects is YAML, which is data and runs nothing; any other is Python."""
-    return Path(path).suffix in (".yaml", ".yml")
 
 
 def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
@@ -62,13 +62,38 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
         If the file cannot be read or imported, defines no effect, or has an equation that cannot be used: all problems at
         once.
     """
-    if not is_data(path):
+    if not is_data(str(path)):
         return _from_python(path)
     problems = Problems(f"effect {path.name}")
     file = read_yaml(path, problems, anchors=False)
     problems.raise_if_any()
     effect = _checked_effect(file, problems, taken)
     return {effect.name: effect}
+
+
+def load_base(path: Path) -> Base:
+    """Read a base of a user's own: equation, states and parameters in the notation of effects.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or has an equation that cannot be used: all problems at once.
+    """
+    problems = Problems(f"base {path.name}")
+    file = read_yaml(path, problems, anchors=False)
+    problems.raise_if_any()
+    return _checked_base(file, problems)
+
+
+def carried_bases(content: Any) -> dict[str, Base]:
+    """Bases of users' own that a file of models carries as data, as read from JSON; each checked as its own file was.
+
+    Raises
+    ------
+    InputError
+        A base that is not sound: all problems at once.
+    """
+    return _carried(content, "bases", lambda name, file, problems: _checked_base(file, problems))
 
 
 def carried_effects(content: Any, known: Mapping[str, Effect]) -> dict[str, Effect]:
@@ -86,23 +111,37 @@ def carried_effects(content: Any, known: Mapping[str, Effect]) -> dict[str, Effe
     InputError
         An effect that is not sound, has the name of another, or is not the one of the user's file: all problems at once.
     """
-    given = content.get("effects", {}) if isinstance(content, dict) else {}
+
+    def checked(name: str, file: YamlFile, problems: Problems) -> Effect:
+        effect = _checked_effect(file, problems)
+        if name in known and known[name].forms != effect.forms:
+            allowed = "leave the effect's file out, or fit the model anew with it"
+            problems.add(f"effects.{name}", "not the effect that has this name already", allowed)
+        return effect
+
+    return _carried(content, "effects", checked)
+
+
+_Part = TypeVar("_Part")
+
+
+def _carried(
+    content: Any, kind: str, checked: Callable[[str, YamlFile, Problems], _Part]
+) -> dict[str, _Part]:
+    """What a file of models carries as data of one kind, by name."""
+    given = content.get(kind, {}) if isinstance(content, dict) else {}
     problems = Problems("models.json")
     if not isinstance(given, dict):
-        problems.add("effects", repr(given), "name of the effect: what its file says")
+        problems.add(kind, repr(given), "a name each: what its file says")
         given = {}
     found = {}
     for name, entry in given.items():
+        place = f"{kind}.{name}"
         if not isinstance(entry, dict) or entry.get("name") != name:
-            problems.add(
-                f"effects.{name}", repr(entry), f"what an effect's file holds is needed, name: {name} …"
-            )
+            problems.add(place, repr(entry), f"what its file holds is needed, name: {name} …")
             continue
         with suppress(InputError):  # told with those of the others
-            found[name] = _checked_effect(YamlFile(f"effects.{name}", entry), problems)
-            if name in known and known[name].forms != found[name].forms:
-                allowed = "leave the effect's file out, or fit the model anew with it"
-                problems.add(f"effects.{name}", "not the effect that has this name already", allowed)
+            found[name] = checked(name, YamlFile(place, entry), problems)
     problems.raise_if_any()
     return found
 
@@ -162,6 +201,24 @@ def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] =
     return replace(effect, definition=file.content)
 
 
+def _checked_base(file: YamlFile, problems: Problems) -> Base:
+    """A base of a user's own: what an effect of one equation says, and nothing of how it is added."""
+    reading = _Reading(problems, file)
+    reading.keys(file.content, "", _BASE_KEYS)
+    problems.raise_if_any()
+    (form,) = _checked_effect(file, problems, BASES).forms
+    if form.channels:
+        signals = ", ".join(form.channels)
+        reading.problem("equation", f"it knows {signals}", "a base knows the input, its rates, path and time")
+    if not form.linear:
+        reading.problem("parameters", "none is linear", "the response needs a factor, y = c*q")
+    problems.raise_if_any()
+    parts = {
+        key: getattr(form, key) for key in ("equation", "linear", "nonlinear", "state", "start", "constants")
+    }
+    return Base(name=str(file.content["name"]), definition=file.content, **parts)
+
+
 def _key(place: str, key: str) -> str:
     """A key in a part of the file, as messages name it."""
     return f"{place}.{key}".strip(".")
@@ -183,7 +240,7 @@ class _Reading:
         self.keys(content, "", (*_EFFECT_KEYS, *(self.form_keys if single else ())))
         name = self.name(content, "")
         if name in taken:
-            self.problem("name", f"{name!r} is taken by an effect of the catalogue", "choose another")
+            self.problem("name", f"{name!r} is taken in the catalogue", "choose another")
         texts = {
             key: self.text(content, key, key == "mechanism")
             for key in ("mechanism", "source", "experiment", "sensors")
@@ -458,7 +515,8 @@ def _numerical_problems(form: Form) -> list[tuple[str, str]]:
         return []
     motion = standard_motion(_FREQUENCY)
     force = 2 * motion.position
-    for point in product(*(item.grid(1.0)[[0, -1]] for item in form.nonlinear)):
+    ends = [item.grid(1.0)[[0, -1]] for item in form.nonlinear]
+    for point in islice(product(*ends), _MOST_CORNERS):
         nonlinear = np.array(point)
         with np.errstate(all="ignore"):
             if form.place is Place.OUTPUT:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from lumbar.tissue.models.equation import CStep, Solution
 from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter, Place
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.operators import relaxation, surface_of_branch, surface_of_dashpot
+from lumbar.tissue.models.parameter import Constant
 
 _RESPONSES = {"tissue": "F", "pendulum": "M"}
 """Symbol of what a base of each system gives."""
@@ -42,6 +43,12 @@ class Base:
     touching: Callable[[Motion, np.ndarray], np.ndarray] | None = None
     """For a tool that is not fastened to the tissue, which it meets at position 0 and never pulls: from motion and
     nonlinear parameters to whether it touches, (samples,). Where it does not, effects add no force."""
+    start: tuple[tuple[str, str], ...] = ()
+    """What the states begin with, as of a `Form`."""
+    constants: tuple[Constant, ...] = ()
+    """Numbers that the equations call by a symbol."""
+    definition: Mapping | None = field(default=None, compare=False, repr=False)
+    """Of a base of one's own: what its file says."""
 
     @cached_property
     def form(self) -> Form:
@@ -53,6 +60,8 @@ class Base:
             linear=self.linear,
             nonlinear=self.nonlinear,
             state=self.state,
+            start=self.start,
+            constants=self.constants,
             solution=self.solution,
             hand_written=self.hand_written,
             effect="base",
@@ -64,14 +73,23 @@ class Base:
         return self.touching is not None
 
     @property
+    def own(self) -> bool:
+        """Whether it is one of a user's own, which goes from whatever was put in to whatever was measured."""
+        return self.definition is not None
+
+    @property
+    def _response(self) -> str:
+        return "y" if self.own else _RESPONSES[self.system]
+
+    @property
     def text(self) -> str:
         """The equation in plain text."""
-        return f"{_RESPONSES[self.system]} = {self.form.text}"
+        return f"{self._response} = {self.form.text}"
 
     @property
     def latex(self) -> str:
         """The equation in LaTeX."""
-        return f"{_RESPONSES[self.system]} = {self.form.latex}"
+        return f"{self._response} = {self.form.latex}"
 
     @property
     def c_step(self) -> CStep | None:

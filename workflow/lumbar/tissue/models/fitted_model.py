@@ -185,16 +185,19 @@ def models_document(models: Iterable[FittedModel], data: str, noise_floor_rms: f
     """Return the content of a file of models.
 
     The models are those of an error ladder, from the base to the last; `data` says where the data come from.
-    `noise_floor_rms` is that of the training record, in the output's unit; None where it is not known. Effects of users' own
-    that were read from YAML stand in it as their files said them, so that the models are whole without these.
+    `noise_floor_rms` is that of the training record, in the output's unit; None where it is not known. Bases and effects of
+    users' own that were read from YAML stand in it as their files said them, so that the models are whole without these.
     """
     models = list(models)
-    forms = [
-        form for model in models if isinstance(model.structure, Structure) for form in model.structure.forms
-    ]
-    own = {form.effect: form.definition for form in forms if form.definition}
+    structures = [model.structure for model in models if isinstance(model.structure, Structure)]
+    forms = [form for structure in structures for form in structure.forms]
+    own = {
+        "bases": {item.base.name: item.base.definition for item in structures if item.base.own},
+        "effects": {form.effect: form.definition for form in forms if form.definition},
+    }
     content = {"schema": SCHEMA, "data": data, "noise_floor_rms": noise_floor_rms}
-    return {**content, **({"effects": own} if own else {}), "models": [model.to_json() for model in models]}
+    carried = {key: said for key, said in own.items() if said}
+    return {**content, **carried, "models": [model.to_json() for model in models]}
 
 
 def read_models(

@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import Problems
-from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter, ModelData, MotionRange, Port, Scores
 from lumbar.tissue.models.structure import ForwardStructure, Structure
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 MOST_COEFFICIENTS = 33
 """Of a numerator or denominator: twice what an FMU holds, and far more than the search tries."""
 
-Catalogues = Mapping[str, Mapping[str, Effect]]
+OWN_BASES = "bases"
+"""Where catalogues by system hold the bases of users' own that a file of models carries."""
+Catalogues = Mapping[str, Mapping[str, Effect | Base]]
 
 
 @dataclass(frozen=True)
@@ -171,10 +173,11 @@ def _transfer_function(written: _Written, problems: Problems) -> TransferFunctio
 
 def _structure(base: str, written: _Written, catalogues: Catalogues, problems: Problems) -> Structure | None:
     before = len(problems.entries)
-    if base not in BASES:
-        problems.add("base", repr(base), f"bases are {', '.join(BASES)}")
+    bases = {**catalogues.get(OWN_BASES, {}), **BASES}
+    if base not in bases:
+        problems.add("base", repr(base), f"bases are {', '.join(bases)}")
         return None
-    catalogue = catalogues.get(BASES[base].system, {})
+    catalogue = catalogues.get(bases[base].system, {})
     forms: list[Form] = []
     for item in written.effects or ():
         form = _form(item, catalogue, problems)
@@ -183,7 +186,7 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
         elif form is not None:
             forms.append(form)
     kind = ForwardStructure if written.forward else Structure
-    return None if len(problems.entries) > before else kind(BASES[base], tuple(forms))
+    return None if len(problems.entries) > before else kind(bases[base], tuple(forms))
 
 
 def _form(item: _Added, catalogue: Mapping[str, Effect], problems: Problems) -> Form | None:

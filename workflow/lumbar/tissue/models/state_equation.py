@@ -173,10 +173,16 @@ class StateEquation:
         one = len(self.names) == 1
         # With a clock, two of Newton's iterations take longer than all samples one by one.
         by_newton = self.is_linear or not (one and self.has_clock)
-        states = self._newton(known, len(motion) - 1, begin) if by_newton else None
+        # Of several states one after the other takes far longer than an iteration: those found last are near.
+        near = {} if one or self.is_linear else motion.keep("states found last", dict)
+        guesses = [near[self.names], None] if self.names in near else [None]
+        found = (self._newton(known, len(motion) - 1, begin, guess) for guess in guesses if by_newton)
+        states = next((path for path in found if path is not None), None)
         if states is None:
             solve = self._one_by_one if one else self.in_steps
             states = solve(known, len(motion) - 1, begin=begin)
+        if np.isfinite(states).all():
+            near[self.names] = states
         return dict(zip(self.names, states, strict=True))
 
     def _begin(self, motion: Motion, values: Mapping[str, float]) -> np.ndarray:
@@ -210,10 +216,19 @@ class StateEquation:
             len(self.increments),
         )
 
-    def _newton(self, known: Mapping, steps: int, begin: np.ndarray | float = 0.0) -> np.ndarray | None:
-        """States from the first sample on, shape (states, steps + 1); None if the iteration does not end."""
+    def _newton(
+        self,
+        known: Mapping,
+        steps: int,
+        begin: np.ndarray | float = 0.0,
+        guess: np.ndarray | None = None,
+    ) -> np.ndarray | None:
+        """States from the first sample on, shape (states, steps + 1); None if the iteration does not end.
+
+        `guess` has the same shape; without one they are where they begin.
+        """
         begin = np.broadcast_to(begin, len(self.names))
-        states = np.repeat(begin[:, None], steps + 1, axis=1)
+        states = np.repeat(begin[:, None], steps + 1, axis=1) if guess is None else guess
         with np.errstate(all="ignore"):
             for _ in range(_MOST_ITERATIONS):
                 before = states[:, :-1]

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from lumbar.base.errors import InputError
 from lumbar.records.record import Record
-from lumbar.settings.improvement import system_of
+from lumbar.settings.improvement import is_data, system_of
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
-from lumbar.tissue.effects.catalogue import MOTION_SENSOR, catalogue_of, catalogue_with
-from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA
+from lumbar.tissue.effects.catalogue import CATALOGUES, MOTION_SENSOR, catalogue_with, read_base
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base
 
@@ -23,8 +24,9 @@ if TYPE_CHECKING:
 class DiagnosisSettings:
     """How to diagnose."""
 
-    base: str = CHOSEN_BY_DATA
-    """Base model, a key of `lumbar.tissue.models.bases.BASES`, or ``"auto"``: that of a tissue which the data ask for."""
+    base: str | Base = CHOSEN_BY_DATA
+    """Base model, a key of `lumbar.tissue.models.bases.BASES`, ``"auto"``: that of a tissue which the data ask for, or one of
+    one's own."""
     train: str | Sequence[str] | None = None
     """Training record, or several that are fitted together; None takes the longest."""
     catalogue: dict[str, Effect] | None = None
@@ -41,30 +43,45 @@ class DiagnosisSettings:
     @property
     def system(self) -> str:
         """What the base is a model of."""
-        return system_of(self.base)
+        return self.base.system if isinstance(self.base, Base) else system_of(self.base)
 
     @property
     def candidates(self) -> dict[str, Effect]:
         """The catalogue that is given, or that of the base; of forward records with the effects of the motion's sensor."""
-        found = catalogue_of(self.base) if self.catalogue is None else self.catalogue
+        found = CATALOGUES[self.system] if self.catalogue is None else self.catalogue
         return {**found, **MOTION_SENSOR} if self.forward else found
 
     @classmethod
     def from_study(
         cls, settings: StudySettings, base: str | None = None, train: str | Sequence[str] | None = None
     ) -> DiagnosisSettings:
-        """How a study diagnoses; base and training records that are given come before its own."""
+        """How a study diagnoses; base and training records that are given come before its own.
+
+        Raises
+        ------
+        InputError
+            For an unknown base, one of one's own that is not sound, and one that is to be turned round.
+        """
         improvement = settings.improvement
         base = base or improvement.base
         gravity = settings.stability.pendulum.gravity_m_s2
+        chosen = read_base(base) if is_data(base) else base
+        if improvement.forward and isinstance(chosen, Base):
+            raise InputError(
+                f"base {base}: a base of your own goes from the records' input to their output, whatever they are: "
+                "leave out improvement.forward (--forward)"
+            )
+        settling_s = settings.tissue.settling_s
+        if settling_s is None and isinstance(chosen, Base) and chosen.start:
+            settling_s = 0.0  # it says how records begin
         return cls(
-            base=base,
+            base=chosen,
             train=train or improvement.train,
             catalogue=catalogue_with(improvement.effect_files, base, gravity),
             most_effects=improvement.most_effects,
             forward=improvement.forward and system_of(base) == "tissue",
             session=improvement.session,
-            settling_s=settings.tissue.settling_s,
+            settling_s=settling_s,
         )
 
     def prepare(self, records: list[Record]) -> Experiment:

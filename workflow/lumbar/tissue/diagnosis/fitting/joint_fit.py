@@ -7,6 +7,8 @@ all parameters are searched together, from the linear solution.
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -325,13 +327,37 @@ def _inner_nonlinear(structure: Structure) -> list[int]:
 
 
 def fit_base(structure: Structure, data: FitData) -> Fit:
-    """Fit a structure without effects from every combination of its nonlinear parameters' starting values; return the best."""
+    """Fit a structure without effects from its nonlinear parameters' starting values; return the best.
+
+    From every combination of them; of a base of one's own with many parameters from points that fill their ranges (Sobol,
+    USSR Comput. Math. Math. Phys. 7 (1967) 86-112).
+    """
     grids = [shape.grid(data.scale(shape.scale), data.motion.sampling_time) for shape in structure.nonlinear]
-    starts = [np.array(point) for point in product(*grids)]
-    ranked = sorted((_at(structure, data, start) for start in starts), key=lambda item: item.squared_error)
+    refined = 2
+    if math.prod(map(len, grids)) <= _MOST_COMBINATIONS:
+        starts = [np.array(point) for point in product(*grids)]
+    else:
+        from scipy.stats.qmc import Sobol
+
+        low, high = (np.log([grid[end] for grid in grids]) for end in (0, -1))
+        points = Sobol(len(grids), rng=0).random(_MOST_COMBINATIONS)
+        starts, refined = list(np.exp(low + (high - low) * points)), _REFINED
+    found = []
+    for start in starts:
+        with suppress(ValueError, np.linalg.LinAlgError):  # what runs away there is no start
+            going_on()
+            found.append(_at(structure, data, start))
+    ranked = sorted(found, key=lambda item: item.squared_error)
     return min(
-        (fit(structure, data, item.nonlinear) for item in ranked[:2]), key=lambda item: item.squared_error
+        (fit(structure, data, item.nonlinear) for item in ranked[:refined]),
+        key=lambda item: item.squared_error,
     )
+
+
+_MOST_COMBINATIONS = 256
+"""Of starting values of a base."""
+_REFINED = 6
+"""Starts that are refined where not every combination was tried."""
 
 
 def screen(previous: Fit, form: Form, data: FitData) -> list[tuple[float, np.ndarray]]:

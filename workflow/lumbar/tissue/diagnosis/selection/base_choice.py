@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect
 
 TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
@@ -39,18 +39,20 @@ _FLAT = 0.1
 
 
 def choose_base(
-    experiment: Experiment, name: str, catalogue: dict[str, Effect]
+    experiment: Experiment, name: str | Base, catalogue: dict[str, Effect]
 ) -> tuple[Experiment, Candidate]:
     """Fit the base that is named, or the one that the data ask for.
 
     By the likelihood of all records and the number of parameters. A base with contact must beat a fastened one with any
     single effect: one that likewise loses the tissue, or one that clips the force.
 
-    `name` is a key of `lumbar.tissue.models.bases.BASES`, or `CHOSEN_BY_DATA`. The experiment's positions are counted
-    from the tissue's surface where the base is one with contact.
+    `name` is a key of `lumbar.tissue.models.bases.BASES`, a base of one's own, or `CHOSEN_BY_DATA`. The experiment's
+    positions are counted from the tissue's surface where the base is one with contact.
     """
     # Surfaces are positions as recorded, also where a base is chosen again.
     experiment = experiment.with_origin(0.0)
+    if isinstance(name, Base):
+        return experiment, fit_base(name, experiment)
     if name != CHOSEN_BY_DATA:
         if BASES[name].contact:
             return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)

@@ -21,7 +21,7 @@ from lumbar.tissue.diagnosis.selection.findings import (
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import without_channels
-from lumbar.tissue.models.bases import CHOSEN_BY_DATA
+from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 
 _NONLINEAR = 0.1
 """Share of what the best linear model leaves that is surely not linear, from which on something nonlinear is missing."""
@@ -47,7 +47,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     experiment = prepare_for(records, settings)
     usable, not_tried = without_channels(settings.candidates, experiment.training.motion.channels)
     settings = replace(settings, catalogue=usable)
-    if settings.system == "tissue":
+    if settings.system == "tissue" and not isinstance(settings.base, Base):
         # As recorded: a command that jumps between levels would be taken for a coarse sensor, and smoothed.
         as_recorded = settings.prepare(records) if experiment.faults else experiment
         turned = direction_or_sign(as_recorded)

@@ -75,7 +75,8 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
 def refined_document(path: list[Candidate], experiment: Experiment, data: str) -> dict:
     """Return the content of ``refined.json``: every model of the path whose base has a name by which it can be read back."""
     floor = None if experiment.floor is None else experiment.floor.rms
-    named = [item for item in path if item.fit.structure.base.name in BASES]
+    bases = [item.fit.structure.base for item in path]
+    named = [item for item, base in zip(path, bases, strict=True) if base.own or base.name in BASES]
     return models_document([fitted_model(item, experiment) for item in named], data, floor)
 
 
