@@ -88,6 +88,23 @@ def test_trials_of_several_lengths_are_refused_until_one_is_chosen(tmp_path):
         lumbar.import_recordings(tmp_path / "a.mat", table="trial(3)")
 
 
+def test_vectors_of_one_length_are_chosen_by_naming_them(tmp_path):
+    """As benchmarks give them: an estimation part and a longer validation part in one file."""
+    parts = {"uEst": POSITION[:200], "yEst": FORCE[:200], "uVal": POSITION, "yVal": FORCE, "fs": RATE}
+    savemat(tmp_path / "a.mat", parts)
+    units = {"position_unit": "mm", "force_unit": "N"}
+    offered = r"--position uEst --force yEst, or --position uVal --force yVal"
+    with pytest.raises(InputError, match=offered):
+        lumbar.import_recordings(tmp_path / "a.mat", **units)
+    check(lumbar.import_recordings(tmp_path / "a.mat", position="uVal", force="yVal", **units))
+    [short] = lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yest", **units)
+    assert short.record["output"] == pytest.approx(FORCE[:200])
+    with pytest.raises(InputError, match=r"'uEst' has 200 and 'yVal' 600 values"):
+        lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yVal", **units)
+    with pytest.raises(InputError, match=r"--force 'yTest': no such column.*; there are .*uEst"):
+        lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yTest", **units)
+
+
 def test_a_single_vector_is_no_recording(tmp_path):
     savemat(tmp_path / "a.mat", {"force_N": FORCE})
     with pytest.raises(InputError, match=r"need two vectors of one length.*force_N \(600 values\)"):

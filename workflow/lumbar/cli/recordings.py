@@ -23,7 +23,7 @@ def run_import(options) -> None:
     names = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "rate", "flip_force")
     imported = import_recordings(
         options.files,
-        **{name: getattr(options, name) for name in (*names, "trim", "table", "accept_clipped")},
+        **{name: getattr(options, name) for name in (*names, "trim", "table", "encoding", "accept_clipped")},
     )
     print(imported)
     if options.dry_run:
@@ -87,6 +87,11 @@ IMPORT = Command(
             metavar="NAME",
             help="part of the file: number of a table in a text file, sheet of a workbook, variable or group of a MATLAB "
             "or HDF5 file",
+        ),
+        option(
+            "--encoding",
+            metavar="NAME",
+            help="encoding of texts, as Python names it: gbk, shift_jis, … (default: UTF-8, UTF-16, western Windows-1252)",
         ),
         option(
             "--accept-clipped",

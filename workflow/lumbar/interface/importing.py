@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable
+from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, Asked, RawTable
 from lumbar.records.importing.recording import Choices, ImportedRecording, to_record
 from lumbar.records.importing.source_file import read_content, read_source, record_name
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
@@ -35,20 +35,20 @@ class ForeignFile:
     sha256: str
 
     @classmethod
-    def of_content(cls, name: str, content: bytes, table: str | None = None) -> ForeignFile:
-        """Read a file that lies in memory; `table` as of `import_recordings`.
+    def of_content(cls, name: str, content: bytes, asked: Asked) -> ForeignFile:
+        """Read a file that lies in memory.
 
         Raises
         ------
         InputError
             If there is no table in it.
         """
-        return cls(record_name(Path(name)), *read_content(content, Path(name), table))
+        return cls(record_name(Path(name)), *read_content(content, Path(name), asked))
 
     @classmethod
-    def of_path(cls, path: Path, table: str | None = None) -> ForeignFile:
+    def of_path(cls, path: Path, asked: Asked) -> ForeignFile:
         """Read a file; errors as of `of_content`."""
-        return cls(record_name(path), *read_source(path, table))
+        return cls(record_name(path), *read_source(path, asked))
 
 
 def import_recordings(
@@ -64,6 +64,7 @@ def import_recordings(
     flip_force: bool = False,
     trim: tuple[float, float] | None = None,
     table: str | int | None = None,
+    encoding: str | None = None,
     accept_clipped: bool = False,
 ) -> ImportedRecordings:
     """Read recordings of force and position in whatever form a machine wrote them.
@@ -88,6 +89,8 @@ def import_recordings(
     table : str or int, optional
         Part of the file: number of a table in a text file, sheet of a workbook, variable or group of a MATLAB or HDF5
         file.
+    encoding : str, optional
+        Of texts, as Python names it: ``"gbk"``.
     accept_clipped : bool
         Take records whose force or position lies flat at its extreme.
 
@@ -116,7 +119,7 @@ def import_recordings(
         None if item is None else str(item) for item in (time, position, force, table)
     )
     units = (time_unit, position_unit, force_unit)
-    choices = Choices(called, moved, pushed, *units, rate, flip_force, trim, part, accept_clipped)
+    choices = Choices(called, moved, pushed, *units, rate, flip_force, trim, part, encoding, accept_clipped)
     given = [files] if isinstance(files, str | os.PathLike) else files
     sources = [item if isinstance(item, ForeignFile) else Path(item) for item in given]
     names = [item.name if isinstance(item, ForeignFile) else record_name(item) for item in sources]
@@ -129,7 +132,7 @@ def import_recordings(
     told: dict = {}
     for item, path in zip(sources, places, strict=True):
         try:
-            found = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.table)
+            found = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.asked)
             recording = to_record(found.table, choices, found.name, found.sha256)
             recordings.append(_with_sign(recording, flip_force))
         except InputError as error:

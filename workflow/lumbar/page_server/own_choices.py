@@ -14,7 +14,7 @@ from lumbar.settings.key import NAME
 if TYPE_CHECKING:
     from lumbar.records.record import Record
 
-_TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table")
+_TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table", "encoding")
 _SWITCHES = ("flip_force", "accept_clipped")
 LONGEST_TEXT = 200
 

@@ -3,7 +3,7 @@
 (() => {
   const element = (id) => document.getElementById(id);
   const { tab, most } = document.body.dataset;
-  const TEXTS = ["time", "time_unit", "position", "position_unit", "force", "force_unit", "rate", "table"];
+  const TEXTS = ["time", "time_unit", "position", "position_unit", "force", "force_unit", "rate", "table", "encoding"];
   const SWITCHES = ["flip_force", "accept_clipped"];
   let asked = 0;
   let unseen = new Set(); // records that a person took out of the training

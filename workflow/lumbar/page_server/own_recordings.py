@@ -18,6 +18,7 @@ from lumbar.page_server.background import WRITING, page_message
 from lumbar.page_server.own_choices import LONGEST_TEXT, checked_choices, checked_name, checked_training
 from lumbar.page_server.recording_preview import FIELDS, in_fields, preview, tables_columns
 from lumbar.page_server.served_sets import ExploredSet, ServedSets
+from lumbar.records.importing.raw_table import Asked
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
@@ -57,7 +58,7 @@ class OwnRecordings:
     choices: dict[str, Any] = field(default_factory=dict)
     """What was chosen last, as arguments of `lumbar.import_recordings`."""
     _explored: ExploredSet | None = None
-    _read: dict[tuple[str, str | None], ForeignFile] = field(default_factory=dict)
+    _read: dict[tuple[str, Asked], ForeignFile] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def size_besides(self, name: str = "") -> int:
@@ -138,10 +139,10 @@ class OwnRecordings:
             return shown | {"wrong": in_fields(page_message(error), wrong)}
 
     def _foreign(self, name: str) -> ForeignFile:
-        table = self.choices.get("table")
-        if (name, table) not in self._read:
-            self._read[name, table] = ForeignFile.of_content(name, self.files[name], table)
-        return self._read[name, table]
+        asked = Asked(self.choices.get("table"), self.choices.get("encoding"))
+        if (name, asked) not in self._read:
+            self._read[name, asked] = ForeignFile.of_content(name, self.files[name], asked)
+        return self._read[name, asked]
 
     def _imported(self) -> ImportedRecordings:
         """All files as recordings that agree in quantities and units."""

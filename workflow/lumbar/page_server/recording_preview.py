@@ -20,6 +20,7 @@ FIELDS = {
     "rate": "Sampling rate",
     "trim": "Part",
     "table": "Table or sheet",
+    "encoding": "Encoding",
     "flip_force": "Change the sign of the force",
     "accept_clipped": "Accept clipped records",
 }

@@ -15,6 +15,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
+from lumbar.base.errors import InputError
+from lumbar.records.importing.raw_table import ENCODINGS
+
 FEWEST_ROWS = 8
 _LOOKED_AT = 3000
 """Lines from which the dialect is chosen."""
@@ -33,13 +36,55 @@ DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "bl
 """Delimiters in the order in which one is preferred where two read a table alike."""
 
 
-def decode_lines(content: bytes) -> tuple[list[str], str]:
-    """Return lines of text, as an editor counts them, and the encoding: UTF-16, UTF-8 or else Windows-1252."""
-    text, encoding = _decoded(content)
-    return re.split(r"\r\n|\r|\n", text.replace("\N{MINUS SIGN}", "-")), encoding
+_NO_ASCII = re.compile(r"[^\x00-\x7f]+")
+_WESTERN = re.compile(r"[À-ÖØ-öø-ÿŒœŸ°±²³µ·×§®©€‘’“”–—…]|[äöüÄÖÜ]ß|éé|ç[ãõ]")
+"""What stands between letters of ASCII in western words; two letters of other alphabets make longer or other runs."""
 
 
-def _decoded(content: bytes) -> tuple[str, str]:
+def decode_lines(content: bytes, source: str, encoding: str | None = None) -> tuple[list[str], str]:
+    """Return lines of text, as an editor counts them, and the encoding: the one told, UTF-16, UTF-8 or western Windows-1252.
+
+    Raises
+    ------
+    InputError
+        Naming the first line that cannot be decoded.
+    """
+    text, encoding = _told(content, source, encoding) if encoding else _decoded(content, source)
+    return _lines(text.replace("\N{MINUS SIGN}", "-")), encoding
+
+
+def _lines(text: str) -> list[str]:
+    return re.split(r"\r\n|\r|\n", text)
+
+
+def _told(content: bytes, source: str, encoding: str) -> tuple[str, str]:
+    try:
+        return content.decode(encoding).removeprefix("\ufeff"), encoding
+    except UnicodeDecodeError as error:
+        before = _lines(content[: error.start].decode(encoding, "ignore"))
+        found = ascii(content[error.start : error.start + 20])[1:]
+        raise InputError(
+            f"{source}: line {len(before)} cannot be read by --encoding {encoding} ({found})"
+        ) from error
+
+
+def _western(content: bytes, source: str) -> str:
+    """Text of Windows-1252, if western words are all that is beside ASCII in it."""
+    text = content.decode("cp1252", errors="replace")
+    for run in _NO_ASCII.finditer(text):
+        before, after = text[: run.start()][-1:], text[run.end() :][:1]
+        if not _WESTERN.fullmatch(run[0]) or (run[0] in "°²³" and before.isalpha() and after.isalpha()):
+            lines = _lines(text[: run.start()])
+            start = len(text[: run.start()]) - len(lines[-1])
+            line = re.split(rb"[\r\n]", content[start : start + 60])[0]
+            raise InputError(
+                f"{source}: line {len(lines)} is not UTF-8 ({ascii(line)[1:]}); say what it is written in, as --encoding "
+                f"{ENCODINGS}"
+            )
+    return text
+
+
+def _decoded(content: bytes, source: str) -> tuple[str, str]:
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16", errors="replace"), "UTF-16"
     zeros = content[:2000]
@@ -49,7 +94,7 @@ def _decoded(content: bytes) -> tuple[str, str]:
     try:
         return content.decode("utf-8-sig"), "UTF-8"
     except UnicodeDecodeError:
-        return content.decode("cp1252", errors="replace"), "Windows-1252"
+        return _western(content, source), "Windows-1252"
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lumbar.base.errors import InputError
+
 COLUMNS_FOLLOW = "\n    read as "
 """What parts, in a message, the problems of a table from its columns."""
+ENCODINGS = "gbk (Chinese), shift_jis (Japanese), cp1251 (Cyrillic), cp1250 (Central Europe) or cp1252 (Western Europe)"
+"""Examples, for messages."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a person says of how a file is read, before its columns are known."""
+
+    table: str | None = None
+    """Part of the file: number of a table in a text file, sheet of a workbook, variable of a MATLAB or HDF5 file."""
+    encoding: str | None = None
+    """Of a text, as Python names it; None recognises UTF-8, UTF-16 and western Windows-1252."""
+    columns: tuple[str, ...] = ()
+    """Columns that are named for a role: they choose among variables of several lengths."""
+
+    def __post_init__(self):
+        try:
+            "a".encode(self.encoding or "utf-8")
+        except (LookupError, ValueError) as error:
+            raise InputError(
+                f"--encoding {self.encoding!r}: no encoding of text that Python knows, such as {ENCODINGS}"
+            ) from error
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from lumbar.records.importing.clock import (
     stated_time,
     unrounded,
 )
-from lumbar.records.importing.raw_table import RawTable
+from lumbar.records.importing.raw_table import Asked, RawTable
 from lumbar.records.importing.roles import NONE, ROLES, Role, find_roles, named_velocity
 from lumbar.records.importing.velocity import position_of
 from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of, samples_between
@@ -47,7 +47,8 @@ class Choices:
     trim: tuple[float, float] | None = None
     """Start and stop in seconds of the file's clock; only what lies between them is taken."""
     table: str | None = None
-    """Part of the file: number of a table in a text file, sheet of a workbook, variable of a MATLAB or HDF5 file."""
+    encoding: str | None = None
+    """`table`, `encoding`: as of `lumbar.records.importing.raw_table.Asked`."""
     clipped: bool = False
     """Take records whose force or position is clipped."""
 
@@ -56,6 +57,12 @@ class Choices:
             raise InputError(f"--rate {self.rate:g}: a positive number of hertz is needed")
         if self.trim is not None and not self.trim[0] < self.trim[1]:
             raise InputError(f"--trim {self.trim[0]:g}:{self.trim[1]:g}: the start must lie before the stop")
+
+    @property
+    def asked(self) -> Asked:
+        """What is said of how a file is read."""
+        columns = (column for column, _ in self.wishes().values() if column not in (None, NONE))
+        return Asked(self.table, self.encoding, tuple(columns))
 
     def wishes(self) -> dict[str, tuple[str | None, str | None]]:
         """Column and unit that were said of each role."""

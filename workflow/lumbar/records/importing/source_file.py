@@ -11,13 +11,13 @@ from pathlib import Path
 from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
 from lumbar.base.files import as_name, require_file
-from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
+from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
 from lumbar.records.importing.text_table import read_text, table_of_lines
 from lumbar.records.unpacking import MOST_NUMBERS, check_zip, unpack
 
 
-def read_workbook(content: bytes, source: str, table: str | None = None) -> RawTable:
-    """Read one sheet; parameters as of `lumbar.records.importing.text_table.read_text`, `table` being the sheet.
+def read_workbook(content: bytes, source: str, asked: Asked) -> RawTable:
+    """Read one sheet.
 
     Raises
     ------
@@ -37,11 +37,11 @@ def read_workbook(content: bytes, source: str, table: str | None = None) -> RawT
     filled = {title: lines for title, lines in sheets.items() if any(line.strip() for line in lines)}
     if not filled:
         raise InputError(f"{source}: no sheet holds anything")
-    if table is None and len(filled) != 1:
+    if asked.table is None and len(filled) != 1:
         raise InputError(
             f"{source}: {len(filled)} sheets hold something: {', '.join(filled)}; choose by --sheet NAME"
         )
-    title = table if table is not None else next(iter(filled))
+    title = asked.table if asked.table is not None else next(iter(filled))
     if title not in filled:
         raise InputError(f"{source}: no sheet {title!r}; there are {', '.join(filled)}")
     return table_of_lines(filled[title], source, f"sheet {title!r}")
@@ -68,15 +68,15 @@ _SHORT, _SHORT_LINE = 250_000, 500
 """Bytes of a text, and of its lines, in which units and rates are looked for within seconds, whatever stands there."""
 
 
-def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
+def read_source(path: Path, asked: Asked) -> tuple[RawTable, str]:
     """Read a file.
 
     Parameters
     ----------
     path : Path
         Text, MATLAB, HDF5 or Excel; also gzipped.
-    table : str, optional
-        Part of the file; see `lumbar.records.importing.recording.Choices`.
+    asked : Asked
+        What a person says of how it is read.
 
     Returns
     -------
@@ -90,16 +90,16 @@ def read_source(path: Path, table: str | None = None) -> tuple[RawTable, str]:
         If there is no such file, no table in it, or no package that reads it.
     """
     require_file(path)
-    return read_content(path.read_bytes(), path, table)
+    return read_content(path.read_bytes(), path, asked)
 
 
-def read_content(stored: bytes, path: Path, table: str | None = None) -> tuple[RawTable, str]:
+def read_content(stored: bytes, path: Path, asked: Asked) -> tuple[RawTable, str]:
     """Read what a file holds, wherever it lies; the path is for messages and for the ending of its name. As `read_source`."""
     if stored.startswith(_GZIP):
-        read, parse = None, partial(_read_packed, stored, path, table)
+        read, parse = None, partial(_read_packed, stored, path, asked)
     else:
         read = _reader(stored, path)
-        parse = partial(read, stored, str(path), table)
+        parse = partial(read, stored, str(path), asked)
     harmless = (
         read is read_text and len(stored) <= _SHORT and max(map(len, stored.split(b"\n"))) <= _SHORT_LINE
     )
@@ -108,15 +108,15 @@ def read_content(stored: bytes, path: Path, table: str | None = None) -> tuple[R
     return found, hashlib.sha256(stored).hexdigest()
 
 
-def _read_packed(stored: bytes, path: Path, table: str | None) -> RawTable:
+def _read_packed(stored: bytes, path: Path, asked: Asked) -> RawTable:
     file = io.BytesIO()
     unpack(stored, path, file)
     content = file.getvalue()
-    return _reader(content, path)(content, str(path), table)
+    return _reader(content, path)(content, str(path), asked)
 
 
 def _reader(content: bytes, path: Path):
-    """Find the reader of this content, and import what it needs: called with content, source and table."""
+    """Find the reader of this content, and import what it needs: called with content, source and what is asked."""
     kind = path.name.lower().removesuffix(".gz").rpartition(".")[2]
     if content.startswith(_HDF5) or content[512:520] == _HDF5:  # MATLAB 7.3 puts 512 bytes of its own before
         _require("h5py", "an HDF5 file (MATLAB 7.3 writes them too)", path)

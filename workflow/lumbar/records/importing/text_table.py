@@ -16,7 +16,7 @@ from lumbar.records.importing.dialect import (
     find_blocks,
     find_dialect,
 )
-from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
+from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
 from lumbar.records.importing.units import find_unit, name_and_unit
 from lumbar.records.text_rows import stop_at_many
 
@@ -28,26 +28,20 @@ _DAY = 86400.0
 _COMMENT = re.compile(r"^\s*[#%!;]+\s*")
 
 
-def read_text(content: bytes, source: str, table: str | None = None) -> RawTable:
+def read_text(content: bytes, source: str, asked: Asked) -> RawTable:
     """Read a text table, however it is written.
-
-    Parameters
-    ----------
-    table : str, optional
-        Number of the table (counted from 1) where a file holds several.
 
     Raises
     ------
     InputError
-        If no table is found, or several are; or rows hold something that is no number, with their
-        lines.
+        If no table is found, or several are; or lines hold what cannot be decoded, or rows what is no number.
     """
-    lines, encoding = decode_lines(content)
-    return table_of_lines(lines, source, encoding, table)
+    lines, encoding = decode_lines(content, source, asked.encoding)
+    return table_of_lines(lines, source, encoding, asked.table)
 
 
 def table_of_lines(lines: list[str], source: str, encoding: str, table: str | None = None) -> RawTable:
-    """Return the table in these lines of text; parameters as of `read_text`."""
+    """Return the table in these lines of text; of several, the one of this number (from 1)."""
     dialect = find_dialect(lines)
     runs = find_blocks(lines, dialect) if dialect else []
     blocks = [(first, last) for first, last in runs if last - first + 1 >= FEWEST_ROWS]

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.records.importing.dialect import FEWEST_ROWS
-from lumbar.records.importing.raw_table import RawColumn, RawTable, StatedRate
+from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
 from lumbar.records.importing.units import name_and_unit
 from lumbar.records.matlab_file import load_matlab
 from lumbar.records.unpacking import check_size
 
-_MOST_COLUMNS = 64
+_MOST_COLUMNS, _MOST_OFFERED = 64, 3
 _ELSEWHERE = "{source}: {path} stands in another file; store all numbers in one, with h5repack or h5copy"
 _RATES = ("fs", "f_s", "fsample", "rate", "samplerate", "sampling_rate", "sample_rate", "samplingrate")
 _INTERVALS = ("dt", "ts", "sampling_time", "sample_time", "delta_t")
@@ -25,7 +25,7 @@ def to_table(
     arrays: Mapping[str, np.ndarray],
     source: str,
     form: str,
-    table: str | None = None,
+    asked: Asked,
     units: Mapping[str, str] | None = None,
 ) -> RawTable:
     """Make the vectors, and columns of matrices, of one length a table; scalars may state the sampling rate.
@@ -36,8 +36,8 @@ def to_table(
         Numbers by the variable's path, samples along the first axis.
     source, form : str
         As of `RawTable`.
-    table : str, optional
-        Path below which variables are taken.
+    asked : Asked
+        `table` is the path below which variables are taken; `columns` choose among several lengths.
     units : mapping of str to str, optional
         By path, where the file states them.
 
@@ -46,9 +46,11 @@ def to_table(
     InputError
         If no two vectors are of one length, or vectors of several lengths are.
     """
-    taken = {path: values for path, values in arrays.items() if table is None or _below(path, table)}
-    if table is not None and not taken:
-        raise InputError(f"{source}: no variable {table!r}; there are {', '.join(arrays) or 'none'}")
+    taken = {
+        path: values for path, values in arrays.items() if asked.table is None or _below(path, asked.table)
+    }
+    if asked.table is not None and not taken:
+        raise InputError(f"{source}: no variable {asked.table!r}; there are {', '.join(arrays) or 'none'}")
     vectors = dict(_vectors(taken))
     lengths = sorted({len(values) for values in vectors.values()})
     grouped = {
@@ -61,11 +63,11 @@ def to_table(
             f"{source}: position and force need two vectors of one length, of at least {FEWEST_ROWS} values, in one file; there "
             f"are {found}"
         )
-    if len(tables) > 1:
-        raise InputError(
-            f"{source}: vectors of several lengths: {found}; choose a part with --table VARIABLE"
-        )
-    paths = next(iter(tables.values()))
+    paths = (
+        next(iter(tables.values()))
+        if len(tables) == 1
+        else _of_one_length(tables, asked.columns, found, source)
+    )
     columns = []
     for number, path in enumerate(paths, start=1):
         name, unit = name_and_unit(path)
@@ -74,6 +76,31 @@ def to_table(
         group = name[: max(name.rfind("."), name.rfind("/")) + 1]
         columns.append(RawColumn(number, name, stated or unit, vectors[path], group))
     return RawTable(source, form, tuple(columns), rates=tuple(_stated(taken)))
+
+
+def _of_one_length(
+    tables: dict[int, list[str]], columns: Sequence[str], found: str, source: str
+) -> list[str]:
+    """The vectors among which all columns are that a person named."""
+    lengths = {
+        column: length
+        for column in columns
+        for length, paths in tables.items()
+        for path in paths
+        if column.casefold() in (path.casefold(), name_and_unit(path)[0].casefold())
+    }
+    if len(set(lengths.values())) == 1:
+        return tables[next(iter(lengths.values()))]
+    if lengths:
+        told = " and ".join(f"{column!r} {length}" for column, length in lengths.items())
+        raise InputError(
+            f"{source}: {told.replace(' ', ' has ', 1)} values; a record needs columns of one length: {found}"
+        )
+    named = [f"--position {paths[0]} --force {paths[-1]}" for paths in tables.values()]
+    raise InputError(
+        f"{source}: vectors of several lengths: {found}; choose a part with --table VARIABLE, or the vectors of one length by "
+        f"naming them, as in {', or '.join(named[:_MOST_OFFERED])}"
+    )
 
 
 def _below(path: str, table: str) -> bool:
@@ -102,7 +129,7 @@ def _stated(arrays: Mapping[str, np.ndarray]):
             yield StatedRate(1 / value, path)
 
 
-def read_matlab(content: bytes, source: str, table: str | None = None) -> RawTable:
+def read_matlab(content: bytes, source: str, asked: Asked) -> RawTable:
     """Read a MATLAB file; parameters as of `lumbar.records.importing.text_table.read_text`.
 
     Raises
@@ -122,7 +149,7 @@ def read_matlab(content: bytes, source: str, table: str | None = None) -> RawTab
             f"{source}: holds MATLAB objects (tables, timetables, …), which other programs cannot read; save their columns "
             "as variables, or the table T as table2struct(T, 'ToScalar', true)"
         )
-    return to_table(arrays, source, "MATLAB", table)
+    return to_table(arrays, source, "MATLAB", asked)
 
 
 _LABELS = ("label", "Label", "name", "Name")
@@ -167,7 +194,7 @@ def _stated_size(path: str, item, source: str) -> int:
     return size + max(8, item.dtype.itemsize) * max(item.size or 0, math.prod(item.chunks or ()))
 
 
-def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable:
+def read_hdf5(content: bytes, source: str, asked: Asked) -> RawTable:
     """Read an HDF5 file; parameters as of `lumbar.records.importing.text_table.read_text`.
 
     A matrix is taken with its samples along the longer axis: MATLAB writes them along the other one than most.
@@ -216,4 +243,4 @@ def read_hdf5(content: bytes, source: str, table: str | None = None) -> RawTable
         raise
     except Exception as error:  # a broken file leads h5py to errors of many kinds
         raise InputError(f"{source}: a broken HDF5 file ({error})") from error
-    return to_table(arrays, source, "HDF5", table, units)
+    return to_table(arrays, source, "HDF5", asked, units)
