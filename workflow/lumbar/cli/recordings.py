@@ -23,7 +23,10 @@ def run_import(options) -> None:
     names = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "rate", "flip_force")
     imported = import_recordings(
         options.files,
-        **{name: getattr(options, name) for name in (*names, "trim", "table", "encoding", "accept_clipped")},
+        **{
+            name: getattr(options, name)
+            for name in (*names, "trim", "cut", "cut_by", "table", "encoding", "accept_clipped")
+        },
     )
     print(imported)
     if options.dry_run:
@@ -42,6 +45,13 @@ def _span(text: str) -> tuple[float, float]:
     if not colon or span is None:
         raise argparse.ArgumentTypeError(f"{text!r}: START:STOP in seconds is needed, e.g. 1.5:20")
     return span
+
+
+def _named_span(text: str) -> tuple[str, tuple[float, float]]:
+    name, equals, span = text.partition("=")
+    if not equals:
+        raise argparse.ArgumentTypeError(f"{text!r}: NAME=START:STOP is needed, e.g. fit=0:60")
+    return name, _span(span)
 
 
 IMPORT = Command(
@@ -79,6 +89,19 @@ IMPORT = Command(
             type=_span,
             metavar="START:STOP",
             help="take this part only, in seconds of the file's clock; either may be left out",
+        ),
+        option(
+            "--cut",
+            type=_named_span,
+            action="append",
+            default=[],
+            metavar="NAME=START:STOP",
+            help="a part of one file that becomes a record of this name, as of --trim; may be given several times",
+        ),
+        option(
+            "--cut-by",
+            metavar="COLUMN",
+            help="column that names or numbers the trial: each stretch of one value becomes a record",
         ),
         option(
             "--table",

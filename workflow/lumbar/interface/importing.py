@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.records.importing.choices import Choices
 from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, Asked, RawTable
-from lumbar.records.importing.recording import Choices, ImportedRecording, to_record
-from lumbar.records.importing.source_file import read_content, read_source, record_name
+from lumbar.records.importing.recording import ImportedRecording, to_records
+from lumbar.records.importing.source_file import file_name, read_content, read_source
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
 from lumbar.records.record import RecordSet
 
@@ -43,12 +44,12 @@ class ForeignFile:
         InputError
             If there is no table in it.
         """
-        return cls(record_name(Path(name)), *read_content(content, Path(name), asked))
+        return cls(file_name(Path(name)), *read_content(content, Path(name), asked))
 
     @classmethod
     def of_path(cls, path: Path, asked: Asked) -> ForeignFile:
         """Read a file; errors as of `of_content`."""
-        return cls(record_name(path), *read_source(path, asked))
+        return cls(file_name(path), *read_source(path, asked))
 
 
 def import_recordings(
@@ -63,6 +64,8 @@ def import_recordings(
     rate: float | None = None,
     flip_force: bool = False,
     trim: tuple[float, float] | None = None,
+    cut: Iterable[tuple[str, tuple[float, float]]] = (),
+    cut_by: str | int | None = None,
     table: str | int | None = None,
     encoding: str | None = None,
     accept_clipped: bool = False,
@@ -86,6 +89,10 @@ def import_recordings(
         Change the sign of the force.
     trim : tuple of float, optional
         Start and stop in seconds of the file's clock.
+    cut : iterable of (str, tuple of float), optional
+        Names of the records that one file is cut into, each with start and stop as of `trim`.
+    cut_by : str or int, optional
+        Column, by name or number, whose stretches of one number or word are a record each.
     table : str or int, optional
         Part of the file: number of a table in a text file, sheet of a workbook, variable or group of a MATLAB or HDF5
         file.
@@ -115,31 +122,33 @@ def import_recordings(
     >>> imported.records["trial_1"]
     <Record trial_1: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
     """
-    called, moved, pushed, part = (
-        None if item is None else str(item) for item in (time, position, force, table)
-    )
+    called = [None if item is None else str(item) for item in (time, position, force, cut_by, table)]
     units = (time_unit, position_unit, force_unit)
-    choices = Choices(called, moved, pushed, *units, rate, flip_force, trim, part, encoding, accept_clipped)
+    parted = (trim, tuple(cut), *called[3:])
+    choices = Choices(*called[:3], *units, rate, flip_force, *parted, encoding, accept_clipped)
     given = [files] if isinstance(files, str | os.PathLike) else files
     sources = [item if isinstance(item, ForeignFile) else Path(item) for item in given]
-    names = [item.name if isinstance(item, ForeignFile) else record_name(item) for item in sources]
     places = [Path(item.table.source) if isinstance(item, ForeignFile) else item for item in sources]
     problems = Problems("import")
-    for name in sorted({name for name in names if names.count(name) > 1}):
-        shared = ", ".join(str(path) for path, own in zip(places, names, strict=True) if own == name)
-        problems.add("", f"{shared} would all be the record {name!r}", "rename all but one of them")
-    recordings: list = []
+    if choices.cut and len(sources) > 1:
+        problems.add("", f"--cut parts one file, and {len(sources)} are given", "import them one by one")
+        problems.raise_if_any()
+    recordings: list[ImportedRecording] = []
     told: dict = {}
     for item, path in zip(sources, places, strict=True):
         try:
             found = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.asked)
-            recording = to_record(found.table, choices, found.name, found.sha256)
-            recordings.append(_with_sign(recording, flip_force))
+            for recording in to_records(found.table, choices, found.name, found.sha256):
+                recordings.append(_with_sign(recording, flip_force))
         except InputError as error:
             what = str(error).replace(str(path), "").split(COLUMNS_FOLLOW)[0]
             alike = told.setdefault(what, path)
             words = str(error) if alike is path else f"{path}: as {alike}"
             problems.add("", words.replace("\n", "\n    "))
+    names = [recording.record.name for recording in recordings]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        shared = ", ".join(one.record.source for one in recordings if one.record.name == name)
+        problems.add("", f"{shared} would all be the record {name!r}", "rename all but one of them")
     problems.raise_if_any()
     return ImportedRecordings(tuple(recordings))
 

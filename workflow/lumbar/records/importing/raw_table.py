@@ -49,6 +49,8 @@ class RawColumn:
     """Shape (samples,): naN where the file has no number."""
     group: str = ""
     """Beginning of the name that says nothing of what was measured: the groups above a variable."""
+    spellings: tuple[str, ...] = ()
+    """Of a column of words: what its values number."""
 
     @property
     def own_name(self) -> str:
@@ -93,6 +95,8 @@ class RawTable:
     lines: Sequence[int] | None = None
     """Line of each sample in the file; None where the format has no lines."""
     rates: tuple[StatedRate, ...] = ()
+    words: tuple[RawColumn, ...] = ()
+    """Columns of words, which may name trials."""
 
     def described(self) -> str:
         """How it was read, and columns with their first values and ranges, one per line: the end of a message."""

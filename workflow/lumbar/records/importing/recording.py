@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.records.importing.choices import Choices
 from lumbar.records.importing.clock import (
     check_forward,
     contradictions,
@@ -16,57 +17,17 @@ from lumbar.records.importing.clock import (
     stated_time,
     unrounded,
 )
-from lumbar.records.importing.raw_table import Asked, RawTable
-from lumbar.records.importing.roles import NONE, ROLES, Role, find_roles, named_velocity
+from lumbar.records.importing.parts import Part, parts_of
+from lumbar.records.importing.raw_table import RawTable
+from lumbar.records.importing.roles import NONE, Role, find_roles, named_velocity
 from lumbar.records.importing.velocity import position_of
-from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of, samples_between
+from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of
 from lumbar.records.stretches import check_clipping
 
 CHANNELS = {"position": "input", "force": "output"}
 """Channel of a record by the role of a column."""
 _NAMES = {"length": "position", "angle": "angle", "force": "force", "torque": "torque"}
 _NAMES |= {"velocity": "position", "angular velocity": "angle"}
-
-
-@dataclass(frozen=True)
-class Choices:
-    """What a person says instead of what would be guessed; None leaves it to the guess."""
-
-    time: str | None = None
-    position: str | None = None
-    force: str | None = None
-    """`time`, `position`, `force`: column by name, or number counted from 1; ``none`` for a time that is not there."""
-    time_unit: str | None = None
-    position_unit: str | None = None
-    force_unit: str | None = None
-    """`time_unit`, `position_unit`, `force_unit`: unit of the file's numbers, or what one of them is: ``35.15 N``."""
-    rate: float | None = None
-    """Sampling rate in hertz of a table without a column of time."""
-    flip_force: bool = False
-    """Change the sign of the force."""
-    trim: tuple[float, float] | None = None
-    """Start and stop in seconds of the file's clock; only what lies between them is taken."""
-    table: str | None = None
-    encoding: str | None = None
-    """`table`, `encoding`: as of `lumbar.records.importing.raw_table.Asked`."""
-    clipped: bool = False
-    """Take records whose force or position is clipped."""
-
-    def __post_init__(self):
-        if self.rate is not None and not 0 < self.rate < np.inf:
-            raise InputError(f"--rate {self.rate:g}: a positive number of hertz is needed")
-        if self.trim is not None and not self.trim[0] < self.trim[1]:
-            raise InputError(f"--trim {self.trim[0]:g}:{self.trim[1]:g}: the start must lie before the stop")
-
-    @property
-    def asked(self) -> Asked:
-        """What is said of how a file is read."""
-        columns = (column for column, _ in self.wishes().values() if column not in (None, NONE))
-        return Asked(self.table, self.encoding, tuple(columns))
-
-    def wishes(self) -> dict[str, tuple[str | None, str | None]]:
-        """Column and unit that were said of each role."""
-        return {role: (getattr(self, role), getattr(self, f"{role}_unit")) for role in ROLES}
 
 
 @dataclass(frozen=True)
@@ -106,25 +67,43 @@ class ImportedRecording:
         return pd.DataFrame({self.names[role]: values[role] for role in self.names})
 
 
-def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") -> ImportedRecording:
-    """Turn a table into a record.
+def to_records(
+    table: RawTable, choices: Choices, name: str, sha256: str = ""
+) -> tuple[ImportedRecording, ...]:
+    """Turn a table into its record, or its parts into records.
 
     Raises
     ------
     InputError
-        If a column, a unit or the rate cannot be told; if time stands or goes back, samples are missing, or the record
-        cannot be analysed.
+        If a column, a unit, the rate or a part cannot be told; with all parts in which time stands or goes back, samples are
+        missing, or that cannot be analysed.
     """
     roles = find_roles(table, choices.wishes())
     time, from_where = _clock(table, roles.get("time"), choices)
-    grounds = {"time": from_where} | {
-        role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS
-    }
-    samples, notes = len(time), []
-    keep = np.arange(samples)
-    if choices.trim:
-        keep = samples_between(time, choices.trim, table.source)
-        notes.append(f"{samples - keep.size} of {samples} samples lie outside --trim and are left out")
+    grounds = {"time": from_where}
+    grounds |= {role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS}
+    parts = parts_of(table, time, choices, name)
+    problems, records = Problems(table.source), []
+    for part in parts:
+        try:
+            record, notes = _to_record(table, choices, roles, time, part)
+        except InputError as error:
+            if len(parts) == 1 and not choices.cut:
+                raise
+            words = str(error).removeprefix(f"{table.source}: ").replace("--trim ", f"--cut {part.name}=")
+            problems.add(part.name, words.replace("\n", "\n    "))
+        else:
+            clipped, samples = choices.clipped, len(time)
+            records.append(ImportedRecording(record, table.form, grounds, notes, samples, sha256, clipped))
+    problems.raise_if_any()
+    return tuple(records)
+
+
+def _to_record(
+    table: RawTable, choices: Choices, roles: dict[str, Role], time: np.ndarray, part: Part
+) -> tuple[Record, tuple[str, ...]]:
+    """The record of a part, and what was done to it."""
+    keep, notes = part.keep, [part.why] if part.why else []
     lines = None if table.lines is None else [table.lines[int(sample)] for sample in keep]
     clock, rounded = unrounded(time[keep])
     notes += [rounded] if rounded else []
@@ -133,7 +112,7 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
     if choices.flip_force:
         channels["output"] = replace(channels["output"], values=-channels["output"].values)
         notes.append("the sign of the force is changed, as told by --flip-force")
-    record = Record(name, clock, channels, table.source)
+    record = Record(part.name, clock, channels, table.source)
     _check_complete(record, lines)
     if not choices.clipped:
         check_clipping(record, lines)  # before resampling, after which no two samples are alike
@@ -142,8 +121,7 @@ def to_record(table: RawTable, choices: Choices, name: str, sha256: str = "") ->
     notes += contradictions(record, table.rates)
     record, resampled = even_clock(record, lines)
     check_record(record, lines=None if resampled else lines)
-    notes += resampled
-    return ImportedRecording(record, table.form, grounds, tuple(notes), samples, sha256, choices.clipped)
+    return record, (*notes, *resampled)
 
 
 def _clock(table: RawTable, role: Role | None, choices: Choices) -> tuple[np.ndarray, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,7 +118,7 @@ def find_roles(table: RawTable, wishes: dict[str, tuple[str | None, str | None]]
             if column.number not in taken and not others & {column.name, str(column.number)}
         ]
         try:
-            column, why = _wished(table, wish, role) if wish else _found(free, role)
+            column, why = wished(table.columns, wish, role) if wish else _found(free, role)
             if column is not None:
                 if column.number in taken:
                     raise InputError(f"--{role}: {column.label} is taken already")
@@ -134,17 +135,23 @@ def find_roles(table: RawTable, wishes: dict[str, tuple[str | None, str | None]]
     return roles
 
 
-def _wished(table: RawTable, wish: str, role: str) -> tuple[RawColumn, str]:
-    """Find the column that a person named: by its name, its name in other letters, or its number."""
+def wished(columns: Sequence[RawColumn], wish: str, option: str) -> tuple[RawColumn, str]:
+    """Return the column that a person named, by its name, its name in other letters or its number, and these words.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
     for found in (
-        [column for column in table.columns if column.name == wish],
-        [column for column in table.columns if column.name and _plain(column.name) == _plain(wish)],
-        [column for column in table.columns if str(column.number) == wish],
+        [column for column in columns if column.name == wish],
+        [column for column in columns if column.name and _plain(column.name) == _plain(wish)],
+        [column for column in columns if str(column.number) == wish],
     ):
         if found:
-            return found[0], f"as told by --{role}"
-    labels = ", ".join(column.label for column in table.columns)
-    raise InputError(f"--{role} {wish!r}: no such column; there are {labels}")
+            return found[0], f"as told by --{option}"
+    labels = ", ".join(column.label for column in columns)
+    raise InputError(f"--{option} {wish!r}: no such column; there are {labels}")
 
 
 def _check_twice(column: RawColumn, wish: str | None, table: RawTable, role: str) -> None:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
-from lumbar.base.files import as_name, require_file
+from lumbar.base.files import require_file
+from lumbar.records.importing.parts import record_name
 from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
 from lumbar.records.importing.text_table import read_text, table_of_lines
 from lumbar.records.unpacking import MOST_NUMBERS, check_zip, unpack
@@ -147,7 +148,6 @@ def _require(package: str, kind: str, path: Path) -> None:
         ) from error
 
 
-def record_name(path: Path) -> str:
+def file_name(path: Path) -> str:
     """Name of a file's record: the file's without endings, with ``_`` for what a name may not hold."""
-    stem = Path(path.name.removesuffix(".gz")).stem
-    return as_name(stem, "record", "_.-")
+    return record_name(Path(path.name.removesuffix(".gz")).stem)

@@ -25,6 +25,8 @@ _LONGEST_LABEL = 1000
 _HEADER_ROWS = 4
 """Lines above a table among which names and units are looked for."""
 _DAY = 86400.0
+_MOST_WORDS = 1000
+"""Different words of a column that are told apart."""
 _COMMENT = re.compile(r"^\s*[#%!;]+\s*")
 
 
@@ -59,7 +61,7 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
     words = {column: cells[column] for column in sorted(dialect.text_columns)}
     remarks += _left_out(lines, last, runs, dialect)
     remarks += [f"column {column + 1} is no number ({cell!r})" for column, cell in words.items()]
-    values, numbers = _values(lines, first, last, dialect, source)
+    values, numbers, spelled = _values(lines, first, last, dialect, source)
     columns = tuple(
         RawColumn(
             column + 1,
@@ -71,7 +73,15 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
         if column not in dialect.text_columns
     )
     form = "; ".join([f"{encoding}, {dialect}, lines {first + 1} to {last + 1}", *remarks])
-    return RawTable(source, form, columns, numbers, tuple(_stated_rates(lines[:first])))
+    named = tuple(_words(column, names[column], cells) for column, cells in spelled.items())
+    return RawTable(source, form, columns, numbers, tuple(_stated_rates(lines[:first])), named)
+
+
+def _words(column: int, name: str, cells: tuple[str, ...]) -> RawColumn:
+    """A column of words; cells that hold none, and all after too many different ones, are naN."""
+    number = {word: at for at, word in enumerate(dict.fromkeys(cells)) if at < _MOST_WORDS}
+    values = [np.nan if cell.casefold() in MISSING else number.get(cell, np.nan) for cell in cells]
+    return RawColumn(column + 1, name, "", np.array(values, dtype=float), "", tuple(number))
 
 
 def _chosen(blocks: list[tuple[int, int]], table: str | None, source: str) -> tuple[int, int]:
@@ -184,8 +194,8 @@ def _unit_labels(above: list[str], dialect: Dialect) -> list[str]:
 
 def _values(
     lines: list[str], first: int, last: int, dialect: Dialect, source: str
-) -> tuple[np.ndarray, list[int]]:
-    """Numbers of the rows, and the line (from 1) of each."""
+) -> tuple[np.ndarray, list[int], dict[int, tuple[str, ...]]]:
+    """Numbers of the rows, the line (from 1) of each, and the cells of the columns of words."""
     problems, rows, numbers = Problems(source), [], []
     for number in range(first, last + 1):
         if not lines[number].strip():
@@ -201,11 +211,13 @@ def _values(
         rows.append(dialect.split(lines[number])[: dialect.width])
         numbers.append(number + 1)
     problems.raise_if_any()
-    columns = [
-        np.full(len(rows), np.nan) if column in dialect.text_columns else _numbers(cells, dialect.decimal)
-        for column, cells in enumerate(zip(*rows, strict=True))
+    columns = list(zip(*rows, strict=True))
+    spelled = {column: columns[column] for column in sorted(dialect.text_columns)}
+    values = [
+        np.full(len(rows), np.nan) if column in spelled else _numbers(cells, dialect.decimal)
+        for column, cells in enumerate(columns)
     ]
-    return np.array(columns).T, numbers
+    return np.array(values).T, numbers, spelled
 
 
 def _numbers(cells: tuple[str, ...], decimal: str) -> np.ndarray:
