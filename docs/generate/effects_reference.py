@@ -97,6 +97,15 @@ def effects_page(system: str) -> str:
     return reference.introduction + listed + "\n" + "".join(sections)
 
 
+def _in_a_fit(form: Form) -> str:
+    """What a fit takes for the constants that follow its records."""
+    return "".join(
+        f"; in a fit ${item.in_latex}$ is {item.value:g} × {_SCALES[item.scale]}"
+        for item in form.constants
+        if item.scale
+    )
+
+
 def _section(effect: Effect, reference: CataloguePage) -> str:
     places = dict.fromkeys(reference.places[form.place] for form in effect.forms)
     picture = ""
@@ -106,7 +115,7 @@ def _section(effect: Effect, reference: CataloguePage) -> str:
     needed = any(form.channels for form in effect.forms)
     head = "| form | equation | needs |\n|---|---|---|" if needed else "| form | equation |\n|---|---|"
     forms = "\n".join(
-        f"| `{form.name}` | ${_escaped(form.latex)}$ |" + (_needs(form) if needed else "")
+        f"| `{form.name}` | ${_escaped(form.latex)}${_in_a_fit(form)} |" + (_needs(form) if needed else "")
         for form in effect.forms
     )
     return f"""

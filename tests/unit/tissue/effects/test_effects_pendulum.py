@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.effects.catalogue import PENDULUM, TISSUE, catalogue_of, catalogue_with, without_channels
+from lumbar.tissue.effects.catalogue import PENDULUM, TISSUE, catalogue_of, catalogue_with, usable_effects
 from lumbar.tissue.effects.starts import interval_starts, modulation_starts
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
@@ -203,7 +203,7 @@ def test_channels_follow_the_motion():
 
 
 def test_forms_without_their_channels_are_left_out_and_told():
-    usable, left_out = without_channels(PENDULUM, ["length"])
+    usable, left_out = usable_effects(PENDULUM, ["length"], MOTION.scale)
     assert list(usable) == NAMES
     assert {form.key: missing for form, missing in left_out} == {
         "hand_load/measured_hanging": ("box_held",),
@@ -213,7 +213,7 @@ def test_forms_without_their_channels_are_left_out_and_told():
         "moving_pivot/measured_hanging": ("pivot_acceleration_x", "pivot_acceleration_z"),
         "moving_pivot/measured_inverted": ("pivot_acceleration_x", "pivot_acceleration_z"),
     }
-    assert without_channels(TISSUE, [])[1] == []
+    assert usable_effects(TISSUE, [], MOTION.scale)[1] == []
 
 
 def residual_of(added):

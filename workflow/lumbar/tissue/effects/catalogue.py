@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -80,13 +80,14 @@ def catalogue_of(base: str) -> Mapping[str, Effect]:
     return CATALOGUES[system_of(base)]
 
 
-def without_channels(
-    catalogue: Mapping[str, Effect], available: Collection[str]
+def usable_effects(
+    catalogue: Mapping[str, Effect], available: Collection[str], scale: Callable[[str], float]
 ) -> tuple[dict[str, Effect], list[tuple[Form, tuple[str, ...]]]]:
     """Part of a catalogue that records with these channels allow, and what they do not.
 
-    `available` are the roles of the channels of every record. Returns effects with the forms that can be tried, and the
-    forms that cannot, each with the channels that are missing.
+    `available` are the roles of the channels of every record, `scale` the sizes of their quantities by kind, which constants
+    of forms follow. Returns effects with the forms that can be tried, and the forms that cannot, each with the channels that
+    are missing.
     """
     usable, left_out = {}, []
     for name, effect in catalogue.items():
@@ -94,7 +95,7 @@ def without_channels(
             form.key: tuple(role for role in form.channels if role not in available) for form in effect.forms
         }
         left_out += [(form, missing[form.key]) for form in effect.forms if missing[form.key]]
-        forms = tuple(form for form in effect.forms if not missing[form.key])
+        forms = tuple(form.sized(scale) for form in effect.forms if not missing[form.key])
         if forms:
             usable[name] = replace(effect, forms=forms)
     return usable, left_out

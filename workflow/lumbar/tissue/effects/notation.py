@@ -494,13 +494,15 @@ class _Reading:
         """A number that an equation calls by a symbol."""
         place = f"{place}.{symbol}"
         content = self.mapping(content, place, "value: …, unit: …")
-        self.keys(content, place, ("value", "unit", "latex"))
-        value = content.get("value")
+        self.keys(content, place, ("value", "unit", "latex", "scale"))
+        value, scale = content.get("value"), content.get("scale", "")
+        if scale not in ("", *SCALES):
+            self.problem(f"{place}.scale", repr(scale), f"allowed are {', '.join(SCALES)}")
         if not _is_number(value):
             self.problem(f"{place}.value", repr(value), "a finite number is needed")
             value = 1.0
         latex = self.text(content, "latex", False, place)
-        return Constant(str(symbol), float(value), self.unit(content, place), latex)
+        return Constant(str(symbol), float(value), self.unit(content, place), latex, scale)
 
 
 def _is_number(value: Any) -> bool:

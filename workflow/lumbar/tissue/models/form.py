@@ -113,6 +113,12 @@ class Form:
         )
         return replace(self, constants=constants)
 
+    def sized(self, scale: Callable[[str], float]) -> Form:
+        """The form with the constants that follow a record as its quantities are, by kind."""
+        return self.with_constants(
+            {item.symbol: item.value * scale(item.scale) for item in self.constants if item.scale}
+        )
+
     def check(self) -> None:
         """Refuse an equation that cannot be used.
 

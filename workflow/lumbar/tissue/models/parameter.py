@@ -95,6 +95,9 @@ class Constant:
     unit: str
     latex: str = ""
     """`symbol`, `unit`, `latex`: as for `Parameter`."""
+    scale: str = ""
+    """Quantity of the record that a fit counts it in, as of a `NonlinearParameter`; empty where the value is its own. A force
+    at one unit of a power law would lie far from every motion in another unit, where nothing is known of it."""
     given: bool = False
     """Whether the value was given in place of the catalogue's: it is then written with a model."""
 

@@ -27,7 +27,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
-from lumbar.tissue.effects.catalogue import choose, without_channels
+from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.motion_range import Kinematics
@@ -96,7 +96,7 @@ def examine(
     if verdict.orientation is not None:
         raise InputError(f"nothing can be put into these records: {verdict.orientation.sentence}")
     truth = Truth.of(verdict, records, seed)
-    usable, _ = without_channels(catalogue, truth.training.motion.channels)
+    usable, _ = usable_effects(catalogue, truth.training.motion.channels, truth.training.scale)
     wanted = usable if effects is None else _choice(effects, catalogue, usable)
     unchanged = diagnosis_or_refusal(truth.records(truth.fit), len(verdict.selected) + 1, diagnose)
     base = truth.fit.structure.base

@@ -28,7 +28,7 @@ from lumbar.tissue.diagnosis.selection.thresholds import (
     number_of_forms,
 )
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
-from lumbar.tissue.effects.catalogue import without_channels
+from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.signals.motion_range import Kinematics
 from lumbar.tissue.signals.spectrum import occupied_band
@@ -73,7 +73,9 @@ def gather_evidence(
     """
     experiment = diagnosis.experiment
     null = null_distribution(diagnosis.base.fit.structure.base.system)
-    catalogue, _ = without_channels(settings.candidates, experiment.training.motion.channels)
+    catalogue, _ = usable_effects(
+        settings.candidates, experiment.training.motion.channels, experiment.training.scale
+    )
     threshold = null.threshold(number_of_forms(catalogue))
     remaining = compare_and_locate(experiment, diagnosis.model.fit, seed)
     if settings.forward:

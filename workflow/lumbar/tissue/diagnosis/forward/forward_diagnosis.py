@@ -10,6 +10,7 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.forward.forward_base import (
@@ -86,13 +87,13 @@ def prepare_with_base(records: list[Record], settings: DiagnosisSettings) -> tup
     return experiment, base
 
 
-def forward_catalogue(catalogue: dict[str, Effect], base: Base) -> dict[str, Effect]:
-    """The effects that can be simulated from force to motion, without what the base has itself."""
+def forward_catalogue(catalogue: dict[str, Effect], base: Base, data: FitData) -> dict[str, Effect]:
+    """The effects that can be simulated from force to motion, without what the base has itself, as large as the data ask."""
     known = set(base.form.parsed_equation.columns)
     found = {}
     for name, effect in catalogue.items():
         forms = tuple(
-            form
+            form.sized(data.scale)
             for form in effect.forms
             if can_be_simulated(form) and not known >= set(form.parsed_equation.columns)
         )
@@ -123,7 +124,7 @@ def _diagnose_with_base(
 ) -> tuple[Verdict, Experiment]:
     """A diagnosis with one base, and the turned-round records that it was searched on."""
     model = base.fit.structure.base
-    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, model))
+    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, model, experiment.training))
     response = response_of(model, base.fit.linear, base.fit.nonlinear)
     seen = turn_round(experiment, response)
     named = Selection(seen, fit_base(model, seen), usable).diagnosis()
@@ -137,7 +138,8 @@ def _diagnose_with_base(
 def _on_all(found: Verdict, experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
     """The same models fitted to all of long records and judged there, with the best rival."""
     base = resume_fit(experiment, found.base, _POLISHED)
-    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, base.fit.structure.base))
+    model, data = base.fit.structure.base, experiment.training
+    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, model, data))
     rivals = [item.candidate for item in found.ranking if set(item.candidate.effects) != set(found.selected)]
     named = [*found.path[1:], *found.tied_with, *rivals[:1]]
     return Confirmation(experiment, base, usable, named, evaluations=_POLISHED).diagnosis()
@@ -260,10 +262,10 @@ def refine_forward(
     """
     experiment, base = prepare_with_base(records, settings)
     model = base.fit.structure.base
-    usable = forward_catalogue(effects, model)
+    usable = forward_catalogue(effects, model, experiment.training)
     for name in effects:
         if name not in usable:
-            known = ", ".join(forward_catalogue(settings.candidates, model))
+            known = ", ".join(forward_catalogue(settings.candidates, model, experiment.training))
             raise InputError(
                 f"{name}: it cannot be added to {model.name} from force to motion; those that can are {known}"
             )

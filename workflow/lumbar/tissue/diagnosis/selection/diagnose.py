@@ -20,7 +20,7 @@ from lumbar.tissue.diagnosis.selection.findings import (
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
-from lumbar.tissue.effects.catalogue import without_channels
+from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 
 _NONLINEAR = 0.1
@@ -45,7 +45,9 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
 
         return diagnose_forward(records, settings)
     experiment = prepare_for(records, settings)
-    usable, not_tried = without_channels(settings.candidates, experiment.training.motion.channels)
+    usable, not_tried = usable_effects(
+        settings.candidates, experiment.training.motion.channels, experiment.training.scale
+    )
     settings = replace(settings, catalogue=usable)
     if settings.system == "tissue" and not isinstance(settings.base, Base):
         # As recorded: a command that jumps between levels would be taken for a coarse sensor, and smoothed.

@@ -15,7 +15,7 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_e
 from lumbar.tissue.diagnosis.selection.base_choice import choose_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
-from lumbar.tissue.effects.catalogue import choose, without_channels
+from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
@@ -181,7 +181,7 @@ def not_converged(model: Candidate, experiment: Experiment) -> Finding:
 
 def _with_channels(chosen: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:
     """Return the effects with the forms that the records' channels allow."""
-    usable, left_out = without_channels(chosen, experiment.training.motion.channels)
+    usable, left_out = usable_effects(chosen, experiment.training.motion.channels, experiment.training.scale)
     for name in chosen:
         if name not in usable:
             missing = {role: None for form, roles in left_out if form.effect == name for role in roles}
