@@ -11,7 +11,12 @@ from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, shape_bounds
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, prediction_variance, scaled_covariance
+from lumbar.tissue.diagnosis.fitting.uncertainty import (
+    estimates,
+    prediction_variance,
+    scaled_covariance,
+    variance_of_sum,
+)
 from lumbar.tissue.diagnosis.noise.noise_floor import prediction_error_filter
 from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
 from lumbar.tissue.models.bases import Base
@@ -153,7 +158,7 @@ def unseen_improvement(before: Candidate, after: Candidate, experiment: Experime
     """How many standard errors the loss on unseen records falls by.
 
     Mean difference of losses over its standard error, neighbouring samples taken as dependent (Diebold and Mariano,
-    J. Bus. Econ. Stat. 13 (1995) 253-263; Bartlett weights over half a second). The loss is that of Student's t: of
+    J. Bus. Econ. Stat. 13 (1995) 253-263; `variance_of_sum`). The loss is that of Student's t: of
     squared errors the mean hangs on a few peaks where the force is extrapolated, and no difference is ever certain.
     """
     return _improvement(before.fit, after.fit, experiment.tests)
@@ -178,13 +183,7 @@ def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
     differences = [_loss(first, scale) - _loss(second, scale) for first, second in errors]
     size = sum(len(item) for item in differences)
     mean = sum(float(item.sum()) for item in differences) / size
-    lags = max(1, round(0.5 / records[0].motion.sampling_time))
-    variance = 0.0
-    for item in differences:
-        centred = item - mean
-        variance += float(centred @ centred)
-        for lag in range(1, min(lags, len(centred) - 1)):
-            variance += 2 * (1 - lag / lags) * float(centred[lag:] @ centred[:-lag])
+    variance = variance_of_sum([item - mean for item in differences])
     if variance <= 0:
         return 0.0 if mean == 0 else float(np.copysign(np.inf, mean))
     return mean * size / float(np.sqrt(variance))

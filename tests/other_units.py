@@ -1,0 +1,107 @@
+"""The same experiment by another clock, in other units, turned round or in another order, and what its diagnosis has to say."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.diagnosis.law.law_form import Dimension
+from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.models.form import Form
+
+Diagnose = Callable[[Sequence[Record], Sequence[str] | str | None], Verdict]
+"""From records, and the names of those that are fitted."""
+SIGNIFICANT = 1e-3
+"""Relative tolerance of errors: searches end where a step changes the parameters by 1e-7 and the square by 1e-9, on another
+side of the optimum after other rounding."""
+WITHIN = 0.1
+"""Of its own interval's width a parameter and both ends may move: to that the optimum itself is known to nobody."""
+KILOGRAMS = {"kg": "{y}", "kg m": "{y}", "m": "1", "m/s^2": "1"}
+"""Units of pendulums, whose angle and clock stay: a mass is as large as the moments are."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """Factors from the units of an experiment to the other ones."""
+
+    clock: float = 1.0
+    motion: float = 1.0
+    force: float = 1.0
+    """`motion`, `force`: of input and output."""
+    turned: bool = False
+    """Whether both count the other way."""
+    otherwise: bool = False
+    """Whether the records come in another order and the units have other names."""
+
+    def of(self, record: Record) -> Record:
+        """The record in the other units."""
+        way = -1 if self.turned else 1
+        factors = {"input": way * self.motion, "output": way * self.force, "pivot_acceleration_x": way}
+        channels = {
+            role: replace(item, values=item.values * factors.get(role, 1.0))
+            for role, item in record.channels.items()
+        }
+        if self.otherwise:
+            named = {"input": "parsec", "output": "dyn"}
+            channels |= {role: replace(channels[role], unit=unit) for role, unit in named.items()}
+        period = record.period and record.period * self.clock
+        return replace(record, time=record.time * self.clock, channels=channels, period=period)
+
+    def factor(self, unit: str) -> float:
+        """By which a quantity of this unit grows."""
+        size = Dimension.of(KILOGRAMS.get(unit, unit))
+        return self.motion**size.x * self.force**size.y * self.clock**size.s
+
+
+SLOW = Units(1e4, 1e-6, 1e6, turned=True, otherwise=True)
+FAST = Units(1e-4, 1e6, 1e-6)
+
+
+def check_alike(diagnose: Diagnose, records: Sequence[Record], units: Units) -> Verdict:
+    """Diagnose the records and the same in other units; both say the same."""
+    first = diagnose(records, None)
+    train = [item.name for item in first.experiment.training.records]
+    second = diagnose([units.of(record) for record in records[:: -1 if units.otherwise else 1]], train)
+    assert said(first) == said(second)
+    for one, other in zip(first.path, second.path, strict=True):
+        assert other.test_rms == pytest.approx(one.test_rms * units.force, rel=SIGNIFICANT)
+    _check_parameters(first, second, units)
+    return first
+
+
+def said(found: Verdict) -> dict:
+    """What no unit changes: base, verdict, effects, ties, findings, chain, convergence."""
+    return {
+        "base": found.base.fit.structure.base.name,
+        "verdict": (found.verdict, found.verdict_after, found.complete),
+        "selected": found.selected,
+        "ties": {frozenset(item.effects) for item in found.tied_with},
+        "findings": sorted((item.kind, item.record) for item in found.findings),
+        "chain": found.chain and found.chain.kind,
+        "converged": found.model.fit.converged,
+    }
+
+
+def _check_parameters(first: Verdict, second: Verdict, units: Units) -> None:
+    every = [estimates(found.model.fit, found.experiment.training, "{x}", "{y}") for found in (first, second)]
+    for one, other in zip(*every, strict=True):
+        factor = units.factor(one.unit)
+        if units.turned:
+            # An odd effect keeps its sign and an even one takes the other.
+            factor *= np.sign(one.value * other.value) or 1
+        ends = sorted((one.low * factor, one.high * factor))
+        enough = max(WITHIN * (ends[1] - ends[0]), SIGNIFICANT * abs(other.value))
+        assert other.value == pytest.approx(one.value * factor, abs=enough), one.name
+        assert [other.low, other.high] == pytest.approx(ends, abs=enough), one.name
+    forms = zip(first.model.fit.structure.forms, second.model.fit.structure.forms, strict=True)
+    for form, again in forms:
+        expected = {key: value * units.factor(unit) for key, (value, unit) in _followed(form).items()}
+        assert {key: value for key, (value, _) in _followed(again).items()} == pytest.approx(expected)
+
+
+def _followed(form: Form) -> dict[str, tuple[float, str]]:
+    """Constants that follow the record, with their units."""
+    return {item.symbol: (item.value, item.unit) for item in form.constants if item.scale}
