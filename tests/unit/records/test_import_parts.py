@@ -111,6 +111,13 @@ def test_a_column_names_the_trials(tmp_path):
     assert 1 / imported[1].record.sampling_time == pytest.approx(RATE)
 
 
+def test_words_that_no_name_holds_are_numbered(tmp_path):
+    path = trials(tmp_path / "bench.csv", ["慢"] * 300 + ["快"] * 300)
+    imported = lumbar.import_recordings(path, cut_by="trial")
+    assert imported.records.names == ["bench_1", "bench_2"]
+    assert imported[1].notes[0] == "300 of 600 samples: column 4 'trial' is 快"
+
+
 def test_trials_that_are_none(tmp_path):
     path = trials(tmp_path / "bench.csv", np.repeat([1, 2, 3], [300, 295, 5]))
     with pytest.raises(InputError, match=r"bench_3: 5 samples; at least 8 are needed"):

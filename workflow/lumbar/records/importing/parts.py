@@ -104,9 +104,11 @@ def _stretches(table: RawTable, wish: str, name: str) -> list[Part]:
         )
     problems, parts, times = Problems(table.source), [], {}
     for first, stop in stretches:
-        word = column.spellings[int(said[first])] if column.spellings else f"{said[first]:g}"
-        times[word] = times.get(word, 0) + 1
-        own = record_name(f"{name}_{word}" if times[word] == 1 else f"{name}_{word}_{times[word]}")
+        at = int(said[first])
+        word = column.spellings[at] if column.spellings else f"{said[first]:g}"
+        own = f"{name}_{as_name(word, str(at + 1), _OTHERS)}"
+        times[own] = times.get(own, 0) + 1
+        own = own if times[own] == 1 else f"{own}_{times[own]}"
         if stop - first < FEWEST_SAMPLES:
             problems.add(own, f"{stop - first} samples", f"at least {FEWEST_SAMPLES} are needed")
         parts.append(Part(own, np.arange(first, stop), f"{column.label} is {word}"))
