@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.base.files import require_file
 from lumbar.records.importing.choices import Choices
 from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, Asked, RawTable
 from lumbar.records.importing.recording import ImportedRecording, to_records
-from lumbar.records.importing.source_file import file_name, read_content, read_source
+from lumbar.records.importing.source_file import file_name, read_content
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
 from lumbar.records.record import RecordSet
 
@@ -49,7 +50,8 @@ class ForeignFile:
     @classmethod
     def of_path(cls, path: Path, asked: Asked) -> ForeignFile:
         """Read a file; errors as of `of_content`."""
-        return cls(file_name(path), *read_source(path, asked))
+        require_file(path)
+        return cls.of_content(str(path), path.read_bytes(), asked)
 
 
 def import_recordings(

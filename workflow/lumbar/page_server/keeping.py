@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from lumbar.base.errors import InputError
-from lumbar.page_server.own_recordings import common_rate
 from lumbar.page_server.study_change import Change, with_value
+from lumbar.records.importing.study_file import common_rate
 from lumbar.settings.plain import plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.study.study import Study, is_tissue_chapter
@@ -149,17 +149,13 @@ def _entry(
     name: str, imported: ImportedRecordings, train: Sequence[str], effects: Sequence[str]
 ) -> dict[str, Any]:
     """The record set as the study's file has it."""
-    first = imported[0]
-    columns: dict[str, Any] = {"time": {"column": "time_s", "quantity": "time", "unit": "s"}}
-    for role, channel in first.record.channels.items():
-        columns[role] = {"column": first.names[role], "quantity": channel.quantity, "unit": channel.unit}
     clipped = {"clipped": "accept"} if any(item.clipped for item in imported) else {}
-    rate = common_rate(imported.records)
+    rate = common_rate(1 / record.sampling_time for record in imported.records)
     return {
         "name": name,
         "train": list(train),
         "effects": list(effects),
-        "layout": {"columns": columns, **clipped},
+        "layout": {"columns": imported[0].columns, **clipped},
         **({} if rate is None else {"rate_Hz": rate}),
         "records": [
             {"name": item.record.name, "file": f"{name}/{item.record.name}.csv"} for item in imported

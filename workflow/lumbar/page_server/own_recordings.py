@@ -19,6 +19,7 @@ from lumbar.page_server.own_choices import LONGEST_TEXT, checked_choices, checke
 from lumbar.page_server.recording_preview import FIELDS, in_fields, preview, tables_columns
 from lumbar.page_server.served_sets import ExploredSet, ServedSets
 from lumbar.records.importing.raw_table import Asked
+from lumbar.records.importing.study_file import common_rate
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
@@ -198,14 +199,8 @@ def at_one_rate(records: Sequence[Record]) -> list[Record]:
     """Return records at the lowest of their rates: one model needs one."""
     from lumbar.records.record import resample
 
-    rate = common_rate(records)
+    rate = common_rate(1 / record.sampling_time for record in records)
     return list(records) if rate is None else [resample(record, rate) for record in records]
-
-
-def common_rate(records: Sequence[Record]) -> float | None:
-    """Lowest rate of records that have several; None where all have one."""
-    rates = [float(f"{1 / record.sampling_time:.9g}") for record in records]
-    return min(rates) if max(rates) > (1 + 1e-6) * min(rates) else None
 
 
 def _finite(value: float) -> float | None:

@@ -36,7 +36,8 @@ def stated_time(
     values = [rate.value for rate in stated]
     if not values:
         raise InputError(
-            f"{source}: no column of time and no rate is stated; give --time COLUMN or --rate HZ"
+            f"{source}: no column of time and no rate is stated; give --time COLUMN or --rate HZ (points of a static test "
+            "have neither, and cannot be diagnosed: their order would pass for time)"
         )
     if max(values) > (1 + 1e-6) * min(values):
         found = ", ".join(f"{rate.value:g} Hz ({rate.place})" for rate in stated)

@@ -58,6 +58,16 @@ class ImportedRecording:
             **{role: f"{item.quantity}_{unit[role]}" for role, item in self.record.channels.items()},
         }
 
+    @property
+    def columns(self) -> dict[str, dict[str, str]]:
+        """Columns of the tidy file by role, as a layout has them."""
+        described = {"time": ("time", "s")}
+        described |= {role: (item.quantity, item.unit) for role, item in self.record.channels.items()}
+        return {
+            role: {"column": self.names[role], "quantity": quantity, "unit": unit}
+            for role, (quantity, unit) in described.items()
+        }
+
     def frame(self):
         """Return the record as a data frame in its tidy form."""
         import pandas as pd

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
-from lumbar.base.files import require_file
 from lumbar.records.importing.parts import record_name
 from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
 from lumbar.records.importing.text_table import read_text, table_of_lines
@@ -69,15 +68,15 @@ _SHORT, _SHORT_LINE = 250_000, 500
 """Bytes of a text, and of its lines, in which units and rates are looked for within seconds, whatever stands there."""
 
 
-def read_source(path: Path, asked: Asked) -> tuple[RawTable, str]:
-    """Read a file.
+def read_content(stored: bytes, path: Path, asked: Asked) -> tuple[RawTable, str]:
+    """Read what a file holds, wherever it lies.
 
     Parameters
     ----------
-    path : Path
+    stored : bytes
         Text, MATLAB, HDF5 or Excel; also gzipped.
-    asked : Asked
-        What a person says of how it is read.
+    path : Path
+        For messages, and for the ending of its name.
 
     Returns
     -------
@@ -88,14 +87,8 @@ def read_source(path: Path, asked: Asked) -> tuple[RawTable, str]:
     Raises
     ------
     InputError
-        If there is no such file, no table in it, or no package that reads it.
+        If there is no table in it, or no package that reads it.
     """
-    require_file(path)
-    return read_content(path.read_bytes(), path, asked)
-
-
-def read_content(stored: bytes, path: Path, asked: Asked) -> tuple[RawTable, str]:
-    """Read what a file holds, wherever it lies; the path is for messages and for the ending of its name. As `read_source`."""
     if stored.startswith(_GZIP):
         read, parse = None, partial(_read_packed, stored, path, asked)
     else:

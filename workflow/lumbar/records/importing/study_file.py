@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from lumbar.base.errors import InputError
@@ -93,13 +93,7 @@ def _entry(recording: ImportedRecording) -> dict:
         "rate_Hz": float(f"{1 / record.sampling_time:.9g}"),
         "duration_s": float(f"{record.duration:.9g}"),
         "clipped": recording.clipped,
-        "columns": {
-            "time": {"column": "time_s", "quantity": "time", "unit": "s"},
-            **{
-                role: {"column": recording.names[role], "quantity": channel.quantity, "unit": channel.unit}
-                for role, channel in record.channels.items()
-            },
-        },
+        "columns": recording.columns,
     }
 
 
@@ -120,12 +114,13 @@ def needs_study(content: dict) -> bool:
     """Whether the records cannot be read by the default layout, or at one rate."""
     columns = content["records"][0]["columns"]
     default = {role: column["column"] for role, column in columns.items()} == _DEFAULT
-    return not default or _common_rate(content) is not None or any(e["clipped"] for e in content["records"])
+    rate = common_rate(entry["rate_Hz"] for entry in content["records"])
+    return not default or rate is not None or any(entry["clipped"] for entry in content["records"])
 
 
-def _common_rate(content: dict) -> float | None:
-    """Lowest rate, where records have several; None where all have one."""
-    rates = [entry["rate_Hz"] for entry in content["records"]]
+def common_rate(rates: Iterable[float]) -> float | None:
+    """Lowest of several rates in hertz; None where all are one."""
+    rates = [float(f"{rate:.9g}") for rate in rates]
     return min(rates) if max(rates) > (1 + 1e-6) * min(rates) else None
 
 
@@ -178,7 +173,7 @@ def _layout_lines(content: dict) -> list[str]:
     ]
     if any(entry["clipped"] for entry in content["records"]):
         lines.append("    clipped: accept   # as told by --accept-clipped")
-    rate = _common_rate(content)
+    rate = common_rate(entry["rate_Hz"] for entry in content["records"])
     if rate is not None:
         lines.append(f"  rate_Hz: {rate:.9g}   # the lowest of the records' rates: one model needs one")
     return lines
