@@ -282,12 +282,10 @@ def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
 def variance_of_sum(series: Sequence[np.ndarray]) -> float:
     """Variance of the sum of numbers of mean 0 that depend on their neighbours, by record.
 
-    Bartlett's window over the square root of all samples, which follows no clock, or over `_WINDOW` correlation times
-    where these are longer.
+    Bartlett's window over the square root of all samples, which follows no clock.
     """
-    columns = [item[:, None] for item in series]
-    bandwidth = max(np.sqrt(sum(map(len, series))), _WINDOW * float(correlation_times(columns)[0]))
-    return float(sum(_bartlett_sum(item, bandwidth)[0, 0] for item in columns))
+    bandwidth = float(np.sqrt(sum(map(len, series))))
+    return float(sum(_bartlett_sum(item[:, None], bandwidth)[0, 0] for item in series))
 
 
 def correlation_times(scores: Sequence[np.ndarray]) -> np.ndarray:
