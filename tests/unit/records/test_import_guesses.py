@@ -62,7 +62,9 @@ def test_a_spelling_that_several_units_could_have_is_none(spelling):
         ("Ch 1 Force,lbf", ("Ch 1 Force", "lbf")),
         ("TimeMs", ("Time", "Ms")),
         ("x_m", ("x", "m")),
-        ("vel_in_s", ("vel", "in_s")),
+        ("vel_in_s", ("vel_in", "s")),
+        ("Zeit_in_s", ("Zeit_in", "s")),
+        ("pos_mm_min", ("pos_mm", "min")),
         ("Load", ("Load", "")),
         ("Strain (%)", ("Strain (%)", "")),
     ],
@@ -332,6 +334,13 @@ def test_a_clock_in_whole_milliseconds_is_the_even_one_behind_it(tmp_path, rate,
     assert 1 / one.record.sampling_time == pytest.approx(rate, rel=3e-4)
     assert one.record["output"] == pytest.approx(FORCE, abs=2e-5)
     assert [note for note in one.notes if "rounded to 1 ms" in note]
+
+
+def test_stamps_of_six_digits_are_rounded_more_as_time_goes_on(tmp_path):
+    time = [f"{900 + 50 * sample / 512:.6g}" for sample in range(600 * 4)]
+    lines = rows(",", columns=(np.tile(POSITION, 4), np.tile(FORCE, 4))).splitlines()
+    text = HEAD + "".join(f"{stamp},{line}\n" for stamp, line in zip(time, lines, strict=True))
+    assert 1 / imported(tmp_path, text).record.sampling_time == pytest.approx(512 / 50, rel=1e-5)
 
 
 @pytest.mark.parametrize("rate", [1000.0, 500.0, 200.0])

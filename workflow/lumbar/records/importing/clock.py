@@ -16,6 +16,8 @@ LONGEST_STEP = 3.0
 """Longest step of an uneven clock, in median steps, that is interpolated over."""
 _FEWEST_ODD = 10
 """Odd steps of a coarse clock, evenly spread, that show that its stamps are rounded and no samples dropped."""
+_FINE = 0.01
+"""Last digit of the stamps, in median steps, below which their rounding is nothing."""
 _MOST_NAMED = 5
 _AGREE = 0.01
 """Relative difference from which a stated rate contradicts the clock."""
@@ -81,17 +83,17 @@ def unrounded(time: np.ndarray) -> tuple[np.ndarray, str]:
     They are where their last digit is all by which they leave it. With digits as coarse as the clock, a few long or short
     steps would also be samples that were dropped or stand twice: then they are taken for that.
     """
+    if len(time) < FEWEST_SAMPLES:
+        return time, ""
     number, steps = np.arange(len(time)), np.diff(time)
-    digit = next((10.0**-k for k in range(7) if np.allclose(time * 10**k, np.rint(time * 10**k), 0, 1e-3)), 0)
-    usual = float(np.median(steps)) if len(steps) else 0.0
+    usual = float(np.median(steps))
+    last = time[
+        -max(FEWEST_SAMPLES, len(time) // 10) :
+    ]  # of six digits, say, the last stamps have the coarsest
+    digit = next((10.0**-k for k in range(7) if np.allclose(last * 10**k, np.rint(last * 10**k), 0, 1e-3)), 0)
     odd = np.sum(np.abs(steps - usual) > 0.5 * digit)
-    coarse = digit > 0.5 * usual
-    if (
-        not digit
-        or not odd
-        or len(time) < FEWEST_SAMPLES
-        or (coarse and not _FEWEST_ODD <= odd < len(steps) / 3)
-    ):
+    dropped = digit > 0.5 * usual and not _FEWEST_ODD <= odd < len(steps) / 3
+    if digit <= _FINE * usual or not odd or dropped:
         return time, ""
 
     def leaves(rate: float) -> float:

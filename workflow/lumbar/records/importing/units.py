@@ -69,7 +69,7 @@ class Unit:
 def _folded(spelling: str) -> str:
     word = spelling.replace("µ", "u").replace("μ", "u").replace("⋅", "·").replace(" ", "")
     return re.sub(
-        r"(?:_per_|per|_|/)(s|sec|min)$|[·*.]?s(?:\^?-1|⁻¹)$", lambda per: f"/{per[1] or 's'}", word
+        r"(?:_per_|per|/)(s|sec|min)$|_(s)$|[·*.]?s(?:\^?-1|⁻¹)$", lambda per: f"/{per[1] or 's'}", word
     )
 
 
@@ -159,7 +159,9 @@ def told_unit(text: str, place: str) -> Unit:
 _IN_HEADER = (
     re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$"),
     re.compile(r"^(?P<name>.*?)\s+in\s+(?P<unit>[^\s\d]+)$"),
-    re.compile(r"^(?P<name>.*?[^\W_])[\s_/,:;|.-]+(?P<unit>[^\W_]+(?:/|_|_per_| per )(?:s|sec|min))$"),
+    re.compile(
+        r"^(?P<name>.*?[^\W_])[\s_/,:;|.-]+(?P<unit>[^\W_]+(?:/|_per_| per )(?:s|sec|min)|(?!in_)[^\W_]+_s)$"
+    ),
     re.compile(r"^(?P<name>.*?)\s*[/,:;|]\s*(?P<unit>[^\s\d]+)$"),
     re.compile(r"^(?P<name>.*[^\s_.-])[\s_.-]+(?P<unit>[^\s_]+)$"),
     re.compile(r"^(?P<name>.*[a-zà-ÿ])(?P<unit>[A-Z][a-z]{0,2}|[mk]N)$"),
