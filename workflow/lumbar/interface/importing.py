@@ -124,10 +124,19 @@ def import_recordings(
     >>> imported.records["trial_1"]
     <Record trial_1: 1000 samples at 100 Hz, 10 s; position (mm), force (N)>
     """
-    called = [None if item is None else str(item) for item in (time, position, force, cut_by, table)]
-    units = (time_unit, position_unit, force_unit)
-    parted = (trim, tuple(cut), *called[3:])
-    choices = Choices(*called[:3], *units, rate, flip_force, *parted, encoding, accept_clipped)
+    called = {"time": time, "position": position, "force": force, "cut_by": cut_by, "table": table}
+    choices = Choices(
+        **{name: None if item is None else str(item) for name, item in called.items()},
+        time_unit=time_unit,
+        position_unit=position_unit,
+        force_unit=force_unit,
+        rate=rate,
+        flip_force=flip_force,
+        trim=trim,
+        cut=tuple(cut),
+        encoding=encoding,
+        clipped=accept_clipped,
+    )
     given = [files] if isinstance(files, str | os.PathLike) else files
     sources = [item if isinstance(item, ForeignFile) else Path(item) for item in given]
     places = [Path(item.table.source) if isinstance(item, ForeignFile) else item for item in sources]

@@ -13,31 +13,22 @@ from lumbar.records.importing.roles import NONE, ROLES
 
 @dataclass(frozen=True)
 class Choices:
-    """What a person says instead of what would be guessed; None leaves it to the guess."""
+    """What a person says instead of what would be guessed, as of `lumbar.import_recordings`; None leaves it to the guess."""
 
     time: str | None = None
     position: str | None = None
     force: str | None = None
-    """`time`, `position`, `force`: column by name, or number counted from 1; ``none`` for a time that is not there."""
     time_unit: str | None = None
     position_unit: str | None = None
     force_unit: str | None = None
-    """`time_unit`, `position_unit`, `force_unit`: unit of the file's numbers, or what one of them is: ``35.15 N``."""
     rate: float | None = None
-    """Sampling rate in hertz of a table without a column of time."""
     flip_force: bool = False
-    """Change the sign of the force."""
     trim: tuple[float, float] | None = None
-    """Start and stop in seconds of the file's clock; only what lies between them is taken."""
     cut: tuple[tuple[str, tuple[float, float]], ...] = ()
-    """Names of records, each with start and stop as of `trim`."""
     cut_by: str | None = None
-    """Column whose stretches of one number or word are records."""
     table: str | None = None
     encoding: str | None = None
-    """`table`, `encoding`: as of `lumbar.records.importing.raw_table.Asked`."""
     clipped: bool = False
-    """Take records whose force or position is clipped."""
 
     def __post_init__(self):
         if bool(self.cut) + (self.cut_by is not None) + (self.trim is not None) > 1:

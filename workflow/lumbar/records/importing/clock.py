@@ -90,7 +90,9 @@ def unrounded(time: np.ndarray) -> tuple[np.ndarray, str]:
     last = time[
         -max(FEWEST_SAMPLES, len(time) // 10) :
     ]  # of six digits, say, the last stamps have the coarsest
-    digit = next((10.0**-k for k in range(7) if np.allclose(last * 10**k, np.rint(last * 10**k), 0, 1e-3)), 0)
+    digit = next(
+        (10.0**-k for k in range(10) if np.allclose(last * 10**k, np.rint(last * 10**k), 0, 1e-3)), 0
+    )
     odd = np.sum(np.abs(steps - usual) > 0.5 * digit)
     dropped = digit > 0.5 * usual and not _FEWEST_ODD <= odd < len(steps) / 3
     if digit <= _FINE * usual or not odd or dropped:
@@ -99,7 +101,7 @@ def unrounded(time: np.ndarray) -> tuple[np.ndarray, str]:
     def leaves(rate: float) -> float:
         return float(np.ptp(time - number / rate))
 
-    found = 1 / float(np.polyfit(number, time, 1)[0])
+    found = 1 / float(np.polyfit(number, time - time[0], 1)[0])
     widest = 1.2 * digit  # the slope of the line is fitted
     if not leaves(found) <= widest:
         return time, ""

@@ -102,7 +102,8 @@ def _stretches(table: RawTable, wish: str, name: str) -> list[Part]:
             f"{table.source}: --cut-by: {column.label} has {len(stretches)} stretches of one value; 1 to {_MOST_PARTS} become "
             "records"
         )
-    problems, parts, times = Problems(table.source), [], {}
+    problems, parts = Problems(table.source), []
+    times: dict[str, int] = {}
     for first, stop in stretches:
         at = int(said[first])
         word = column.spellings[at] if column.spellings else f"{said[first]:g}"

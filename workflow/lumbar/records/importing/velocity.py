@@ -38,7 +38,7 @@ def position_of(
     steps = np.diff(time)
     usual = np.median(steps[keep[0] : keep[-1]])
     broken = ~((steps >= 0) & (steps <= LONGEST_STEP * usual) & np.isfinite(velocity[1:] + velocity[:-1]))
-    start = max(np.flatnonzero(broken[: keep[0]]) + 1, default=0)
+    start = int(max(np.flatnonzero(broken[: keep[0]]) + 1, default=0))
     stretch = slice(start, keep[-1] + 1)
     position = cumulative_trapezoid(velocity[stretch], unrounded(time[stretch])[0], initial=0)
     offset = 0.01 * float(np.sqrt(np.mean(velocity[stretch] ** 2)) * (time[keep[-1]] - time[keep[0]]))
