@@ -6,6 +6,7 @@ import mmap
 import secrets
 from typing import Any
 
+from tornado.escape import json_encode
 from tornado.httputil import url_concat
 from tornado.routing import PathMatches, Rule
 from tornado.web import Finish, RequestHandler, stream_request_body
@@ -22,6 +23,8 @@ from lumbar.page_server.served_sets import OWN, ServedSets
 PAGE = "page_server/own_recordings.html.jinja"
 TAB = "X-Lumbar-Tab"
 """Header by which a page says which tab it is; no form of another page can send it."""
+_LETS_PASS_S = 5
+"""How long the bytes of a file that is refused are taken and dropped."""
 _GONE = "this tab is no longer held by the server: load the page again, and give the files once more"
 
 
@@ -87,25 +90,40 @@ class _FileHandler(_OwnHandler):
     body: mmap.mmap | None = None
     """What has come, in memory of its own: the system has it back as soon as it is let go."""
 
-    def prepare(self) -> None:
+    async def prepare(self) -> None:
         """Refuse what is not to be taken, before the body comes."""
-        name = self.get_query_argument("name", "") or "the file"
         size = self.request.headers.get("Content-Length", "")
-        self.set_header("Connection", "close")  # a file that is refused is not read
+        self.set_header("Connection", "close")
         if self.request.method != "POST":
             self.refuse(405, "POST is needed")
         if not (size.isascii() and size.isdecimal()):
             self.refuse(411, "a file of unknown size")
-        if int(size[:20]) > MOST_FILE:
+        self.expected = int(size[:20])
+        self.request.connection.set_max_body_size(self.expected)
+        try:
+            self._admit(self.get_query_argument("name", "") or "the file")
+        except Finish as refused:
+            await self._answer_early(json_encode(refused.args[0]))
+
+    def _admit(self, name: str) -> None:
+        if self.expected > MOST_FILE:
             self.refuse(413, too_large(name))
         self.held = self.recordings()
         try:
-            self.tabs.expect(self.held, name, int(size))
+            self.tabs.expect(self.held, name, self.expected)
         except InputError as error:
             self.refuse(413, str(error))
-        self.expected = int(size)
         self.body = mmap.mmap(-1, max(1, self.expected))
-        self.request.connection.set_max_body_size(MOST_FILE)
+
+    async def _answer_early(self, answer: str) -> None:
+        """Answer at once, then let pass by for a while what still comes: a line that is closed over bytes that nobody took is
+        reset, and the answer may go with it.
+        """
+        self.request.connection.set_body_timeout(_LETS_PASS_S)
+        self.set_header("Content-Type", "application/json")
+        self.set_header("Content-Length", len(answer.encode()))
+        self.write(answer)
+        await self.flush()
 
     def on_finish(self) -> None:
         """Let the file go: its tab has it, or it was refused."""
@@ -125,7 +143,9 @@ class _FileHandler(_OwnHandler):
             self.body.write(chunk)
 
     async def post(self) -> None:
-        """Read the file."""
+        """Read the file, unless it was refused."""
+        if self.body is None:
+            return
         name = self.get_query_argument("name", "")
         content = self.body[: self.expected]
         try:

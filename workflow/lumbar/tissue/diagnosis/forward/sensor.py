@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, unfolded
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.linear_dynamics import LinearDynamics, linear_dynamics, rational_of_order
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces
@@ -134,18 +134,22 @@ def _refined(structure: Structure, dynamics: LinearDynamics, data: FitData) -> F
     """Poles and residues together, from a start at which the motion's sign is known."""
     from scipy.optimize import least_squares
 
-    count = len(dynamics.linear)
-    size = np.maximum(np.abs(dynamics.linear), 1e-3 * np.abs(dynamics.linear).max())
-
+    count, poles = len(dynamics.linear), np.exp(dynamics.poles.to_vector())
+    reach = np.sqrt(np.mean(forces(data.motion, dynamics.poles, dynamics.held) ** 2, axis=0))
+    reach[reach == 0] = 1.0
+    shares = np.abs(dynamics.linear) * reach
+    size = np.maximum(shares, 1e-3 * shares.max()) / reach
     unit = float(np.linalg.norm(data.force)) or 1.0
 
-    def error(vector):
-        simulated = structure.simulate(data.motion, vector[:count] * size, np.exp(vector[count:]))
-        return data.whiten(simulated - data.force) / unit
+    def parameters(vector):
+        return vector[:count] * size, unfolded(vector[count:], poles)
 
-    start = np.concatenate([dynamics.linear / size, dynamics.poles.to_vector()])
+    def error(vector):
+        return data.whiten(structure.simulate(data.motion, *parameters(vector)) - data.force) / unit
+
+    start = np.concatenate([dynamics.linear / size, np.ones(len(poles))])
     found = least_squares(error, start, x_scale="jac", gtol=1e-15, max_nfev=_EVALUATIONS)
-    linear, nonlinear = found.x[:count] * size, np.exp(found.x[count:])
+    linear, nonlinear = parameters(found.x)
     return Fit(structure, linear, nonlinear, 2 * float(found.cost) * unit**2, bool(found.status > 0))
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.decimation import decimate
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, solve_linear
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, folds, solve_linear, unfolded
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
@@ -230,14 +230,16 @@ def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
     """Search poles and delay, linear parameters solved for at each."""
     from scipy.optimize import least_squares
 
-    force, vector = data.whiten(data.force), start.poles.to_vector()
-    low, high = _rates_seen(data)
-    bounds, unit = _bounds(start.poles, low, high), float(np.linalg.norm(force)) or 1.0
+    force, first = data.whiten(data.force), np.exp(start.poles.to_vector())
+    low, high = (folds(bound, first) for bound in _bounds(start.poles, *_rates_seen(data)))
+    unit = float(np.linalg.norm(force)) or 1.0
+
+    def moved(values):
+        return start.poles.with_vector(np.log(unfolded(values, first)))
 
     @lru_cache(maxsize=1)
     def solution(numbers):
-        values = np.frombuffer(numbers)
-        poles = start.poles.with_vector(values)
+        poles = moved(np.frombuffer(numbers))
         design = data.whiten(forces(data.motion, poles, start.held))
         return poles, design, *_solution(design, force)
 
@@ -253,15 +255,15 @@ def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
 
     found = least_squares(
         error,
-        np.clip(vector, *bounds),
+        np.clip(np.ones(len(first)), low, high),
         jacobian,
-        bounds=bounds,
+        bounds=(low, high),
         xtol=1e-5,
         ftol=1e-5,
         gtol=1e-15,
         max_nfev=_EVALUATIONS,
     )
-    refined = _solve(start.kind, data, start.poles.with_vector(found.x), start.held)
+    refined = _solve(start.kind, data, moved(found.x), start.held)
     return min(refined, start, key=lambda item: item.squared_error)
 
 
@@ -269,8 +271,8 @@ def _bounds(poles: Poles, low: float, high: float) -> tuple[np.ndarray, np.ndarr
     delay = [(1e-3 / high, _LONGEST_DELAY / high)] if poles.delay else []
     high = 10 * high
     pairs = [(0.1 * low, 10 * high), (low**2, high**2)] * len(poles.sections)
-    bounds = np.array([*delay, *pairs, *[(low, high)] * len(poles.rates)])
-    return np.log(bounds[:, 0]) - 1e-9, np.log(bounds[:, 1]) + 1e-9
+    bounds = np.array([*delay, *pairs, *[(low, high)] * len(poles.rates)]).reshape(-1, 2)
+    return bounds[:, 0] * (1 - 1e-9), bounds[:, 1] * (1 + 1e-9)
 
 
 def _solution(design: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -72,8 +72,8 @@ def extend(
     most : int or None
         Refit only this many effects, those with the best screening; None refits all.
     all_forms : bool
-        Refit all forms of an effect, or only the one with the best screening. With all forms, the general ones of the best
-        `LOOK_AHEAD` effects stand in where simpler ones fail: only if they remove `MOST_OF_REST` of what these leave.
+        Refit all forms of an effect, or only the one with the best screening. With all forms, general ones stand in where
+        simpler ones fail: only if they remove `MOST_OF_REST` of what these leave.
     """
     every = [
         form for effect in catalogue.values() if effect.name not in model.effects for form in effect.forms
@@ -87,11 +87,21 @@ def extend(
     )
     found = [add_form(model, form, experiment) for form in tried]
     if all_forms:
-        simpler = {item.effects[-1]: item for item in best_by_effect(found)[:LOOK_AHEAD]}
+        simpler = _simpler_ones(found, experiment)
         for form in every:
             if form.general and form.effect in simpler:
                 found += _where_needed(model, form, simpler[form.effect], experiment)
     return sorted(found, key=lambda item: item.score)
+
+
+def _simpler_ones(found: list[Candidate], experiment: Experiment) -> dict[str, Candidate]:
+    """Effects whose general forms may stand in, with their best simpler one.
+
+    Of the best effects; of all where none of these leaves only noise: the simpler forms of what is right may be far from it.
+    """
+    ranked = best_by_effect(found)
+    enough = any(is_adequate(item, experiment) for item in ranked[:LOOK_AHEAD])
+    return {item.effects[-1]: item for item in (ranked[:LOOK_AHEAD] if enough else ranked)}
 
 
 def _where_needed(
