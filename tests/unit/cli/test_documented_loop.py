@@ -42,7 +42,7 @@ def records(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("page", "start", "stop", "folder"),
     [
-        ("README.md", "## What is your model missing?", "## From Python", "FOLDER"),
+        ("docs/index.md", "### What is your model missing?", "### From Python", "FOLDER"),
         pytest.param(
             *("docs/tissue/tutorial.md", "## 1. ", "## 5. ", "results/thesis/twin/two_hidden_effects"),
             marks=pytest.mark.nightly,
