@@ -166,7 +166,7 @@ def changed(row, text):
         ),
         ({"header": {"NumMarkers": "1"}}, "NumMarkers: 1; line 4 names 2 markers"),
         ({"header": {"NumMarkers": "4"}, "names": "\tC7\t\tSACR"}, "NumMarkers: 4; line 4 names 2 markers"),
-        ({"header": {"DataRate": "60"}}, "the clock and the rate disagree, or frames are missing"),
+        ({"header": {"DataRate": "60"}}, "the rate is another, or frames are missing"),
         ({"header": {"DataRate": "0"}}, "DataRate: 0; a positive number is needed"),
         ({"header": {"DataRate": "inf"}}, "DataRate: inf; a positive number is needed, 0.001 to 1e+06"),
         ({"header": {"NumFrames": "1e999"}}, "NumFrames: 1e999; a positive number is needed"),

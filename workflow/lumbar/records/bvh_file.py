@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.errors import InputError, Problems
+from lumbar.base.errors import InputError
 from lumbar.records.marker_file import MarkerFile, split_points
-from lumbar.records.record import LARGEST
-from lumbar.records.text_rows import RATES_HZ, number, stop_at_many
+from lumbar.records.text_rows import RATES_HZ, read_rows
 
 _CHANNELS = [f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ"]
 _MOST_JOINTS = 1000
@@ -86,7 +85,7 @@ def _skeleton(path: Path, lines: list[str]) -> list[_Joint]:
         elif keyword == "}" and open_joints:
             open_joints.pop()
         elif keyword == "OFFSET" and open_joints:
-            joints[open_joints[-1]].offset = np.array(_numbers(where, words[1:], 3))
+            joints[open_joints[-1]].offset = read_rows(path, [(place, words[1:])], 3, empty=False)[0]
         elif keyword == "CHANNELS" and open_joints:
             wrong = [word for word in words[2:] if word not in _CHANNELS]
             if wrong or [str(len(words) - 2)] != words[1:2] or len(set(words[2:])) < len(words) - 2:
@@ -116,7 +115,7 @@ def _motion(path: Path, lines: list[str], begins: int, n_channels: int) -> tuple
             raise InputError(
                 f"{path}, line {place}: {' '.join(words)[:60]!r}; '{key}' and a number are needed"
             )
-        stated[key] = _numbers(f"{path}, line {place}", words[-1:], 1)[0]
+        stated[key] = float(read_rows(path, [(place, words[-1:])], 1, empty=False)[0, 0])
     if len(rows) < 3:
         raise InputError(f"{path}: no frames")
     interval = stated["Frame Time:"]
@@ -127,28 +126,7 @@ def _motion(path: Path, lines: list[str], begins: int, n_channels: int) -> tuple
         raise InputError(
             f"{path}: Frames: {stated['Frames:']:g}; the file holds {len(rows) - 2}; it may be cut short: export it again"
         )
-    problems = Problems(str(path))
-    values = []
-    for place, words in rows[2:]:
-        try:
-            values.append(_numbers(f"line {place}", words, n_channels))
-        except InputError as error:
-            problems.add("", str(error))
-        stop_at_many(problems)
-    problems.raise_if_any()
-    return interval, np.array(values)
-
-
-def _numbers(where: str, words: list[str], count: int) -> list[float]:
-    if len(words) != count:
-        raise InputError(f"{where}: {len(words)} numbers; {count} are needed")
-    try:
-        values = [number(word) for word in words]
-    except ValueError as error:
-        raise InputError(f"{where}: {error}; numbers are needed") from error
-    if not all(abs(value) <= LARGEST for value in values):
-        raise InputError(f"{where}: a number that is not finite or larger than {LARGEST:g}")
-    return values
+    return interval, read_rows(path, rows[2:], n_channels, empty=False)
 
 
 def _positions(path: Path, joints: list[_Joint], values: np.ndarray, notes: list[str]) -> np.ndarray:

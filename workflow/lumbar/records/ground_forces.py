@@ -12,8 +12,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_axes import file_axis, rotation_to_standard
-from lumbar.records.record import LARGEST
-from lumbar.records.text_rows import stop_at_many
+from lumbar.records.text_rows import check_even, read_rows
 from lumbar.settings.layout import MarkerLayout
 
 UNLOADED_N = 20.0
@@ -21,8 +20,6 @@ UNLOADED_N = 20.0
 _FORCE = re.compile(r"^(.*?)_?vx(_?\d*)$", re.IGNORECASE)
 """Name of a plate's first column: what stands before and after is the plate's name."""
 _HEADER_CHARACTERS = 100_000
-_EVEN = 0.05
-"""How far a step of the clock may be from the median step, as a share of it."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,11 +75,11 @@ def read_mot(path: str | os.PathLike, layout: MarkerLayout) -> list[ForcePlate]:
     if names[0].lower() != "time":
         raise InputError(f"{path}: the first column is {names[0]!r}; time is needed")
     time = table[:, 0]
-    steps = np.diff(time)
-    if len(time) < 2 or not np.all(np.abs(steps - np.median(steps)) <= _EVEN * np.median(steps)):
-        raise InputError(f"{path}: time does not run evenly; export the forces at one rate")
+    if len(time) < 2 or not time[-1] > time[0]:
+        raise InputError(f"{path}: time does not increase; two instants or more are needed")
     rotation = rotation_to_standard(layout.up, layout.forward)
     rate = (len(time) - 1) / (time[-1] - time[0])
+    check_even(path, time, np.linspace(time[0], time[-1], len(time)), rate)
     plates = []
     for found in filter(None, map(_FORCE.match, names)):
         stem, number = found.groups()
@@ -151,21 +148,5 @@ def _table(path: Path) -> tuple[list[str], np.ndarray]:
         problems.add(
             f"line {rows[0][0]}", f"{', '.join(twice)} stands twice", "every column needs its own name"
         )
-    values = []
-    for number, cells in rows[1:]:
-        stop_at_many(problems)
-        if len(cells) != len(names):
-            problems.add(
-                f"line {number}", f"{len(cells)} numbers", f"{len(names)} are needed, one per column"
-            )
-            continue
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError as error:
-            problems.add(f"line {number}", str(error), "numbers are needed")
-            continue
-        if not np.all(np.abs(row) <= LARGEST):
-            problems.add(f"line {number}", "a value that is not finite", "finite numbers are needed")
-        values.append(row)
     problems.raise_if_any()
-    return names, np.array(values)
+    return names, read_rows(path, rows[1:], len(names), empty=False)

@@ -22,8 +22,8 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile, NoMarkers, mark_missing, split_points
-from lumbar.records.record import LARGEST
-from lumbar.records.text_rows import number, read_lines, stop_at_many
+from lumbar.records.record import CLOCK_TOLERANCE
+from lumbar.records.text_rows import check_even, read_lines, read_rows
 
 _TIME = re.compile(r"^(?:time|t|zeit)[\s_]*[\[(]?(s|sec|ms|)[\])]?$", re.IGNORECASE)
 _FRAME = re.compile(r"^(frame|frame#|index|sample)$", re.IGNORECASE)
@@ -32,8 +32,6 @@ _COORDINATE = re.compile(
 )
 _LONGEST_NAME = 1000
 """Characters of a column's name."""
-_OFF_CLOCK = 0.25
-"""How far a frame may lie from an even clock, in frames."""
 
 
 def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> MarkerFile:
@@ -54,7 +52,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
     separator, rows = _cells(path)
     header, begins = _header(path, rows)
     time_column, markers, unit = _columns(path, header)
-    table = _numbers(path, rows[begins:], len(header), decimal_comma=separator == ";")
+    table = read_rows(path, rows[begins:], len(header), decimal="," if separator == ";" else ".")
     if time_column is None:
         if rate is None:
             raise InputError(
@@ -141,30 +139,6 @@ def _columns(path: Path, header: list[str]) -> tuple[tuple[int, float] | None, d
     return time_column, {name: [axes[axis] for axis in "xyz"] for name, axes in markers.items()}, units.pop()
 
 
-def _numbers(path: Path, rows: list[tuple[int, list[str]]], width: int, decimal_comma: bool) -> np.ndarray:
-    """Numbers of all rows, shape (n_frames, width); NaN for an empty cell."""
-    problems = Problems(str(path))
-    table = []
-    for place, cells in rows:
-        if len(cells) != width:
-            problems.add(f"line {place}", f"{len(cells)} cells", f"{width} are needed, as in the header")
-        else:
-            try:
-                row = [
-                    number(cell.replace(",", ".") if decimal_comma else cell) if cell else np.nan
-                    for cell in cells
-                ]
-            except ValueError as error:
-                problems.add(f"line {place}", str(error), "numbers are needed")
-                continue
-            if np.nanmax(np.abs(row), initial=0) > LARGEST:
-                problems.add(f"line {place}", "a number too large", f"at most {LARGEST:g} in size is allowed")
-            table.append(row)
-        stop_at_many(problems)
-    problems.raise_if_any()
-    return np.array(table)
-
-
 def even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
     """Return the instants of an even clock and its rate, checked against the printed times.
 
@@ -188,17 +162,15 @@ def even_clock(path: Path, printed: np.ndarray, declared: float | None) -> tuple
     rate = (len(printed) - 1) / span
     whole = round(rate)
     # Times that are printed with few digits still tell a whole rate.
-    if whole and np.abs(printed - printed[0] - np.arange(len(printed)) / whole).max() * whole <= _OFF_CLOCK:
+    if (
+        whole
+        and np.abs(printed - printed[0] - np.arange(len(printed)) / whole).max() * whole <= CLOCK_TOLERANCE
+    ):
         rate = float(whole)
     if declared is not None and not np.isclose(declared, rate, rtol=1e-2):
         raise InputError(
             f"{path}: its times run at {rate:g} Hz, but markers.rate_Hz is {declared:g}; set it to null"
         )
     even = printed[0] + np.arange(len(printed)) / rate
-    worst = int(np.abs(printed - even).argmax())
-    if abs(printed[worst] - even[worst]) * rate > _OFF_CLOCK:
-        raise InputError(
-            f"{path}: frame {worst + 1} is at {printed[worst]:g} s; at {rate:g} Hz it would be at {even[worst]:g} s: "
-            "the clock is not even, or frames are missing"
-        )
+    check_even(path, printed, even, rate)
     return even, rate

@@ -16,11 +16,8 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile, mark_missing, split_points
-from lumbar.records.record import LARGEST
-from lumbar.records.text_rows import RATES_HZ, number, read_lines, stop_at_many
+from lumbar.records.text_rows import RATES_HZ, check_even, number, read_lines, read_rows, stop_at_many
 
-_CLOCK_TOLERANCE = 0.05
-"""How far a frame may lie from an even clock, in frames, beyond the rounding of what is printed."""
 _RATE_TOLERANCE = 1e-4
 
 
@@ -114,34 +111,19 @@ def _rows(
     Empty cells are missing values.
     """
     rows = [
-        (number, [cell.strip() for cell in line.split(separator)])
-        for number, line in enumerate(lines[4:], start=5)
+        (place, [cell.strip() for cell in line.split(separator)])
+        for place, line in enumerate(lines[4:], start=5)
     ]
     rows = [(place, cells) for place, cells in rows if any(cells) and not _is_axis_line(cells)]
     if not rows:
         raise InputError(f"{path}: no data rows")
     columns = _columns(path, rows, 2 + 3 * n_markers, n_markers)
-    problems = Problems(str(path))
-    values, decimals = [], 0
-    for place, cells in rows:
-        try:
-            values.append([number(cell) if cell else np.nan for cell in cells[columns]])
-        except ValueError as error:
-            problems.add(f"line {place}", str(error), "numbers are needed")
-        decimals = max(decimals, len(cells[columns][1].partition(".")[2]))
-        stop_at_many(problems)
-    problems.raise_if_any()
-    table = np.array(values)
+    rows = [(place, cells[columns]) for place, cells in rows]
+    decimals = max(len(cells[1].partition(".")[2]) for _, cells in rows)
+    table = read_rows(path, rows, 2 + 3 * n_markers)
     if not np.isfinite(table[:, :2]).all():
         untimed = int((~np.isfinite(table[:, :2])).any(axis=1).argmax())
         raise InputError(f"{path}: line {rows[untimed][0]}: no time")
-    large = np.argwhere(np.abs(table) > LARGEST)
-    if len(large):
-        row, column = large[0]
-        raise InputError(
-            f"{path}: line {rows[row][0]}: {table[row, column]:g} in column {column + 1}; numbers of at most "
-            f"{LARGEST:g} in size are needed"
-        )
     points = table[:, 2:].reshape(len(table), n_markers, 3)
     _check_whole_markers(path, points)
     return table[:, 1], points, 10.0 ** -min(decimals, 300)
@@ -192,14 +174,8 @@ def _even_clock(path: Path, printed: np.ndarray, rate: float, resolution: float)
     """Instants of the frames at the stated rate, checked against the printed ones."""
     steps = np.arange(len(printed)) / rate
     even = np.median(printed - steps) + steps
-    worst = int(np.abs(printed - even).argmax())
     # A printed instant is off by half its last digit; a rate printed with few digits drifts over a recording.
-    tolerance = resolution / 2 + max(_CLOCK_TOLERANCE / rate, _RATE_TOLERANCE * steps[-1])
-    if abs(printed[worst] - even[worst]) > tolerance:
-        raise InputError(
-            f"{path}: frame {worst + 1} is at {printed[worst]:g} s; at DataRate {rate:g} it would be at "
-            f"{even[worst]:g} s: the clock and the rate disagree, or frames are missing"
-        )
+    check_even(path, printed, even, rate, resolution / 2 + _RATE_TOLERANCE * steps[-1])
     return even
 
 
