@@ -23,7 +23,6 @@ SERVER.set_forkserver_preload(
         "snakemake.script",
         "smart_open",
         "pandas",
-        "pandera.pandas",
         "pydantic",
         "scipy.signal",
         "scipy.integrate",

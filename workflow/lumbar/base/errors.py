@@ -31,9 +31,9 @@ def user_message(error: BaseException) -> str | None:
 
     Examples
     --------
-    >>> explained(InputError("trial.csv: no such file"))
+    >>> user_message(InputError("trial.csv: no such file"))
     'trial.csv: no such file'
-    >>> explained(KeyError("input")) is None
+    >>> user_message(KeyError("input")) is None
     True
     """
     if isinstance(error, LumbarError):

@@ -184,38 +184,20 @@ def _allowed(layout: RatingsLayout, columns: list[str]) -> dict[str, tuple[str, 
 def _validate(
     lines: dict[int, dict[str, str]], columns: list[str], layout: RatingsLayout, problems: Problems
 ) -> None:
-    """Check all cells at once and note every one that is wrong."""
-    import pandas as pd
-    import pandera.pandas as pa
-
+    """Note every cell that is wrong."""
     allowed = _allowed(layout, columns)
-    checks = {column: pa.Column(str, pa.Check.isin(values)) for column, values in allowed.items()}
-    for column in columns:
-        checks.setdefault(column, pa.Column(str, pa.Check.str_length(min_value=1)))
-    participant = layout.participant
-    if participant in columns:
-        checks[participant] = pa.Column(
-            str, pa.Check.str_length(min_value=1), unique=True, report_duplicates="exclude_first"
-        )
-    frame = pd.DataFrame.from_dict(lines, orient="index", columns=columns, dtype=str)
-    for column in layout.yes_no:
-        if column in columns:
-            frame[column] = frame[column].str.lower()
-    try:
-        pa.DataFrameSchema(checks).validate(frame, lazy=True)
-    except pa.errors.SchemaErrors as error:
-        cases = error.failure_cases.sort_values(["index", "column"], kind="stable")
-        for case in cases.itertuples():
-            found = (
-                f"{case.column} is {case.failure_case!r}" if case.failure_case else f"{case.column} is empty"
-            )
-            if case.check == "field_uniqueness" and case.failure_case:
-                problems.add(f"line {case.index}", found, "this participant stands in an earlier line too")
-            elif case.check != "field_uniqueness":
-                needed = allowed.get(case.column)
-                problems.add(
-                    f"line {case.index}", found, f"allowed: {', '.join(needed)}" if needed else "fill it in"
-                )
+    participants: set[str] = set()
+    for line, cells in lines.items():
+        for column in columns:
+            cell = cells[column].lower() if column in layout.yes_no else cells[column]
+            found = f"{column} is {cell!r}" if cell else f"{column} is empty"
+            if column in allowed and cell not in allowed[column]:
+                problems.add(f"line {line}", found, f"allowed: {', '.join(allowed[column])}")
+            elif not cell:
+                problems.add(f"line {line}", found, "fill it in")
+            elif column == layout.participant and cell in participants:
+                problems.add(f"line {line}", found, "this participant stands in an earlier line too")
+        participants.add(cells.get(layout.participant, ""))
 
 
 def _ratings(rows: list[dict[str, str]], layout: RatingsLayout) -> Ratings:

@@ -175,7 +175,7 @@ def _collect(path: str, value, arrays: dict[str, np.ndarray], opaque: list[str])
 
 
 def _stated_size(path: str, item, source: str) -> int:
-    """Bytes that an item of an HDF5 file says it holds, with its attributes and the larger of its pieces.
+    """Bytes that an item of an HDF5 file says it holds, the larger of its pieces at least.
 
     Raises
     ------
@@ -184,14 +184,18 @@ def _stated_size(path: str, item, source: str) -> int:
     """
     import h5py
 
-    numbers = [item.attrs.get_id(name).shape or () for name in item.attrs]
-    size = 8 * sum(map(math.prod, numbers))
     if not isinstance(item, h5py.Dataset):
-        return size
+        return 0
     made = item.id.get_create_plist()
     if made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL:
         raise InputError(_ELSEWHERE.format(source=source, path=path))
-    return size + max(8, item.dtype.itemsize) * max(item.size or 0, math.prod(item.chunks or ()))
+    return max(8, item.dtype.itemsize) * max(item.size or 0, math.prod(item.chunks or ()))
+
+
+def _attributes(item) -> dict[str, np.ndarray]:
+    """Attributes of one value, by name; longer ones are not read."""
+    single = [name for name in item.attrs if math.prod(item.attrs.get_id(name).shape or ()) == 1]
+    return {name: np.asarray(item.attrs[name]) for name in single}
 
 
 def read_hdf5(content: bytes, source: str, asked: Asked) -> RawTable:
@@ -208,27 +212,28 @@ def read_hdf5(content: bytes, source: str, asked: Asked) -> RawTable:
 
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
-
     stated = 0
 
     def collect(path: str, item) -> None:
         nonlocal stated
         stated += _stated_size(path, item, source)
         check_size(stated, len(content), source)
-        for name in item.attrs:
-            if np.size(item.attrs[name]) == 1 and np.asarray(item.attrs[name]).dtype.kind in "fiu":
-                arrays[f"{path}/{name}"] = np.asarray(item.attrs[name])
+        attributes = _attributes(item)
+        arrays.update({f"{path}/{name}": value for name, value in attributes.items()})
         if not isinstance(item, h5py.Dataset) or path.startswith("#"):  # MATLAB's own book-keeping
             return
         fields = item.dtype.names
         for name in fields or [None]:
-            if (item.dtype[name] if name else item.dtype).kind in "fiu":
+            if (
+                item.dtype[name] if name else item.dtype
+            ).kind in "fiu":  # others may be large, or lead elsewhere
                 values = np.squeeze(item[name] if name else item[()])
                 long = values.ndim == 2 and values.shape[1] > values.shape[0]
                 arrays[f"{path}/{name}" if name else path] = values.T if long else values
-        unit = next((item.attrs[name] for name in item.attrs if name.casefold() in ("unit", "units")), None)
-        if unit is not None:
-            units[path] = unit.decode() if isinstance(unit, bytes) else str(unit)
+        for name, value in attributes.items():
+            if name.casefold() in ("unit", "units"):
+                unit = value.item()
+                units.setdefault(path, unit.decode() if isinstance(unit, bytes) else str(unit))
 
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
@@ -236,11 +241,10 @@ def read_hdf5(content: bytes, source: str, asked: Asked) -> RawTable:
             if linked:
                 raise InputError(_ELSEWHERE.format(source=source, path=linked))
             file.visititems(collect)
-            for name, value in file.attrs.items():
-                if np.size(value) == 1 and np.asarray(value).dtype.kind in "fiu":
-                    arrays[name] = np.asarray(value)
+            arrays.update(_attributes(file))
     except InputError:
         raise
     except Exception as error:  # a broken file leads h5py to errors of many kinds
         raise InputError(f"{source}: a broken HDF5 file ({error})") from error
-    return to_table(arrays, source, "HDF5", asked, units)
+    numbers = {path: values for path, values in arrays.items() if values.dtype.kind in "fiu"}
+    return to_table(numbers, source, "HDF5", asked, units)
