@@ -15,7 +15,7 @@ import pytest
 
 from lumbar.base import child, landlock
 from lumbar.base import confined as confined_module
-from lumbar.base.child import MEMORY
+from lumbar.base.child import LEAST, MEMORY
 from lumbar.base.confined import confined
 from lumbar.base.errors import InputError, NumericalError
 
@@ -118,10 +118,12 @@ def test_it_has_none_of_the_open_files_of_its_parent(path):
 
 
 def test_memory_and_time_end_at_their_limits_in_words(path, monkeypatch):
-    wanted = MEMORY // 7
-    with pytest.raises(InputError, match=r"trial\.bin: its 5e-06 MB need more than 500 MB of memory"):
+    wanted, least = MEMORY // 7, LEAST // 10
+    with pytest.raises(
+        InputError, match=r"trial\.bin: its 5e-06 MB need more memory than a reader has, 500 MB"
+    ):
         called(lambda: np.ones(wanted).sum(), path)
-    assert called(lambda: np.ones(wanted // 2).sum(), path) == wanted // 2
+    assert called(lambda: np.ones(least).sum(), path) == least
 
     def hidden():
         try:
@@ -129,8 +131,19 @@ def test_memory_and_time_end_at_their_limits_in_words(path, monkeypatch):
         except Exception as error:
             raise InputError("broken") from error
 
-    with pytest.raises(InputError, match="more than 500 MB of memory"):
+    with pytest.raises(InputError, match="more memory than a reader has"):
         called(hidden, path)
+
+    def told_with_no_room_left():
+        held = []
+        try:
+            while True:
+                held.append(bytes(1000))
+        finally:
+            raise KeyError(held)
+
+    with pytest.raises(InputError, match="more memory than a reader has"):
+        called(told_with_no_room_left, path)
     monkeypatch.setattr(child, "SECONDS", 1)
 
     def endless():

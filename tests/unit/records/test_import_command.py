@@ -1,6 +1,7 @@
 """``lumbar import``: what it shows, what it writes, and that the other commands and the workflow take it."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -236,3 +237,14 @@ def test_a_study_reads_a_part_of_a_record(sources, tmp_path, project, run):
     content["tissue"]["records"][0]["trim_s"] = [2, 0.5]
     with pytest.raises(InputError, match="the start must lie before the end"):
         load_study(content, project)
+
+
+def test_what_a_file_holds_or_is_called_commands_no_terminal(run, tmp_path):
+    table = "".join(f"{n / 100},{n % 7}.5,{n % 5}.25\n" for n in range(60))
+    named, called = tmp_path / "named.csv", tmp_path / os.fsdecode(b"no\x1b[2Jtext\xff.csv")
+    named.write_text(f"time_s,\x1b[2Jposition_mm,\u202eforce_N\n{table}")
+    called.write_text(f"time_s,position_mm,force_N\n{table}")
+    for path in (named, called):
+        words = "".join(map(str, run("import", path, "--output", tmp_path / path.stem[:2])))
+        assert {sign for sign in words if not sign.isprintable()} == {"\n"}
+    assert "no?[2Jtext?.csv (SHA-256" in (tmp_path / "no" / "study.yaml").read_text(encoding="utf-8")

@@ -22,8 +22,8 @@ from lumbar.base.child_answer import LARGEST_ANSWER, is_whole, packed
 from lumbar.base.errors import LumbarError
 from lumbar.base.files import LARGEST_FILE
 
-MEMORY, SECONDS = 500_000_000, 20
-"""Bytes beyond what this process holds, and seconds of a processor, that parsing one file may take."""
+MEMORY, LEAST, SECONDS = 500_000_000, 250_000_000, 20
+"""Bytes of the whole process, of it for the file at least, however much it holds, and seconds of a processor."""
 PATIENCE_S = 10 * SECONDS
 """After which a child that does nothing is given up."""
 _LIBRARIES = {Path(sysconfig.get_path(kind)) for kind in ("stdlib", "platstdlib", "purelib", "platlib")}
@@ -73,22 +73,31 @@ def answer_and_end(parse: Callable[[], Any], pipe: int, opened: list[Path]) -> N
     """Write to the pipe what the function returns or raises; this process ends here."""
     try:
         _confine(pipe, opened)
-        try:
-            answer = packed("value", parse())
-        except LumbarError as error:
-            memory = isinstance(error.__cause__ or error.__context__, MemoryError)
-            answer = packed(*(("memory", "") if memory else (type(error).__name__, str(error))))
-        except MemoryError:
-            answer = packed("memory", "")
-        except Exception as error:  # a file may lead its reader to errors of many kinds
-            last = traceback.extract_tb(error.__traceback__)[-1]
-            told = f"{type(error).__name__} ({error}; {Path(last.filename).name}, line {last.lineno})"
-            answer = packed("defect", (told, traceback.format_exc()))
+        answer = None
+        with contextlib.suppress(MemoryError):  # after which what the reader held is free
+            answer = _outcome(parse)
+        answer = answer or packed("memory", "")
         with open(pipe, "wb") as stream:
             for part in answer:
                 stream.write(part)
     finally:
         os._exit(0)
+
+
+def _outcome(parse: Callable[[], Any]) -> list[bytes | memoryview]:
+    """The answer: a value, an error for the user, or what went wrong in the reader."""
+    try:
+        return packed("value", parse())
+    except MemoryError:
+        raise
+    except LumbarError as error:
+        if isinstance(error.__cause__ or error.__context__, MemoryError):
+            raise MemoryError from error
+        return packed(type(error).__name__, str(error))
+    except Exception as error:  # a file may lead its reader to errors of many kinds
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        told = f"{type(error).__name__} ({error}; {Path(last.filename).name}, line {last.lineno})"
+        return packed("defect", (told, traceback.format_exc()))
 
 
 def _confine(pipe: int, opened: list[Path]) -> None:
@@ -107,6 +116,8 @@ def _confine(pipe: int, opened: list[Path]) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 1))
     with contextlib.suppress(FileNotFoundError):  # no /proc
-        held = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (held + MEMORY, held + MEMORY))
+        pages = Path("/proc/self/statm").read_text(encoding="ascii").split()
+        held, resident = (int(count) * resource.getpagesize() for count in pages[:2])
+        most = held + max(MEMORY - resident, LEAST)
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
     landlock.give_up_files([*opened, *filter(Path.exists, _LIBRARIES)])

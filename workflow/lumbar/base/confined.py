@@ -78,7 +78,7 @@ def confined(
         return value
     if kind == "memory":
         raise InputError(
-            f"{large} need more than {child.MEMORY / 1e6:.0f} MB of memory to read; save the recording by itself"
+            f"{large} need more memory than a reader has, {child.MEMORY / 1e6:.0f} MB at most; save the recording by itself"
         )
     if kind == "defect":
         raise InputError(f"{source}: broken: its reader stopped at {value[0]}") from RuntimeError(value[1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 import shutil
 import traceback
 from pathlib import Path
@@ -37,7 +38,7 @@ def user_message(error: BaseException) -> str | None:
     True
     """
     if isinstance(error, LumbarError):
-        return str(error)
+        return printable(str(error))
     if isinstance(error, OSError) and error.errno is not None:
         return _system_error(error)
     if _is_out_of_range(error):
@@ -49,6 +50,21 @@ def user_message(error: BaseException) -> str | None:
             "large or too small in the records and settings"
         )
     return None
+
+
+_COMMANDS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Signs that command a terminal, turn the direction of what is read, or are no text."""
+
+
+def printable(text: str) -> str:
+    """Return a text with ``?`` for what only a file from elsewhere would hold, to do more than to be read.
+
+    Examples
+    --------
+    >>> printable("no column '\x1b[2Jforce'")
+    "no column '?[2Jforce'"
+    """
+    return _COMMANDS.sub("?", text)
 
 
 _NOT_FINITE = ("infs or NaNs", "not finite")
@@ -66,7 +82,7 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 def _system_error(error: OSError) -> str:
     path = Path(str(error.filename)) if error.filename is not None else None
-    text = f"{path}: {error.strerror}" if path else f"{error.strerror} (on {Path.cwd()})"
+    text = f"{printable(str(path))}: {error.strerror}" if path else f"{error.strerror} (on {Path.cwd()})"
     if error.errno not in _NO_SPACE:
         return text
     folder = next(item for item in (path or Path.cwd()).absolute().parents if item.is_dir())

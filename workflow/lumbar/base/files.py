@@ -153,15 +153,15 @@ def half_written(folder: str | os.PathLike) -> list[tuple[str, Path]]:
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:
-    """Write UTF-8 text with Unix line ends, whole or not at all."""
+    """Write UTF-8 text with Unix line ends, whole or not at all; ``?`` for what is no text, as in names of files."""
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+        temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
 
 
 def write_csv(path: str | os.PathLike, frame) -> None:
     """Write a data frame as CSV: no index, full precision, Unix line ends."""
     with replacing(path) as temporary:
-        frame.to_csv(temporary, index=False, lineterminator="\n")
+        frame.to_csv(temporary, index=False, lineterminator="\n", errors="replace")
 
 
 def _plain(value, place: str):

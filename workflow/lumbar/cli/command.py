@@ -6,9 +6,11 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stdout
+from typing import TextIO, cast
 
 from lumbar.base.environment import use_one_thread
-from lumbar.base.errors import user_message
+from lumbar.base.errors import printable, user_message
 from lumbar.base.files import check_place
 from lumbar.cli import device, explore, lifting, recordings, survey, tissue
 
@@ -49,6 +51,19 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+class _Terminal:
+    """Standard output that commands no terminal, whatever stands in files or is their name."""
+
+    def __init__(self, inner: TextIO):
+        self.inner = inner
+
+    def write(self, text: str) -> int:
+        return self.inner.write(printable(text))
+
+    def __getattr__(self, name: str):
+        return getattr(self.inner, name)
+
+
 def _check_outputs(options: argparse.Namespace) -> None:
     """Refuse what cannot be written before anything is read: a fit takes minutes."""
     for name in ("output", "excitation", "picture"):
@@ -75,7 +90,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = build_parser().parse_args(arguments)
         _check_outputs(options)
-        options.run(options)
+        with redirect_stdout(cast(TextIO, _Terminal(sys.stdout))):
+            options.run(options)
     except KeyboardInterrupt:
         print("lumbar: interrupted", file=sys.stderr)
         return INTERRUPTED
