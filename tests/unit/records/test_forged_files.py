@@ -15,7 +15,6 @@ from forged_files import SECRET, shows, write_forged
 from scipy.io import savemat
 
 import lumbar
-from lumbar.base import confined
 from lumbar.base.child import MEMORY, SECONDS
 from lumbar.base.errors import InputError
 from lumbar.base.files import LARGEST_FILE
@@ -280,15 +279,26 @@ def test_names_without_end_in_a_header_take_no_time(tmp_path):
         lumbar.read(path, "survey")
 
 
-def test_tables_that_lumbar_wrote_are_read_within_the_limits_too(tmp_path, monkeypatch):
+def test_many_columns_take_little_where_pandas_is_there(tmp_path, monkeypatch):
+    """A short text is read in this process, by pandas where that is imported: of 100,000 columns it makes 400 MB."""
+    path = tmp_path / "wide.csv"
+    for header in (",".join(f"c{n}" for n in range(100_000)), "time_s,position_mm,force_N"):
+        path.write_text(header + "\n" + ("1," * 99_999 + "1\n") * 3)
+        monkeypatch.setattr(pd, "read_csv", None)
+        with pytest.raises(InputError, match=r"wide\.csv: \d problem"):
+            lumbar.read(path)
+
+
+def test_tables_that_lumbar_wrote_are_read_within_the_limits_too(tmp_path):
     frame = pd.DataFrame(
         {"lift": ["a", "b"], "mass_kg": [1.5, np.nan], "frame": [1, 2], "safe": [True, False]}
     )
     path = tmp_path / "body.csv"
     frame.to_csv(path, index=False)
-    for short in (confined.SHORT, 0):
-        monkeypatch.setattr(confined, "SHORT", short)
-        pd.testing.assert_frame_equal(read_table(path, "a lift"), frame)
+    pd.testing.assert_frame_equal(read_table(path, "a lift"), frame)
+    path.write_text("lift,mass_kg\n" + "1," * 1_500_000 + "1\n")
+    with pytest.raises(InputError, match=r"body\.csv: its 3 MB (need more memory|take longer)"):
+        read_table(path, "a lift")
     path.unlink()
     os.mkfifo(path)
     with pytest.raises(InputError, match=r"body\.csv: a pipe or a device"):

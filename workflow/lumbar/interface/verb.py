@@ -84,7 +84,7 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.DataFrame(confined(partial(_columns, path, what), path, require_file(path), harmless=True))
+    return pd.DataFrame(confined(partial(_columns, path, what), path, require_file(path)))
 
 
 def _columns(path: str | os.PathLike, what: str) -> dict[str, np.ndarray | list]:

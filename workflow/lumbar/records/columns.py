@@ -194,6 +194,8 @@ _LARGE = 5_000_000
 """Bytes from which on a file is first tried as a plain table of numbers, and is announced."""
 _WORTH_IT = 50_000
 """The same where pandas, whose import takes as long as some megabytes line by line, is there already."""
+_MOST_COLUMNS = 1000
+"""The same again: of thousands of columns pandas makes gigabytes."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
 
 
@@ -230,8 +232,10 @@ def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.nd
     import pandas as pd
 
     with path.open(encoding="utf-8-sig", errors="replace") as stream:
-        first = stream.readline(_LONGEST_LINE)
-    header = _split(first, separator) if layout.header else None
+        begins = [_split(stream.readline(_LONGEST_LINE), separator) for _ in range(2)]
+    if max(map(len, begins)) > _MOST_COLUMNS:
+        return None
+    header = begins[0] if layout.header else None
     try:
         frame = pd.read_csv(
             path,
@@ -251,9 +255,9 @@ def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.nd
     positions = _positions(path, layout.columns, header)
     if max(positions.values()) >= frame.shape[1]:
         return None
-    begins = 1 + int(layout.header)
+    first = 1 + int(layout.header)
     columns = {role: frame[position].to_numpy(dtype=float) for role, position in positions.items()}
-    return columns, range(begins, begins + len(frame))
+    return columns, range(first, first + len(frame))
 
 
 def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], list[int]]:
