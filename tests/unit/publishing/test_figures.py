@@ -229,12 +229,12 @@ def test_spectra_show_each_bandwidth_with_its_interval(bandwidths, low, high, sh
     assert texts(figure.axes[1]) == [f"2.50 Hz {shown}".strip(), "4.50 Hz"]
 
 
-def test_signals_show_the_share_of_the_power_in_the_band():
+def test_signals_show_the_share_of_the_power_in_the_band_and_what_is_assumed(tmp_path):
     time = np.arange(1000) / 100
     sine = Signal("chirp", np.sin(2 * np.pi * 2 * time) + np.sin(2 * np.pi * 8 * time), 100.0, (0.0, 10.0))
     figure = excitation_figure([sine], 5.0, "assumed: 2 mm")
-    assert figure.get_supxlabel() == "assumed: 2 mm"
-    figure.canvas.draw()
+    save(figure, tmp_path / "signals", "synthetic twin")
+    assert figure.get_supxlabel() == "assumed: 2 mm\nData: synthetic twin"
     left, right = figure.axes
     assert (left.get_ylabel(), left.get_xlabel()) == ("Position (mm)", "Time (s)")
     assert (right.get_ylabel(), right.get_xlabel()) == ("Amplitude (mm)", "Frequency (Hz)")

@@ -57,17 +57,21 @@ def test_cells_of_the_basin_that_jumps_move_and_no_others(project):
         ("decrease_in_mass_expert", "pelvis", "lateral_bending"): pytest.approx(100 * (2 / 2.1 - 1)),
     }
     assert (cells[["after_1_percent", "exact_percent"]] == 0).all(axis=None)
-    jumps, sizes, more = made.notes
+    jumps, sizes, more, digits = made.notes
     assert "In 1 of 24 basins" in jumps
     assert (
-        "expert 23 kg, pelvis, lateral bending: 8 knots between 0.015 T and 0.022 T, by up to 3.7, mean area +5.0 %"
+        "expert 23 kg, pelvis, lateral bending: 8 knots from 0.015 T to 0.022 T, by up to 3.7, mean area +5.0 %"
         in jumps
     )
     assert "lateral bending: 7.5 % published, 0.0 exact, 0.0 after 1 alternation, 5.0 after 2" in sizes
-    assert "by 95 percentage points: the alternation does not converge" in more
+    assert more == (
+        "4 alternations in place of 2: a cell changes by 95 percentage points, the alternation has not converged"
+    )
+    # Of 2 rad²/s a hundredth is the last digit that means something.
+    assert "the last of which is up to 0.5 % of an area" in digits
 
 
 def test_where_nothing_jumps_it_says_so(project):
-    jumps, _, more = table(project, jumps=2.0).notes
+    jumps, _, more, _ = table(project, jumps=2.0).notes
     assert jumps == "In none of 24 basins a further alternation than the first has a multiplier at any knot"
-    assert more == "Two alternations more change no cell"
+    assert more == "4 alternations in place of 2: no cell changes"

@@ -206,7 +206,7 @@ def test_extended_basins_hold_every_loop_and_check():
     ).all()
     assert rows["proved_share"].dropna().min() > 0.9
     table = extended_table(frame, settings, "test")
-    assert "cannot bind" in table.to_html()
+    assert "in the others none does, and the basin is the nominal one" in table.to_html()
     assert {"exits", "proved_share"} <= set(table.frame) and "sos_margin_difference" not in set(table.frame)
 
 

@@ -237,7 +237,12 @@ def meaningful(value: float, resolution: float | None) -> float:
     """Round a value to the first digit of its uncertainty `resolution`·|value|; None leaves it as it is."""
     if resolution is None or value == 0:
         return value
-    return round(value, -math.floor(math.log10(resolution * abs(value))))
+    return round(value, decimals(value, resolution))
+
+
+def decimals(value: float, resolution: float) -> int:
+    """Return how many digits after the point `meaningful` leaves a value."""
+    return -math.floor(math.log10(resolution * abs(value)))
 
 
 def _identity(item: Trajectory) -> dict:

@@ -273,7 +273,6 @@ def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) 
 def _binding(frame: pd.DataFrame) -> str:
     limited = frame[(frame["loop"] == TORQUE_LIMITED) & (frame["method"] == "exact")]
     free = int((limited["binds"] == "no").sum())
-    return (
-        f"Of {len(limited)} limits of the torque {free} cannot bind: nothing inside the basin asks for more, and the basin is "
-        "the nominal one. Where the feedforward alone asks for more there is no basin (tables/missing_basins)"
-    )
+    bound = f"In {len(limited) - free} of {len(limited)} basins with limited torque some state asks for more than the limit"
+    nominal = "; in the others none does, and the basin is the nominal one" if free else ""
+    return f"{bound}{nominal}. Where the feedforward alone asks for more there is no basin (tables/missing_basins)"

@@ -148,5 +148,5 @@ def excitation_figure(signals: Sequence[Signal], band: float, note: str) -> Figu
     axes[-1, 1].set_xlabel("Frequency (Hz)")
     limit = 1.08 * max(np.abs(signal.steady).max() for signal in signals)
     axes[0, 0].set_ylim(-limit, limit)
-    figure.supxlabel(note, fontsize=6.5)
+    figure.supxlabel(note)
     return figure

@@ -248,7 +248,7 @@ def save(figure, stem: str | os.PathLike, data: str, who: str = "") -> None:
         Path without ending.
     data : str
         Where the data come from, e.g. ``"synthetic twin"``: stands at the foot of the picture and in the file's
-        metadata. Empty only for drawings that show no data.
+        metadata, below a note of the figure's own (its `supxlabel`). Empty only for drawings that show no data.
     who : str
         Person and box that the picture shows, where it shows one: stands beside `data`.
     """
@@ -256,7 +256,9 @@ def save(figure, stem: str | os.PathLike, data: str, who: str = "") -> None:
     words = f"Data: {data}" if data else "Drawing without data"
     words = f"{SHOWS}{who}. {words}" if who else words
     if data:
-        figure.supxlabel(words, x=0.995, ha="right", fontsize=6, color="#555555")
+        own = figure.get_supxlabel()
+        below = f"{own}\n{words}" if own else words
+        figure.supxlabel(below, x=0.995, ha="right", fontsize=6, color="#555555")
     _settle_layout(figure)
     with (
         replacing(stem.with_name(f"{stem.name}.svg")) as svg,

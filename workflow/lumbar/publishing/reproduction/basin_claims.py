@@ -103,7 +103,7 @@ def _alternation_certifies(results: Results) -> Finding:
         return Finding(None, None, "the thesis's procedure was not run")
     worst = 100 * float(rows.violation_share.max())
     least = 100 * float(rows.violation_share.min())
-    text = f"{least:.0f} to {worst:.0f} % of the knots violate the condition"
+    text = f"{least:.3g} to {worst:.3g} % of the knots violate the condition"
     return Finding(text, worst == 0, "ρ̇ frozen at the previous guess is not the ρ̇ of the result")
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.stability.basins import COLUMNS
+from lumbar.lifting.stability.basins import COLUMNS, decimals
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
@@ -18,7 +18,7 @@ from lumbar.lifting.stability.comparison.percent_differences import (
     percent_differences,
 )
 from lumbar.lifting.stability.model.trajectories import PLANES, THESIS
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import EVIDENCE
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import EVIDENCE, RESOLUTION
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -63,7 +63,12 @@ def alternations_table(study: Study) -> Table:
             **_definitions(done),
         },
         data=study.data,
-        notes=(jumps_sentence(own), sizes_sentence(frame, done), alternations_sentence(frame)),
+        notes=(
+            jumps_sentence(own),
+            sizes_sentence(frame, done),
+            alternations_sentence(frame, done),
+            *([digits_sentence(own)] if len(own) else []),
+        ),
         decimals=dict.fromkeys(numbers, DECIMALS) | {"published_percent": 2},
         may_be_empty=frozenset(numbers),
     )
@@ -86,15 +91,29 @@ def jumps_sentence(areas: pd.DataFrame) -> str:
     if moved.empty:
         return f"In none of {len(areas)} basins a further alternation than the first has a multiplier at any knot"
     each = "; ".join(
-        f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane.replace('_', ' ')}: {row.jumped_knots} knots between "
-        f"{row.first_jump:.3f} T and {row.last_jump:.3f} T, by up to {row.largest_jump:.2g}, "
-        f"mean area {100 * (row.mean_area / row.mean_area_after_1 - 1):+.1f} %"
+        f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane.replace('_', ' ')}: {_where(row)}, by up to "
+        f"{row.largest_jump:.2g}, mean area {100 * (row.mean_area / row.mean_area_after_1 - 1):+.1f} %"
         for row in moved.itertuples()
     )
     return (
         f"In {len(moved)} of {len(areas)} basins some knots have a multiplier again after the first alternation, and there ρ "
         f"grows: {each}. All others are those of one alternation. Where the solver of step 1 stops and how many knots there are "
         "decide which they are"
+    )
+
+
+def _where(row) -> str:
+    if row.jumped_knots == 1:
+        return f"1 knot at {row.first_jump:.3f} T"
+    return f"{row.jumped_knots} knots from {row.first_jump:.3f} T to {row.last_jump:.3f} T"
+
+
+def digits_sentence(areas: pd.DataFrame) -> str:
+    """Say what the digits of the thesis's areas leave of a difference."""
+    step = max(100 * 10.0 ** -decimals(area, RESOLUTION["mean_area"]) / area for area in areas["mean_area"])
+    return (
+        f"Areas by the thesis's method are rounded to the digits that a solver's tolerance leaves them (boa.csv), the last of "
+        f"which is up to {step:.1f} % of an area: smaller differences by that method are none"
     )
 
 
@@ -110,9 +129,11 @@ def sizes_sentence(frame: pd.DataFrame, done: int) -> str:
     return f"Largest difference, {'; '.join(words)}"
 
 
-def alternations_sentence(frame: pd.DataFrame) -> str:
-    """Say whether a method that has converged stands behind the numbers: more alternations would then change nothing."""
-    change = (frame["after_4_percent"] - frame["thesis_percent"]).abs().max()
+def alternations_sentence(frame: pd.DataFrame, done: int) -> str:
+    """Say whether a method that has converged stands behind the numbers: one alternation or four would then be the same."""
+    other = 4 if done < 4 else 1
+    change = (frame[f"after_{other}_percent"] - frame["thesis_percent"]).abs().max()
+    words = f"{other} alternation{'s' if other > 1 else ''} in place of {done}"
     if not change >= 0.5 * 10**-DECIMALS:
-        return "Two alternations more change no cell"
-    return f"Two alternations more change a cell by {change:.3g} percentage points: the alternation does not converge"
+        return f"{words}: no cell changes"
+    return f"{words}: a cell changes by {change:.3g} percentage points, the alternation has not converged"

@@ -21,8 +21,8 @@ is a square. The dual programme therefore has no interior point, and the L that 
 on where it stops; step 2 turns it into an area. Hence the fixed, moderate `ACCURACY` and the areas' `RESOLUTION`.
 
 **From the second alternation on.** The first maximises ρ beyond what any multiplier proves; in the second nearly all knots have
-none and keep their ρ. With as few knots as ten, none has. With as many as the thesis's 1000, ρ̇ of neighbouring knots near t = 0
-is large enough at some, and there alone ρ is maximised once more: it jumps (`Alternation.jumps`), and with it the average area
+none and keep their ρ. With as few knots as ten, none has. With as many as the thesis's 1000, ρ̇ of a few neighbouring knots, most
+near t = 0, is large enough, and there alone ρ is maximised once more: it jumps (`Alternation.jumps`), and with it the average area
 of that one basin by some percent. Which knots these are hangs on the number of knots and on the solver, not on the lifter.
 """
 
