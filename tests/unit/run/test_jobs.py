@@ -13,6 +13,7 @@ from types import MappingProxyType, SimpleNamespace
 import psutil
 import pytest
 import yaml
+from snakemake.benchmark import BenchmarkRecord
 from snakemake.cli import get_argument_parser
 from snakemake.scheduling.job_scheduler import JobScheduler
 from snakemake.settings.types import MaxJobsPerTimespan
@@ -254,6 +255,20 @@ def test_a_script_that_fails_or_is_killed_fails_its_job(forked, end, status):
         forked(end)
     assert failed.value.returncode == status
     assert failed.value.cmd[0] == sys.executable
+
+
+def test_a_record_holds_all_processor_time_of_a_job_and_of_what_it_started(tmp_path):
+    """More often than every half minute nobody looks at a job that has run for a while."""
+    burn = "import time\nwhile time.process_time() < {}: pass"
+    lines = ["import subprocess, sys", f"subprocess.run([sys.executable, '-c', {burn.format(0.3)!r}])"]
+    (tmp_path / "script.py").write_text("\n".join([*lines, burn.format(0.5)]))
+    record = BenchmarkRecord()
+    execute_script(
+        SimpleNamespace(resources={"tmpdir": tmp_path}, bench_record=record), str(tmp_path / "script.py")
+    )
+    assert 0.8 <= record.cpu_time < 5
+    assert record.get_benchmarks()[-1] == record.cpu_time
+    assert record.mean_load() == pytest.approx(100 * record.cpu_time / record.running_time)
 
 
 def test_jobs_that_start_and_end_at_once_do_not_fail_one_another(tmp_path):

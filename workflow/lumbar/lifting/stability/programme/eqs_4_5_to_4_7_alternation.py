@@ -21,9 +21,10 @@ is a square. The dual programme therefore has no interior point, and the L that 
 on where it stops; step 2 turns it into an area. Hence the fixed, moderate `ACCURACY` and the areas' `RESOLUTION`.
 
 **From the second alternation on.** The first maximises ρ beyond what any multiplier proves; in the second nearly all knots have
-none and keep their ρ. With as few knots as ten, none has. With as many as the thesis's 1000, ρ̇ of a few neighbouring knots, most
-near t = 0, is large enough, and there alone ρ is maximised once more: it jumps (`Alternation.jumps`), and with it the average area
-of that one basin by some percent. Which knots these are hangs on the number of knots and on the solver, not on the lifter.
+none and keep their ρ. With as few knots as ten, none has. With as many as the thesis's 1000, ρ̇ of a few neighbouring knots,
+most near t = 0, is large enough, and there alone ρ is maximised once more: it jumps (`Alternation.jumps`), and with it the
+average area of that one basin by some percent. Which knots these are hangs on the number of knots and on the solver, not on the
+lifter.
 """
 
 from __future__ import annotations

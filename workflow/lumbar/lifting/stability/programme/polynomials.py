@@ -114,8 +114,8 @@ def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
     """
     amplitudes = coefficients @ harmonics_of_monomials(degree).T
     samples, parts = 16 * (degree + 1), 2 * (degree + 1)
-    angle = 2 * np.pi * np.arange(samples) / samples
-    values = amplitudes @ harmonics(degree, angle)
+    angle, waves = _sampled_circle(degree, samples)
+    values = amplitudes @ waves
     within = values.reshape(*values.shape[:-1], parts, -1).argmax(axis=-1)
     position = angle[within + np.arange(parts) * (samples // parts)]
     # The sum of aₖ cos kφ + bₖ sin kφ is the real part of the sum of cₖzᵏ with cₖ = aₖ − ibₖ and z = exp iφ.
@@ -131,6 +131,13 @@ def circle_maximum(coefficients: np.ndarray, degree: int) -> np.ndarray:
             break
     waves = np.matmul(_powers(position, degree), complex_amplitudes[..., None])[..., 0].real
     return np.maximum(amplitudes[..., 0] + waves.max(axis=-1), values.max(axis=-1))
+
+
+@cache
+def _sampled_circle(degree: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return even angles and the harmonics there."""
+    angle = 2 * np.pi * np.arange(samples) / samples
+    return angle, harmonics(degree, angle)
 
 
 def _powers(angle: np.ndarray, degree: int) -> np.ndarray:
