@@ -17,14 +17,8 @@ from lumbar.lifting.stability.funnel.saturation import (
 )
 from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
-from lumbar.lifting.stability.programme.polynomials import (
-    Case,
-    case_maximum,
-    monomials,
-    saturation_cases,
-    side_map,
-)
-from lumbar.lifting.stability.programme.sum_of_squares import Certificate, CircleProgramme
+from lumbar.lifting.stability.programme.polynomials import Case, case_maximum, monomials, saturation_cases
+from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
 
 SIGNS = ("hanging", "inverted")
 KINDS = ("torque", "mass", "both")
@@ -87,36 +81,12 @@ def test_case_maximum_against_a_dense_grid():
             assert case_maximum(Case(coefficients, side), 5) == pytest.approx(values[within].max(), abs=2e-3)
 
 
-def test_thesis_programme_with_a_side_bounds_the_arc():
-    """L and σ of lower degree than the arc's own certificate: never below the maximum, and near it."""
-    generator, certificate = np.random.default_rng(4), Certificate(3)
-    for _ in range(15):
-        coefficients = generator.normal(size=len(monomials(4)))
-        side = np.array([generator.uniform(-0.5, 0.5), 1.0, 0.3])
-        rate, _ = certificate.solve(coefficients, "random", side)
-        highest = case_maximum(Case(coefficients, side), 3)
-        assert highest - 1e-6 <= rate <= certificate.solve(coefficients, "random")[0] + 1e-6
-
-
-def test_side_map_is_a_polynomial_identity():
-    side, z = np.array([0.3, -1.2, 0.7]), np.array([0.4, -0.9])
-    basis = np.array([z[0] ** i * z[1] ** j for i, j in monomials(1)])
-    triangle = [
-        basis[row] * basis[column] * (1 if row == column else np.sqrt(2))
-        for column in range(3)
-        for row in range(column + 1)
-    ]
-    powers = np.array([z[0] ** i * z[1] ** j for i, j in monomials(4)])
-    assert powers @ side_map(side, 3) == pytest.approx((side @ [1, *z]) * np.array(triangle))
-
-
 @pytest.mark.parametrize("sign", SIGNS)
 @pytest.mark.parametrize(("kind", "box"), [("torque", True), ("mass", False), ("both", True)])
 def test_certified_area_is_the_exact_one(kind, sign, box):
     """Two methods that share only the equation of motion: areas at 37 knots, and limits that cost area."""
     loops, saturation = limited(sign, kind, box, knots=331)
     exact = saturated_funnels(loops, GOAL, saturation, negative_control=5.0)
-    assert exact.has_basin.all()
     funnels, agreement = certify(loops, saturation)
     assert funnels.mean_area == pytest.approx(exact.exact.mean_area, rel=1e-2)
     assert agreement.margin_difference.max() < 1e-6
@@ -149,9 +119,12 @@ def test_proof_between_knots_knows_the_limits(kind):
 @pytest.mark.parametrize("saturation", [Saturation(5.0), Saturation(mass_share=0.5)])
 def test_no_basin_left_is_named_by_every_engine(saturation):
     loops = regulate(pendulums_of([minimum_jerk()], "inverted", knots=161), WEIGHTS)
-    assert saturated_funnels(loops, 1e-3, saturation).reason[0]
-    with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, flexion_extension \(inverted\): "):
-        certified_funnels(loops, 1e-3, 5, 21, 2e-5, saturation)
+    for engine in (
+        saturated_funnels,
+        lambda *given: certified_funnels(given[0], given[1], 5, 21, 2e-5, given[2]),
+    ):
+        with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, flexion_extension \(inverted\): "):
+            engine(loops, 1e-3, saturation)
 
 
 def test_limits_of_their_own_in_one_batch_are_those_of_each_by_itself():
@@ -169,9 +142,8 @@ def test_limits_of_their_own_in_one_batch_are_those_of_each_by_itself():
         assert found.exact.mean_area[index] == pytest.approx(alone.exact.mean_area[0], rel=1e-9)
         assert certified.mean_area[index] == pytest.approx(certify(own, limit)[0].mean_area[0], rel=1e-3)
         assert proved[index] == proved_share(own, alone.with_margin, limit)[0]
-    low = Saturation(peak * [0.5, 0.9, 50.0])
-    reasons = saturated_funnels(loops, GOAL, low).reason
-    assert f"limit is {0.9 * peak[1]:g}" in reasons[1] and not reasons[2]
+    with pytest.raises(NumericalError, match=f"limit is {0.9 * peak[1]:g}"):
+        saturated_funnels(loops, GOAL, Saturation(peak * [1.3, 0.9, 50.0]))
 
 
 def test_limits_that_differ_between_the_sides_hold_in_every_engine():
@@ -183,7 +155,7 @@ def test_limits_that_differ_between_the_sides_hold_in_every_engine():
     saturation = Saturation(torque=(high - low) / 2, bias=(high + low) / 2)
     found = saturated_funnels(loops, GOAL, saturation, 0.05)
     nominal = exact_funnels(loops, GOAL)
-    assert found.has_basin.all() and found.exact.mean_area[0] < 0.999 * nominal.mean_area[0]
+    assert found.exact.mean_area[0] < 0.999 * nominal.mean_area[0]
     disturbance = disturbance_of(loops, saturation, 2000, [5])
     assert monte_carlo_check(loops, found.exact, 2000, [4], disturbance).exits[0] == 0
     assert monte_carlo_check(loops, nominal, 2000, [4], disturbance).exits[0] > 0

@@ -22,7 +22,7 @@ from lumbar.lifting.stability.methods import METHODS, MethodResult, headline_met
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, weights_of
 from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import THESIS, Failure, Trajectory
+from lumbar.lifting.stability.model.trajectories import THESIS, WHOSE, Failure, Trajectory
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION
 from lumbar.tables.table import Table
 
@@ -32,11 +32,7 @@ if TYPE_CHECKING:
     from lumbar.settings.stability import PendulumSettings, StabilitySettings
 
 COLUMNS = {
-    "subject": "who lifted",
-    "experience": "experience of the lifter",
-    "box_mass_kg": "mass of the box",
-    "com": "centre of mass taken for the pendulum's",
-    "plane": "plane onto which the trajectory is projected: lateral bending (xz) or flexion/extension (yz)",
+    **WHOSE,
     "method": "method: exact (largest V̇ on the boundary with the true sine), sum_of_squares (certificates of "
     "the sine's Taylor polynomial at some knots), thesis (ρ̇ frozen: no certificate, goal set free; its areas hang on "
     "the multiplier that a solver happens to return and have the digits printed, ±"

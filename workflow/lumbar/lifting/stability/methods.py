@@ -22,16 +22,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, FunnelVariants, funnel_variants
 from lumbar.lifting.stability.funnel.interval_proof import proved_share
-from lumbar.lifting.stability.funnel.saturation import (
-    UNSATURATED,
-    Saturation,
-    reference_of,
-    require_torque,
-    saturated_funnels,
-)
+from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, saturated_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
@@ -63,14 +56,11 @@ def exact(
     """Compute the largest funnels and prove those with a margin between the knots."""
     margin = settings.proof.margin_1_s if "proof" in settings.checks else 0.0
     overstated = settings.attack.control_overstated if "simulation" in settings.checks else 0.0
-    if not saturation.active:
-        found = funnel_variants(loops, settings.goal_level, margin, overstated)
-        return proved_result(loops, found, settings)
-    require_torque(loops.pendulums, reference_of(loops.pendulums, saturation.bias), saturation)
-    found = saturated_funnels(loops, settings.goal_level, saturation, margin, overstated)
-    for label, reason in zip(loops.pendulums.labels, found.reason, strict=True):
-        if reason:
-            raise NumericalError(f"{label}: {reason}")
+    goal = settings.goal_level
+    if saturation.active:
+        found = saturated_funnels(loops, goal, saturation, margin, overstated)
+    else:
+        found = funnel_variants(loops, goal, margin, overstated)
     return proved_result(loops, found, settings, saturation)
 
 

@@ -142,15 +142,7 @@ def funnels_of(means: list[Trajectory], sign: str, stability: StabilitySettings)
     """Return the exact funnels of mean movements, computed together."""
     loops = close_loops(means, sign, replace(stability, knots=PHASE_POINTS))
     found = exact_funnels(loops, stability.goal_level)
-    return [
-        replace(
-            found,
-            duration=found.duration[[index]],
-            cost=found.cost[:, [index]],
-            level=found.level[:, [index]],
-        )
-        for index in range(len(means))
-    ]
+    return [found.select(np.array([index])) for index in range(len(means))]
 
 
 def relative_value(trial: Trial, mean: Trajectory, funnel: Funnels) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.basins import COLUMNS as BASINS
 from lumbar.lifting.stability.comparison.percent_differences import LIGHTER_BOX, percent_differences
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
@@ -41,20 +42,14 @@ COLUMNS = {
         "Comparison",
         "what is compared, as in Table 4.1; movement_…: 100(A − A_still)/A_still, the lift against itself with θ0 = 0",
     ),
-    "com": ("Centre of mass", "centre of mass"),
-    "plane": ("Plane", "plane"),
-    "sign": ("Gravity", "hanging: gravity as in Eq. 4.1; inverted: as people stand"),
-    "time": ("Time", "real: the movement lasts as long as it was recorded; unit: it is played in one second"),
-    "mass": ("Mass", "whether the box counts to the pendulum's mass"),
-    "pivot": ("Pivot", "point about which the pendulum turns"),
-    "segment_ends": (
-        "Segment ends",
-        "whether the trunk's segments end inside the body (inner) or at the markers (skin)",
-    ),
-    "deposit_start": (
-        "Start of deposit",
-        "start of the deposit: descent of the box, or wrist_minimum, the wrists' last least speed before it",
-    ),
+    "com": ("Centre of mass", BASINS["com"]),
+    "plane": ("Plane", BASINS["plane"]),
+    "sign": ("Gravity", BASINS["sign"]),
+    "time": ("Time", BASINS["time"]),
+    "mass": ("Mass", BASINS["mass"]),
+    "pivot": ("Pivot", BASINS["pivot"]),
+    "segment_ends": ("Segment ends", BASINS["segment_ends"]),
+    "deposit_start": ("Start of deposit", BASINS["deposit_start"]),
     "percent": ("Difference (%)", "difference of the average cross-sections in percent, exact method"),
     "null_percent": (
         "Null control (%)",
@@ -243,24 +238,9 @@ def grid_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> T
     )
 
 
-AREA_COLUMNS = {
-    "subject": "who lifted",
-    "box_mass_kg": "mass of the box in kg",
-    "com": "centre of mass taken for the pendulum's",
-    "plane": "plane onto which the trajectory is projected",
-    "sign": "sign of gravity in Eq. 4.1: hanging (as published) or inverted (as people stand)",
-    "time": "real: the movement lasts as long as it was recorded; unit: it is played in one second",
-    "mass": "whether the box counts to the pendulum's mass: with_box or without_box",
-    "pivot": "point about which the pendulum turns",
-    "segment_ends": "inner or skin: where the trunk's segments end",
-    "deposit_start": "descent or wrist_minimum: what the deposit starts with",
-    "mass_kg": "mass m of the pendulum in kg",
-    "length_m": "mean length ℓ of the pendulum in m",
-    "duration_s": "duration T of the movement as it is played, in s",
-    "mean_area": "average cross-section (1/T)∫πρ/√det S dt in rad²/s, exact method",
-    "null_area": "the same with θ0 = 0 throughout",
-    "reason": "why there is no area",
-}
+AREA_COLUMNS = {name: BASINS[name] for name in ("subject", "box_mass_kg", "com", "plane", *CHOICES)}
+AREA_COLUMNS |= {name: BASINS[name] for name in ("mass_kg", "length_m", "duration_s", "mean_area")}
+AREA_COLUMNS |= {"null_area": "the same with θ0 = 0 throughout", "reason": "why there is no area"}
 """Columns of ``grid.csv``; areas are empty where there is a reason."""
 
 

@@ -212,10 +212,15 @@ def funnel_variants(
     NumericalError
         As `exact_funnels`.
     """
-    pendulums = loops.pendulums
     _require_terminal_set_within_reach(loops, terminal_level)
     changes, which = distinct_variants(margin, negative_control)
     level = _backward(loops, terminal_level, changes)[:, which]
+    return variants_of(loops, level, margin)
+
+
+def variants_of(loops: ClosedLoops, level: np.ndarray, margin: float) -> FunnelVariants:
+    """Return the variants of which `level` has ρ, shape (knots, 3, pendulums); one that reaches too far is an error."""
+    pendulums = loops.pendulums
     semi_axis = normal_axes(loops.cost[::2])[0] * np.sqrt(level[:, 0])
     lost = ~(semi_axis < LARGEST_SEMI_AXIS)
     if lost.any():

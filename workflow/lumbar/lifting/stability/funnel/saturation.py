@@ -7,7 +7,7 @@ which u0 and K were computed. With r = m/m_true the error obeys the nominal equa
 
 (gravity and ℓ²: g/ℓ does not depend on the mass). It is affine in r, so that the largest V̇ over all masses is
 that of the lightest or the heaviest. With a wrong mass the reference itself is no solution, Δω̇ ≠ 0 at x̄ = 0:
-where the goal set is too small for that, there is no basin, and `SaturatedFunnels.reason` says so.
+where the goal set is too small for that, there is no basin.
 """
 
 from __future__ import annotations
@@ -19,11 +19,10 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import (
-    LARGEST_SEMI_AXIS,
-    Funnels,
     FunnelVariants,
     distinct_variants,
     integrate_backward,
+    variants_of,
 )
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, remainder
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, NormalForm, normal_axes
@@ -96,19 +95,6 @@ class SaturationReference:
     velocity: np.ndarray
 
 
-@dataclass(frozen=True)
-class SaturatedFunnels(FunnelVariants):
-    """The same under `Saturation`; meaningful where `has_basin`."""
-
-    reason: tuple[str, ...]
-    """Why there is no basin; empty where there is one."""
-
-    @property
-    def has_basin(self) -> np.ndarray:
-        """Whether there is a basin, shape (pendulums,)."""
-        return np.array([not text for text in self.reason])
-
-
 def reference_of(pendulums: Pendulums, bias: float | np.ndarray = 0.0) -> SaturationReference:
     """Return u0 less the bias and θ̇0 of the cubic spline through the knots of θ0 (Eq. 4.1 solved for u).
 
@@ -135,12 +121,18 @@ def saturated_funnels(
     saturation: Saturation,
     margin: float = 0.0,
     negative_control: float = 0.0,
-) -> SaturatedFunnels:
+) -> FunnelVariants:
     """Compute the largest invariant funnels of V under limits, with the true sine.
 
     `terminal_level` is ρ(T); `margin` and `negative_control` are as for `funnel_variants`.
+
+    Raises
+    ------
+    NumericalError
+        The feedforward alone leaves the limits, no basin is left, or one reaches too far; names the pendulum.
     """
     reference = reference_of(loops.pendulums, saturation.bias)
+    require_torque(loops.pendulums, reference, saturation)
     floor = np.log(terminal_level * LEAST_LEVEL)
     changes, which = distinct_variants(margin, negative_control)
     margins, shares = changes[:, :1], changes[:, 1:]
@@ -152,35 +144,29 @@ def saturated_funnels(
         rate = growth + margins - shares * np.abs(growth)
         return np.where(log_level > floor, np.minimum(rate, 1e3), 0.0)
 
-    count = len(loops.pendulums.labels)
-    goal = np.full((len(changes), count), np.log(terminal_level))
-    log_level = integrate_backward(loops, goal, slope)[:, which]
-    peak = np.abs(reference.torque).max(axis=0)
-    semi_axis = (normal_axes(loops.cost[::2])[0] * np.exp(0.5 * log_level[:, 0])).max(axis=0)
-    lost = ~(log_level[:, :2] > floor).all(axis=(0, 1))
-    reason = tuple(
-        _reason(peak[index], saturation.of(index), lost[index], semi_axis[index]) for index in range(count)
-    )
-    variants = [
-        Funnels(name, loops.pendulums.duration, loops.cost[::2], np.exp(log_level[:, index]))
-        for index, name in enumerate(("exact", f"exact, margin {margin:g} 1/s", "exact, negative control"))
-    ]
-    return SaturatedFunnels(*variants, reason)
+    goal = np.full((len(changes), len(loops.pendulums.labels)), np.log(terminal_level))
+    level = np.exp(integrate_backward(loops, goal, slope)[:, which])
+    require_basin(loops, level[:, :2], terminal_level, saturation)
+    return variants_of(loops, level, margin)
 
 
-def _reason(peak: float, saturation: Saturation, lost: bool, semi_axis: float) -> str:
-    """Say why there is no basin, or nothing where there is one."""
-    if peak > saturation.torque and saturation.bias:
-        return (
-            f"the feedforward torque leaves its limits, {saturation}, by {peak - saturation.torque:.4g} N·m"
+def require_basin(
+    loops: ClosedLoops, level: np.ndarray, terminal_level: float, saturation: Saturation
+) -> None:
+    """Refuse funnels whose ρ, shape (..., pendulums), has fallen to nothing.
+
+    Raises
+    ------
+    NumericalError
+        Names the pendulum.
+    """
+    lost = ~(level > LEAST_LEVEL * terminal_level).reshape(-1, level.shape[-1]).all(axis=0)
+    if lost.any():
+        index = int(lost.argmax())
+        raise NumericalError(
+            f"{loops.pendulums.labels[index]}: {saturation.of(index)}: no basin of the goal set is left (ρ falls below "
+            f"{LEAST_LEVEL:g} of its value there)"
         )
-    if peak > saturation.torque:
-        return f"the feedforward torque reaches {peak:.4g} N·m; the limit is {saturation.torque:g} N·m"
-    if lost:
-        return f"{saturation}: no basin of the goal set is left (ρ falls below {LEAST_LEVEL:g} of its value there)"
-    if not semi_axis < LARGEST_SEMI_AXIS:
-        return f"the basin reaches {semi_axis:.3g} rad from its trajectory; at most {LARGEST_SEMI_AXIS:g} rad are allowed"
-    return ""
 
 
 def require_torque(pendulums: Pendulums, reference: SaturationReference, saturation: Saturation) -> None:
@@ -194,8 +180,11 @@ def require_torque(pendulums: Pendulums, reference: SaturationReference, saturat
     peak = np.abs(reference.torque).max(axis=0)
     if (peak > saturation.torque).any():
         index = int((peak - saturation.torque).argmax())
-        reason = _reason(peak[index], saturation.of(index), False, 0.0)
-        raise NumericalError(f"{pendulums.labels[index]}: {reason}")
+        limit = saturation.of(index)
+        reason = f"reaches {peak[index]:.4g} N·m; the limit is {limit.torque:g} N·m"
+        if limit.bias:
+            reason = f"leaves its limits, {limit}, by {peak[index] - limit.torque:.4g} N·m"
+        raise NumericalError(f"{pendulums.labels[index]}: the feedforward torque {reason}")
 
 
 def saturated_growth(

@@ -13,18 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
+from lumbar.lifting.stability.model.trajectories import WHOSE, Failure, Trajectory
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = {
-    "subject": "who lifted",
-    "experience": "experience of the lifter",
-    "box_mass_kg": "mass of the box",
-    "com": "centre of mass taken for the pendulum's",
-    "plane": "plane onto which the trajectory is projected",
+    **WHOSE,
     "basin": "what is missing: the method with its sign of gravity and its limits, a variant of Table 4.1, or all "
     "basins of an unsound trajectory",
     "reason": "why, what was found and what is allowed",

@@ -25,10 +25,10 @@ import numpy as np
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, boundary_growth, even_knots
 from lumbar.lifting.stability.funnel.saturation import (
-    LEAST_LEVEL,
     UNSATURATED,
     Saturation,
     reference_of,
+    require_basin,
     require_torque,
     saturated_growth,
 )
@@ -116,7 +116,7 @@ def certified_funnels(
 
         def cases_of(rate, point=point, after=log_level[interval + 1]):
             level = np.exp(after - 0.5 * step * rate)
-            _require_basin(loops, level, terminal_level, saturation)
+            require_basin(loops, level, terminal_level, saturation)
             return level, saturation_cases(loops, point, level, saturation, reference, degree)
 
         guess = _extrapolate(rates, largest, log_level[interval + 1])
@@ -137,18 +137,6 @@ def certified_funnels(
     require_taylor_range(loops.pendulums, loops.cost[2 * chosen], np.exp(log_level), degree)
     funnels = Funnels("sum_of_squares", loops.pendulums.duration, loops.cost[2 * chosen], np.exp(log_level))
     return funnels, Agreement(*differences)
-
-
-def _require_basin(
-    loops: ClosedLoops, level: np.ndarray, terminal_level: float, saturation: Saturation
-) -> None:
-    lost = level < LEAST_LEVEL * terminal_level
-    if lost.any():
-        index = int(lost.argmax())
-        raise NumericalError(
-            f"{loops.pendulums.labels[index]}: {saturation.of(index)}: no basin of the goal set is left (ρ falls below "
-            f"{LEAST_LEVEL:g} of its value there)"
-        )
 
 
 def _smallest_rate(

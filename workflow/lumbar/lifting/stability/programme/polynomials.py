@@ -168,20 +168,6 @@ def circle_map(degree: int) -> np.ndarray:
     return matrix
 
 
-def side_map(side: np.ndarray, degree: int) -> np.ndarray:
-    """Matrix from the scaled upper triangle of H to the coefficients of g·cᵀHc, c of degree (d − 1)/2.
-
-    `side` is g over 1, z1, z2; `degree` is d.
-    """
-    index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
-    product = gram_map(degree - 2)
-    matrix = np.zeros((len(index), product.shape[1]))
-    for row, (i, j) in zip(product, monomials(degree - 1), strict=True):
-        for value, exponents in zip(side, ((i, j), (i + 1, j), (i, j + 1)), strict=True):
-            matrix[index[exponents]] += value * row
-    return matrix
-
-
 ARC_OVERLAP = 1e-9
 """By which two arcs of one law are longer at each end than they must be, in rad, so that rounding leaves no gap."""
 

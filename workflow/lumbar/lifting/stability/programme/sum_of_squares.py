@@ -33,7 +33,6 @@ from lumbar.lifting.stability.programme.polynomials import (
     harmonics,
     harmonics_of_monomials,
     monomials,
-    side_map,
 )
 
 
@@ -91,26 +90,17 @@ class SumOfSquares:
         return np.array(solution.x[: self._free]) if solution.status == self._solved else None
 
 
-def grams(degree: int, side: np.ndarray | None) -> list[np.ndarray]:
-    """Return Γ of bᵀGb over the monomials, and with `side`, g over 1, z1, z2, that of g·σ."""
-    return [gram_map(degree)] if side is None else [gram_map(degree), side_map(side, degree)]
-
-
 class Certificate:
     """Eq. 4.6 with ρ given and ρ̇ a variable, at one Taylor degree and many knots."""
 
     def __init__(self, degree: int, accuracy: float = 1e-8):
-        self.degree, self._accuracy = degree, accuracy
         constant = np.eye(len(monomials(degree + 1)))[:, :1]
         # r − v − L·(1 − |z|²) = bᵀGb
-        self._free = np.hstack([-constant, circle_map(degree)])
-        self._cost = np.eye(self._free.shape[1])[0]
-        self._programme = SumOfSquares(self._cost, self._free, grams(degree, None), accuracy)
+        free = np.hstack([-constant, circle_map(degree)])
+        self._programme = SumOfSquares(np.eye(free.shape[1])[0], free, [gram_map(degree)], accuracy)
 
-    def solve(
-        self, coefficients: np.ndarray, label: str, side: np.ndarray | None = None
-    ) -> tuple[float, np.ndarray]:
-        """Return the smallest certified rate r in 1/s, where `side` is ≥ 0, and the coefficients of L.
+    def solve(self, coefficients: np.ndarray, label: str) -> tuple[float, np.ndarray]:
+        """Return the smallest certified rate r in 1/s and the coefficients of L.
 
         Raises
         ------
@@ -118,12 +108,9 @@ class Certificate:
             The solver did not reach an optimum.
         """
         scale = float(np.abs(coefficients).max())
-        programme = self._programme
-        if side is not None:
-            programme = SumOfSquares(self._cost, self._free, grams(self.degree, side), self._accuracy)
-        found = programme.solve(-coefficients / scale)
+        found = self._programme.solve(-coefficients / scale)
         if found is None:
-            raise NumericalError(f"{label}: the sum-of-squares programme ended as {programme.status}")
+            raise NumericalError(f"{label}: the sum-of-squares programme ended as {self._programme.status}")
         return float(found[0]) * scale, found[1:] * scale
 
 
