@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from c_programs import ON_LINUX
-from effect_entries import effect_entry
+from effect_entries import effect_entry, entry_of_effects
 from runtime_models import SETTINGS, entry, models_json, selected
 from scipy.signal import lfilter
 from tissue_fits import COEFFICIENTS, fitted
@@ -15,8 +15,9 @@ from tissue_fits import COEFFICIENTS, fitted
 import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import RuntimeSettings
-from lumbar.tissue.effects.catalogue import CATALOGUES
+from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.fmu.build.documentation import documentation_html
+from lumbar.tissue.fmu.build.export_model import export_models
 from lumbar.tissue.fmu.build.reference_response import reference_push
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
 from lumbar.tissue.haptics.device_table import with_device
@@ -25,7 +26,7 @@ from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from lumbar.tissue.haptics.ticks.sequence import largest_pole
 from lumbar.tissue.models.fitted_model import read_models
-from lumbar.tissue.models.model_data import FittedParameter
+from lumbar.tissue.models.model_data import FittedParameter, MotionRange
 from study_settings import changed
 
 STYLUS = RuntimeSettings().device
@@ -119,6 +120,11 @@ def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models, zig_cache):
     assert found.analysis.damping == pytest.approx(analyse(expected, STYLUS).damping, rel=1e-6)
     assert found.analysis.gain == pytest.approx(analyse(expected, STYLUS).gain, rel=1e-6)
     np.testing.assert_allclose(found.run.samples[:20], run_loop(expected, STYLUS).samples[:20], atol=1e-9)
+    hands = judge_exported(model, settings, model.identified).hands
+    assert (
+        found.hands.share == pytest.approx(hands.share, abs=0.01)
+        and found.hands.fit.keys() == hands.fit.keys()
+    )
 
 
 @ON_LINUX
@@ -321,6 +327,40 @@ def test_dry_friction_is_judged_by_its_slope_and_by_what_it_does(zig_cache):
     assert slopes["1e-06 mm"] - base == pytest.approx(1e3 * 0.8 / 0.7 * 1e3 / 3, rel=1e-3)
     assert found.analysis.gain < 0.3 and not found.stable
     assert ("UNSTABLE by its linearisation about" in found.finding) == found.run.calm
+
+
+@pytest.mark.parametrize(
+    ("form", "number", "damping"),
+    [("hardening_stiffness/cubic", 0.2, 14.9), ("strain_softening/cubic", 0.02, np.inf)],
+)
+def test_what_is_calm_where_it_is_shallow_is_not_called_passive(form, number, damping):
+    """Both are at 2 mm; deeper the one is steep, of which a hand that pushes by 20 mm is shaken, and the other gives way."""
+    document = models_json(entry_of_effects("LE", {form: ([number], [])}, TISSUE))
+    exported = export_at(read_models(document, CATALOGUES)[0], DEFAULTS, 1000.0)
+    found = analyse(render_model(exported, STYLUS), STYLUS)
+    assert found.damping == pytest.approx(damping, rel=0.01)
+    assert not found.passive and not found.stable
+    fitted_to = replace(exported.identified, valid_for=MotionRange(-1.5, 2.0, 10.0, 0.1, 5.0))
+    known = analyse(render_model(replace(exported, identified=fitted_to), STYLUS), STYLUS)
+    assert known.state == "passive in any hand from -1.5 to 2 mm"
+
+
+@ON_LINUX
+def test_a_force_that_may_change_no_faster_is_not_called_passive(zig_cache):
+    """The limit makes large forces late: thrown in, a stylus that has the damping that KB needs swings for ever."""
+    held = changed(
+        DEFAULTS,
+        compiler_cache=str(zig_cache),
+        output_rate_limit=30.0,
+        device={"damping_N_s_m": 8.0, "hands": 0},
+    )
+    free = changed(held, device={"hand_stiffness_N_m": 0.0})
+    exported = export_models([fitted("KB")], held)[0]
+    found = judge_exported(exported, held)
+    assert found.analysis.damping < 8.0 and found.stable and not found.passive
+    assert "stable in this hand, not passive with a limit on its rate" in found.finding
+    assert "UNSTABLE by the simulation" in judge_exported(exported, free).finding
+    assert lowest_rates(fitted("KB"), held)[0] is None
 
 
 def analysed_spring(meets) -> float:

@@ -31,6 +31,8 @@ ROLES = {
 """Label, role and description of each file in the manifest."""
 ANNOTATION = "lumbar"
 """Name of the annotation that holds `lumbar.tissue.fmu.conventions.meaning`."""
+RATE_LIMIT = "_rate_limit"
+"""Ending of the name of the parameter that limits the force's rate, where an FMU has one."""
 PUSH = 0.2
 """Seconds of the push that tells which force resists."""
 

@@ -13,7 +13,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.haptics.judgement import Judgement, analyse, judge_exported
 from lumbar.tissue.haptics.passivity import FASTEST_HZ
-from lumbar.tissue.haptics.rendered_model import render_model, renderable
+from lumbar.tissue.haptics.rendered_model import REACH_MM, render_model, renderable
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
 from lumbar.tissue.models.fitted_model import FittedModel
 
@@ -29,7 +29,10 @@ _DEFINITIONS = {
         "frequencies of T/2 · Re{(1 − exp(−jωT)) H(exp(jωT))}/(1 − cos ωT), moving average and delays in H; of a model with "
         "effects the largest of its linearisations; empty with a negative static stiffness H(1), where none is enough"
     ),
-    "passive": "Whether the device has that damping, and the simulation comes to rest",
+    "passive": (
+        "Whether the device has that damping, no limit on its rate makes the force late, and the simulation comes to rest; of a "
+        "model with effects over the motion that it was fitted to"
+    ),
     "largest_stable_gain": (
         "Factor on the model's force below which the loop with device and hand is stable for every factor from 0 on; "
         "exact for the held force; below 1 the model itself is unstable in this hand; empty where no factor is too large; with "
@@ -87,7 +90,10 @@ def device_table(
     uneven = any(item.analysis.timings for item in judgements)
     columns = {name: text for name, text in _DEFINITIONS.items() if uneven or name != _PROVED}
     frame = pd.DataFrame(rows, columns=list(columns)).astype(dict.fromkeys(optional, float))
-    effects = "Models with effects are analysed through their linearisations and simulated as their FMUs. "
+    effects = (
+        "Models with effects are analysed through their linearisations, within the positions that they were fitted to, "
+        f"±{REACH_MM:g} mm where these are not known, and simulated as their FMUs."
+    )
     return Table(
         title="Models in a person's hand: what they ask of the device of the study.",
         frame=frame,

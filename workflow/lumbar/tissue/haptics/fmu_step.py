@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -12,8 +13,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.fmu.conventions import slow_push, told_meaning
-from lumbar.tissue.haptics.rendered_model import RenderedModel, in_units, linearisations, scale_of
+from lumbar.tissue.fmu.conventions import RATE_LIMIT, slow_push, told_meaning
+from lumbar.tissue.haptics.rendered_model import RenderedModel, in_units, linearisations, reach_mm, scale_of
 from lumbar.tissue.haptics.simulation import Step
 from lumbar.tissue.models.model_data import Port
 
@@ -106,15 +107,19 @@ class UnpackedFmu:
             for item, offset in zip(given, (start, at_rest), strict=True)
         )
         name, unit = self.description.modelName, 1e3 * scale_of(self.description.modelName, x, y)[0]
+        told = told_meaning(ElementTree.parse(Path(self.folder) / "modelDescription.xml").getroot())
+        known = (float(told["lowest"]), float(told["highest"])) if told and "lowest" in told else None
+        reach = reach_mm(known, start, unit)
         found = linearisations(
-            lambda positions: self.response(start + positions / unit), name, self.sampling_time, device
+            lambda positions: self.response(start + positions / unit), name, self.sampling_time, device, reach
         )
         loops = [item.scaled(unit) for item in found]
-        return in_units(loops, name, x, y, float(given[1].max), device, self._resistance(start))
+        rendered = in_units(loops, name, x, y, float(given[1].max), device, self._resistance(told, start))
+        limited = any(item.name.endswith(RATE_LIMIT) for item in self.description.modelVariables)
+        return replace(rendered, reach=reach if len(found) > 1 else None, rate_limited=limited)
 
-    def _resistance(self, start: float) -> float:
+    def _resistance(self, told: dict | None, start: float) -> float:
         """The sign of `ExportModel.resistance`: what the file tells, of a file without annotation what a push is answered by."""
-        told = told_meaning(ElementTree.parse(Path(self.folder) / "modelDescription.xml").getroot())
         if told is None:
             pushed = self.response(start + slow_push(self.sampling_time))
             return -1.0 if pushed.mean() < pushed[0] else 1.0

@@ -65,11 +65,18 @@ class Analysis:
     even_gain: float = 0.0
     proved_gain: float = 0.0
     """`even_gain`, `proved_gain`: that of even ticks, and the one up to which every timing is proved to be stable."""
+    reach: tuple[float, float] | None = None
+    rate_limited: bool = False
+    """`reach`, `rate_limited`: as of `RenderedModel`."""
 
     @property
     def passive(self) -> bool:
-        """Whether the device is passive with the model, in any passive hand; with uneven ticks that is not known."""
-        return self.damping <= self.device.damping_N_s_m and self.stable and not self.timings
+        """Whether the device is passive with the model, in any passive hand; with uneven ticks that is not known.
+
+        Nor is it where a limit on its rate may make the force late.
+        """
+        unknown = self.timings or self.rate_limited
+        return self.damping <= self.device.damping_N_s_m and self.stable and not unknown
 
     @property
     def stable(self) -> bool:
@@ -91,15 +98,17 @@ class Analysis:
     @property
     def state(self) -> str:
         """The verdict of the analysis in words."""
+        within = "" if self.reach is None else f" from {self.reach[0]:.3g} to {self.reach[1]:.3g} mm"
         if self.passive:
-            return "passive in any hand"
+            return f"passive in any hand{within}"
         if not self.stable:
             return "UNSTABLE" + (" where ticks are uneven" if self.even_gain > 1.0 else "")
         if not self.timings:
-            return "stable in this hand, not passive"
+            late = " with a limit on its rate" if self.damping <= self.device.damping_N_s_m else ""
+            return f"stable in this hand{within}, not passive{late}"
         if self.proved_gain >= 1.0:
-            return "stable in this hand whenever ticks come"
-        return f"stable in this hand in the worst of {self.timings} timings, which is no proof"
+            return f"stable in this hand{within} whenever ticks come"
+        return f"stable in this hand{within} in the worst of {self.timings} timings, which is no proof"
 
     @property
     def numbers(self) -> str:
@@ -108,6 +117,8 @@ class Analysis:
         needs = f"it needs {least}{self.damping:.3g} N·s/m to be passive"
         if np.isinf(self.damping):
             needs = "no damping makes it passive: its static stiffness is negative"
+        elif self.rate_limited:
+            needs += " without the limit on its rate"
         if self.timings:
             needs += f"; all timings are proved to be stable up to a gain of {self.proved_gain:.3g}"
         if self.gain == 0 or np.isinf(self.gain):
@@ -124,6 +135,7 @@ def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
     loop = model.loops[gains.index(gain)].name
     rate = 1.0 / model.sampled[0].sampling_time
     found = Analysis(model.name, rate, device, worst.damping, worst.frequency, *gain, loop)
+    found = replace(found, reach=model.reach, rate_limited=model.rate_limited)
     if not model.timings:
         return found
     return replace(
@@ -305,15 +317,18 @@ def judge_fmu(
     check_rendered(path)
     known = catalogues_with(list(effect_files))
     (check,) = check_files([path], cache_folder(settings.compiler_cache), known, False, trust)
+    model = None if check.left_out else read_record(json.loads(open_fmu(path)[0][RECORD]), known)[0]
     if check.unknown:
-        if check.left_out:
+        if model is None:
             raise InputError(f"{path}: {check.left_out}; {UNKNOWN}")
-        model, *_ = read_record(json.loads(open_fmu(path)[0][RECORD]), known)
-        return judge_exported(model, settings), (f"{path.name} was judged by its record: {UNKNOWN}",)
+        judged = judge_exported(model, settings, model.identified)
+        return judged, (f"{path.name} was judged by its record: {UNKNOWN}",)
+    device = settings.device
     with UnpackedFmu(path) as fmu:
-        meets = fmu.rendered(settings.device)
-        run = worst_run(fmu, meets, settings.device)
-        return Judgement(meets, analyse(meets, settings.device), run), ()
+        meets = fmu.rendered(device)
+        fit = (model.moving_average, model.identified) if model else (1, None)
+        hands = stable_share(meets, *fit, device)
+        return Judgement(meets, analyse(meets, device), worst_run(fmu, meets, device), hands=hands), ()
 
 
 def oscillating_and_calm(judgements: Sequence[Judgement]) -> tuple[Judgement, Judgement] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -108,7 +108,7 @@ def fit_passive_models(
         passive.append(plain)
         for rate in dict.fromkeys(rates if renderable(plain) else ()):
             safe = found
-            if not _on_device(plain, settings, rate).passive:
+            if not _on_device(plain, replace(settings, output_rate_limit=None), rate).passive:
                 safe = fit_passive(data, *_STRUCTURES[name], device_condition(plain, settings, rate))
             passive.append(_fitted(name, f"{PASSIVE}-{rate:.4g}Hz", safe, training, data, others))
     return PassiveFits(free, tuple(passive), settings, rates)

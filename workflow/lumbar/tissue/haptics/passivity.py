@@ -97,7 +97,7 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
     -------
     tuple of (float or None)
         To about a percent, from the rate of identification up to `FASTEST_HZ`; None where the model is not safe up to
-        there, or has no counterpart at other rates and is not safe at its own.
+        there, or has no counterpart at other rates and is not safe at its own. With a limit on the force's rate none is passive.
     """
     device, slowest = settings.device, 1.0 / model.sampling_time
 
@@ -106,7 +106,7 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
         return _loop_at(model, rate, settings)
 
     def passive(rate: float) -> bool:
-        loop = loop_at(rate)
+        loop = None if settings.output_rate_limit else loop_at(rate)
         return loop is not None and required_damping(loop, _POINTS).damping <= device.damping_N_s_m
 
     def stable(rate: float) -> bool:

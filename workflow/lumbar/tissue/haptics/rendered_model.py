@@ -14,7 +14,7 @@ from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.conventions import work_units
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.servo import on_servo
-from lumbar.tissue.haptics.simulation import Step
+from lumbar.tissue.haptics.simulation import PUSH_MM, Step
 from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
 from lumbar.tissue.haptics.ticks.uneven import WorstTiming, worst_timing
 from lumbar.tissue.models.fitted_model import FittedModel
@@ -24,7 +24,10 @@ _WATCHED_S, _MOST_SAMPLES = 4.0, 4000
 """How long the force after a small step is followed."""
 STEPS_MM, DEPTH_MM = (1e-6, 1e-3, 1.0), 2.0
 """A model with effects is linearised about rest and about this depth: by its slope, which a step of a nanometre gives where
-friction turns its sign within a fraction of a millimetre a second, and by steps of other sizes, the encoder's among them."""
+friction turns its sign within a fraction of a millimetre a second, and by steps of other sizes, the encoder's among them; by a
+micrometre's where it is steepest and least steep, too."""
+REACH_MM = PUSH_MM
+"""How far to both sides of rest a model with effects is looked at where the motion that it was fitted to is not known."""
 _ENDED = 1e-12
 """Share of an impulse response's size below which its end is left out."""
 
@@ -69,6 +72,10 @@ class RenderedModel:
     output: Port
     limit: float
     """Largest force in N."""
+    reach: tuple[float, float] | None = None
+    """Positions in mm about rest between which a model with effects was linearised; None of a linear one."""
+    rate_limited: bool = False
+    """Whether a limit on its rate may make a large force late, and nothing bounds what that gives out."""
 
     @property
     def of_large_motion(self) -> list[SampledModel | PeriodicModel]:
@@ -107,21 +114,27 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
     NumericalError
         If the force of a model with effects overflows.
     """
-    dynamics = model.dynamics
+    dynamics, reach = model.dynamics, None
     if isinstance(dynamics, LinearModel):
         whole = SampledModel.of(model.name, dynamics.transfer_function, model.sampling_time)
         found = [_fed_late(whole) if late else whole]
     else:
         unit = 1e3 * scale_of(model.name, model.input, model.output)[0]
-        found = linearisations(
-            lambda positions: dynamics.response(positions / unit), model.name, model.sampling_time, device
-        )
+        known = model.valid_for and (model.valid_for.lowest, model.valid_for.highest)
+        reach = reach_mm(known, model.input.offset, unit)
+
+        def limited(positions: np.ndarray) -> np.ndarray:
+            forces = model.output.offset + dynamics.response(positions / unit)
+            return np.clip(forces, -model.output_limit, model.output_limit)
+
+        found = linearisations(limited, model.name, model.sampling_time, device, reach)
         found = [item.scaled(unit).late(model.sampling_time if late else 0.0) for item in found]
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
-    return in_units(
+    rendered = in_units(
         found, model.name, model.input, model.output, model.output_limit, device, model.resistance, held=late
     )
+    return replace(rendered, reach=reach, rate_limited=model.guards.rate_limit > 0)
 
 
 def in_units(
@@ -161,6 +174,22 @@ def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
     return units[:2]
 
 
+def reach_mm(known: tuple[float, float] | None, rest: float, unit: float) -> tuple[float, float]:
+    """Ends of the motion about rest over which a model with effects is linearised, in mm.
+
+    Parameters
+    ----------
+    known : tuple of float, optional
+        Lowest and highest position of what it was fitted to, where that is known.
+    rest : float
+        Position at which it rests.
+    unit : float
+        Of both, in mm.
+    """
+    low, high = (-REACH_MM, REACH_MM) if known is None else (unit * (end - rest) for end in known)
+    return min(low, 0.0), max(high, 0.0)
+
+
 def renderable(model: FittedModel | ExportModel) -> bool:
     """Whether a model takes a length and gives a force, which is what a device that moves along a line needs."""
     units = work_units(model.input.unit, model.output.unit)
@@ -177,9 +206,13 @@ def _fed_late(model: SampledModel) -> SampledModel:
 
 
 def linearisations(
-    response: Callable[[np.ndarray], np.ndarray], name: str, sampling_time: float, device: DeviceSettings
+    response: Callable[[np.ndarray], np.ndarray],
+    name: str,
+    sampling_time: float,
+    device: DeviceSettings,
+    reach: tuple[float, float],
 ) -> list[SampledModel]:
-    """Impulse responses of a model that is not linear, about rest and about a depth, for small and large motion.
+    """Impulse responses of a model that is not linear, for small and large motion about rest and about depths.
 
     Half the difference of the forces after a step forth and a step back, over the step.
 
@@ -189,24 +222,35 @@ def linearisations(
         From positions in mm, the first held before, to forces, both of shape (samples,).
     sampling_time : float
         Seconds.
+    reach : tuple of float
+        As of `reach_mm`.
 
     Returns
     -------
     list of SampledModel
         In the model's unit of force per mm; one where all are the same, as those of a linear model are.
     """
-    settled = followed = min(_MOST_SAMPLES, round(_WATCHED_S / sampling_time))
+    samples = min(_MOST_SAMPLES, round(_WATCHED_S / sampling_time))
+    steps = sorted({*STEPS_MM, 1e-3 * device.encoder_um} - {0.0})
+    places = [(depth, step) for depth in (0.0, DEPTH_MM) for step in steps]
+    places += [(depth, STEPS_MM[1]) for end in reach if end for depth in _steepest(response, end, samples)]
     found = []
-    for depth in (0.0, DEPTH_MM):
-        for step in sorted({*STEPS_MM, 1e-3 * device.encoder_um} - {0.0}):
-            moved = np.concatenate([np.zeros(settled), np.full(followed, step)])
-            forth, back = (response(depth + sign * moved)[settled:] for sign in (1.0, -1.0))
-            impulse = np.diff((forth - back) / (2.0 * step), prepend=0.0)
-            label = f"{name} about {depth:g} mm, {_by_steps(step)}"
-            found.append(SampledModel(label, impulse, np.ones(1), sampling_time))
+    for depth, step in dict.fromkeys(places):
+        moved = np.concatenate([np.zeros(samples), np.full(samples, step)])
+        forth, back = (response(depth + sign * moved)[samples:] for sign in (1.0, -1.0))
+        impulse = np.diff((forth - back) / (2.0 * step), prepend=0.0)
+        label = f"{name} about {depth:.4g} mm, {_by_steps(step)}"
+        found.append(SampledModel(label, impulse, np.ones(1), sampling_time))
     size = np.abs(found[0].numerator).max()
     same = all(np.allclose(item.numerator, found[0].numerator, rtol=0.0, atol=1e-9 * size) for item in found)
     return [_without_end(item) for item in (found[:1] if same else found)]
+
+
+def _steepest(response: Callable[[np.ndarray], np.ndarray], end: float, samples: int) -> tuple[float, float]:
+    """Depths at which the force rises most and least on a slow way from rest to an end, in mm."""
+    way = np.linspace(0.0, end, samples)
+    slopes = np.diff(response(way)) / np.diff(way)
+    return float(way[slopes.argmax()]), float(way[slopes.argmin()])
 
 
 def _by_steps(step_mm: float) -> str:

@@ -20,7 +20,7 @@ from lumbar.tissue.fmu.build.meaning import (
     sign_text,
 )
 from lumbar.tissue.fmu.build.sources import C_FILES, content_token
-from lumbar.tissue.fmu.conventions import ANNOTATION, base_unit
+from lumbar.tissue.fmu.conventions import ANNOTATION, RATE_LIMIT, base_unit
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -81,7 +81,7 @@ def _guards(model: ExportModel) -> list[Variable]:
         "negative only where device_damping was lowered on the way"
     )
     rate = Variable(
-        f"{y.variable}_rate_limit", 7, "parameter", change, f"{y.unit}/s", steepest, 0.0, steepest, steepest
+        y.variable + RATE_LIMIT, 7, "parameter", change, f"{y.unit}/s", steepest, 0.0, steepest, steepest
     )
     passive = [
         Variable("device_damping", 8, "parameter", surely, model.damping_unit, damped, 0.0, LARGEST, 1.0),
