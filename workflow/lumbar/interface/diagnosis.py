@@ -250,8 +250,11 @@ class Diagnosis:
         from lumbar.interface.identification import NOT_IDENTIFIED
         from lumbar.publishing.explorer.page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_blocks
+        from lumbar.tissue.diagnosis.selection.refine import fitted_model
 
         beside = self.thesis_models if thesis else NOT_IDENTIFIED
+        linear = self.verdict.linear
+        own = [] if linear is None else [fitted_model(linear, self.verdict.experiment)]
         return ExplorerPage(
             self.verdict,
             self.evidence,
@@ -259,7 +262,7 @@ class Diagnosis:
             self.base_on_records,
             self.data,
             evidence_blocks(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
-            beside.models,
+            [*own, *beside.models],
             beside.remark,
         )
 
@@ -284,7 +287,8 @@ class Diagnosis:
         folder = Path(folder)
         write_diagnosis(self.verdict, lambda: self.evidence, folder, self.data)
         kept = self.verdict if effects is None else self.with_effects(effects)
-        document = refined_document(kept.path, kept.experiment, self.data)
+        linear = [] if self.verdict.linear is None else [self.verdict.linear]
+        document = refined_document([*linear, *kept.path], kept.experiment, self.data)
         write_json(folder / "refined.json", document)
         self._save_law(folder / "proposed_law.yaml")
         drawn = self._save_pictures(folder) if pictures else {}

@@ -12,8 +12,9 @@ from periodic_records import noise, record
 from scipy.io import loadmat
 from scipy.signal import butter, cheby1, cheby2, freqs, lfilter, lsim
 
+import lumbar
 from lumbar.records.columns import read_record
-from lumbar.records.record import Channel, Record
+from lumbar.records.record import Channel, Record, RecordSet
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.fitting.decimation import decimate
@@ -21,10 +22,15 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
+from lumbar.tissue.diagnosis.linear.linear_base import linear_base
 from lumbar.tissue.diagnosis.linear.linear_dynamics import linear_dynamics
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, slope_forces
 from lumbar.tissue.diagnosis.selection.candidate import evaluate, unseen_improvement
+from lumbar.tissue.diagnosis.selection.candidate import fit_base as fit_candidate
+from lumbar.tissue.diagnosis.selection.refine import refined_document
+from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 
@@ -74,9 +80,9 @@ def late(s):
     return (0.5 + 0.9 * s / (s + 1 / 0.15)) * np.exp(-0.023 * s)
 
 
-def experiment(
+def recorded(
     impedance, sigma: float = SIGMA, step: float = 0.01, extra=lambda position: 0.0, clock: float = 1.0
-):
+) -> list[Record]:
     """A training record and two unseen ones; `extra` is added to the force; what takes a second is told to take `clock`."""
     records = []
     for name, seed, seconds in (("training", 1, 60.0), ("second", 2, 20.0), ("third", 3, 20.0)):
@@ -85,7 +91,11 @@ def experiment(
         force = force + sigma * noise(len(position), seed + 50)
         channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
         records.append(Record(name, np.arange(len(position)) * step * clock, channels))
-    return prepare(records)
+    return records
+
+
+def experiment(impedance, *args, **keywords):
+    return prepare(recorded(impedance, *args, **keywords))
 
 
 def base_candidate(prepared, name: str = "KB"):
@@ -109,6 +119,40 @@ def test_parameters_of_two_branches_are_those_of_the_impedance():
     assert_allclose(found.linear[:3], [0.04, 0.5, 0.02], atol=2e-3)
     ((damping, square),) = found.poles.sections
     assert_allclose(np.roots([1, damping, square]), [-1 / 0.09, -1 / 1.3], rtol=0.02)
+
+
+@pytest.mark.parametrize("impedance", [two_branches, chebyshev, resonances])
+def test_dynamics_of_higher_order_are_a_base_with_an_equation(impedance):
+    """Fitted anew as a base they leave as little, and their transfer function is the material's own."""
+    prepared = experiment(impedance)
+    base = linear_base(linear_dynamics(prepared))
+    model = fit_candidate(base, prepared)
+    assert model.fit.converged
+    assert model.train_rms < 1.03 * SIGMA and model.test_rms < 1.15 * SIGMA
+    content = refined_document([model], prepared, "")
+    (known,) = read_models(content, catalogues_with([], content))
+    frequency = np.array([0.3, 1.0, 2.0, 4.0])
+    found = known.to_control()(2j * np.pi * frequency)
+    assert_allclose(found, impedance(2j * np.pi * frequency), rtol=0.03)
+
+
+def test_dynamics_without_an_equation_are_no_base():
+    assert linear_base(linear_dynamics(experiment(late))) is None
+
+
+def test_the_best_linear_model_is_told_kept_and_exported(tmp_path):
+    found = lumbar.diagnose(RecordSet(recorded(resonances)), base="KB", train="training")
+    assert found.verdict.verdict == "unexplained"
+    assert "As linear_dynamics these dynamics stand in refined.json" in str(found)
+    found.save(tmp_path, pictures=False)
+    models = lumbar.load_models(tmp_path / "refined.json")
+    assert models[0].name == "linear_dynamics" and models[1].name == "KB"
+    assert "linear_dynamics" in (tmp_path / "diagnosis.html").read_text()
+    assert models[0].scores.test_rms < 1.15 * SIGMA
+    written = lumbar.export_fmu(
+        tmp_path / "refined.json", tmp_path / "fmu", ["linear_dynamics"], rate_Hz=1000
+    )
+    assert len(written) == 2
 
 
 def test_a_delay_is_found():

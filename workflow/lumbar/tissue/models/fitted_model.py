@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import control
 
     from lumbar.records.record import Record
+    from lumbar.tissue.models.bases import Base
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,12 +80,12 @@ class FittedModel(ModelData):
     def to_control(self) -> control.TransferFunction:
         """Transfer function of python-control: in z with ``dt``, or in s for a base without effects.
 
-        The pendulum is linearised about θ = 0.
+        The pendulum is linearised about θ = 0, a base of one's own about 0 of its input and states.
 
         Raises
         ------
         NumericalError
-            If the model has effects: no transfer function holds them.
+            If the model has effects, which no transfer function holds, or cannot be linearised there.
         """
         import control
 
@@ -102,6 +103,8 @@ class FittedModel(ModelData):
         base = self.structure.base
         if base.contact:
             raise NumericalError(f"{self.name}: no transfer function holds a contact that is lost")
+        if base.own:
+            return control.TransferFunction(*self._linearised(base))
         values = {item.name: self[item.name].value for item in (*base.linear, *base.nonlinear)}
         if base.system == "pendulum":
             return control.TransferFunction(
@@ -115,6 +118,29 @@ class FittedModel(ModelData):
         if mass:
             above = np.polyadd(np.polymul([mass, 0.0, 0.0], below), above).tolist()
         return control.TransferFunction(above, below)
+
+    def _linearised(self, base: Base) -> tuple[np.ndarray, np.ndarray]:
+        """Numerator and denominator in s, from the slopes of the equation and of the rates of its states."""
+        from lumbar.tissue.models.driven_motion import MOTION, ForceBalance
+
+        balance = ForceBalance((base.form,))
+        names = (*balance.linear, *balance.nonlinear)
+        known = dict(zip(names, np.concatenate(self.values_of(base)), strict=True))
+        with np.errstate(all="ignore"):
+            rest = dict.fromkeys(("z", "v", "a", "s", "t", *balance.states), 0.0)
+            _, slopes = balance.slopes(known | rest, ())
+        if not np.isfinite(slopes).all():
+            raise NumericalError(f"{self.name}: it has no slope at 0 of its input and states")
+        by_motion, by_states = slopes[:, : len(MOTION)], slopes[:, len(MOTION) :]
+        rates, response = by_states[1:], by_states[0]
+        denominator = np.poly(rates) if len(rates) else np.ones(1)
+        numerator = np.zeros(1)
+        for power, (direct, *driven) in enumerate(by_motion.T):
+            # c (sI − A)⁻¹ b is det(sI − A + b c) / det(sI − A) − 1.
+            rank_one = np.poly(rates - np.outer(driven, response)) if len(rates) else denominator
+            part = np.polysub(rank_one, (1 - direct) * denominator)
+            numerator = np.polyadd(numerator, np.polymul(part, np.eye(1, power + 1)[0]))
+        return np.trim_zeros(numerator, "f"), denominator
 
     def to_state_space(self) -> control.StateSpace:
         """State space of python-control (Eqs 3.17 and 3.18 for a discrete model).

@@ -37,7 +37,7 @@ from lumbar.tissue.models.expression import (
 from lumbar.tissue.models.motion import LINEAR, POSITIONS, SIGNALS, STEADY, Motion
 from lumbar.tissue.models.printing import portable
 
-MOST_STATES = 4
+MOST_STATES = 6
 """States of one form."""
 STEP_SYMBOL = "sampling_time"
 """Symbol of the time from sample to sample in the equations of a step."""

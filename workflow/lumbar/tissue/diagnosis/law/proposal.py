@@ -185,7 +185,6 @@ def propose(
     experiment: Experiment,
     base: Candidate,
     before: Candidate | None = None,
-    system: str = "tissue",
     terms: Sequence[Term] | None = None,
 ) -> Proposal:
     """Look for a short formula for what a model is missing.
@@ -198,24 +197,22 @@ def propose(
         The base alone, judged on the experiment.
     before : Candidate, optional
         The best model that the catalogue gave; default the base.
-    system : str
-        What the base is a model of.
     terms : sequence of Term, optional
         Default the whole library.
     """
     before = before or base
     none = Proposal(experiment, base, before, None, [], 0.0, 0.0, None, _range(experiment))
-    return _search(none, library() if terms is None else terms, system) if none.is_needed else none
+    return _search(none, library() if terms is None else terms) if none.is_needed else none
 
 
-def _search(none: Proposal, terms: Sequence[Term], system: str) -> Proposal:
+def _search(none: Proposal, terms: Sequence[Term]) -> Proposal:
     """The proposal with what a search finds, beside the base and beside the catalogue's best model."""
     experiment, base, before = none.experiment, none.base, none.before
     chosen_on, confirmed_on = alternate(experiment)
     lower = thin(experiment)
     search = Search(chosen_on if lower is experiment else alternate(lower)[0], terms)
     starts = [base] if before.effects == base.effects else [base, before]
-    test = _Test(experiment, confirmed_on, before, len(terms), system)
+    test = _Test(experiment, confirmed_on, before, len(terms))
     tried, passed = [], []
     for start in starts:
         for law in reversed(search.laws(refit(start.fit.structure, start.fit.nonlinear, search.experiment))):
@@ -259,13 +256,11 @@ class _Test:
     unseen: Experiment
     before: Candidate
     terms: int
-    system: str
 
     def refuses(self, law: Law) -> str:
         """What a law fails; empty where it passes."""
-        p_value = null_distribution(self.system).p_value(
-            likelihood_ratio(law.start, law.candidate, self.experiment), self.terms
-        )
+        gain = likelihood_ratio(law.start, law.candidate, self.experiment)
+        p_value = null_distribution().p_value(gain, self.terms)
         share = self.share_removed(law.fit)
         if p_value > LEVEL:
             return f"noise alone gives as much (p = {p_value:.2g})"
@@ -275,8 +270,7 @@ class _Test:
             return f"it removes {100 * share:.0f} % of what is missing on unseen records, less than three quarters"
         if not stays_bounded(law.fit, self.experiment):
             return f"its force runs away on motions {STRETCH:g} times as large or as fast"
-        passive = self.system == "tissue" and "time" not in knows(law.terms)
-        if passive and not is_dissipative(law.fit, self.experiment.training):
+        if "time" not in knows(law.terms) and not is_dissipative(law.fit, self.experiment.training):
             return "it gives energy away in closed cycles"
         return ""
 

@@ -24,9 +24,10 @@ from lumbar.tissue.diagnosis.law.terms import Term
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, unseen_improvement
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN, WORTHWHILE
 from lumbar.tissue.models.form import Place
-from lumbar.tissue.models.state_equation import MOST_STATES
 from lumbar.tissue.models.structure import Structure, forces_of
 
+_MOST_STATES = 4
+"""States of a law."""
 MOST_TERMS = 3
 """Terms of a law: more are no short formula."""
 REFITTED = 6
@@ -148,9 +149,9 @@ class Search:
 
     @staticmethod
     def fits_beside(law: Law, term: Term) -> bool:
-        """Whether a term may be added to a law: it is not there, and a form has room for its states."""
+        """Whether a term may be added to a law: it is not there, and its states are not too many."""
         states = sum(len(item.state) for item in (*law.terms, term))
-        return states <= MOST_STATES and all(item.name != term.name for item in law.terms)
+        return states <= _MOST_STATES and all(item.name != term.name for item in law.terms)
 
     def refit(
         self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool = False

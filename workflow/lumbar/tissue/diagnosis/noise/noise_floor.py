@@ -280,6 +280,12 @@ def _words(part: Part, mean_period: np.ndarray, unit: str, sampling_time: float)
     return "other change over the periods"
 
 
+def autocovariance(values: np.ndarray, lags: int) -> np.ndarray:
+    """Σ x[n] x[n+l] over a signal for l = 0, 1, …, `lags`, shape (lags + 1,)."""
+    length = 1 << (2 * len(values)).bit_length()
+    return np.fft.irfft(np.abs(np.fft.rfft(values, length)) ** 2, length)[: lags + 1]
+
+
 def prediction_error_filter(covariance: np.ndarray) -> tuple[np.ndarray, float]:
     """Yule–Walker: coefficients 1, −a₁, …, −aₙ of the prediction error, and variance over that of the error.
 

@@ -9,7 +9,7 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
 from lumbar.tables.table import Table
-from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 
 RESAMPLES = 300
@@ -227,8 +227,7 @@ def block_groups(signals: list[np.ndarray], period: int | None) -> list[np.ndarr
 def _correlated_samples(signal: np.ndarray) -> int:
     """Samples over which a signal's square stays correlated: 1 + 2 Σρ up to the first ρ below 0.05."""
     energy = signal**2 - np.mean(signal**2)
-    length = 1 << (2 * energy.size).bit_length()
-    covariance = np.fft.irfft(np.abs(np.fft.rfft(energy, length)) ** 2, length)[: energy.size // 4 + 1]
+    covariance = autocovariance(energy, energy.size // 4)
     if covariance[0] <= 0:
         return 1
     correlation = covariance / covariance[0]

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, prediction_error_filter
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance, prediction_error_filter
 from lumbar.tissue.diagnosis.noise.periods import Folding
 
 SIGNIFICANT = 0.01
@@ -101,11 +101,8 @@ class Residual:
         """
         if self.floor is not None:
             return self.whitening, self.floor.rms**2
-        size = len(self.values)
-        order = min(_ORDER, size // 10)
-        length = 1 << (2 * size).bit_length()
-        covariance = np.fft.irfft(np.abs(np.fft.rfft(self.values, length)) ** 2, length)[: order + 1]
-        prediction, gain = prediction_error_filter(covariance)
+        order = min(_ORDER, len(self.values) // 10)
+        prediction, gain = prediction_error_filter(autocovariance(self.values, order))
         return prediction * np.sqrt(gain), self.variance
 
     def noise_power(self, frequency: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lumbar.tissue.diagnosis.noise.noise_floor import autocovariance
 from lumbar.tissue.diagnosis.residuals.residual import (
     SIGNIFICANT,
     Residual,
@@ -39,9 +40,7 @@ def ljung_box(values: np.ndarray, lags: int) -> tuple[float, float]:
     from scipy.special import chdtrc
 
     size = len(values)
-    centred = values - values.mean()
-    length = 1 << (2 * size).bit_length()
-    covariance = np.fft.irfft(np.abs(np.fft.rfft(centred, length)) ** 2, length)[: lags + 1]
+    covariance = autocovariance(values - values.mean(), lags)
     if covariance[0] <= 0:
         return 0.0, 1.0
     correlation = covariance[1:] / covariance[0]

@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import (
     scaled_covariance,
     variance_of_sum,
 )
-from lumbar.tissue.diagnosis.noise.noise_floor import prediction_error_filter
+from lumbar.tissue.diagnosis.noise.noise_floor import autocovariance, prediction_error_filter
 from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.form import Form
@@ -242,9 +242,7 @@ def leaves_white_noise(fit: Fit, experiment: Experiment, factor: float) -> bool:
 def predictability(errors: np.ndarray) -> float:
     """RMS of a signal over that of its prediction error by its own past; 1 for white noise."""
     size, order = len(errors), min(_PREDICTION_ORDER, len(errors) // 20)
-    length = 1 << (2 * size).bit_length()
-    covariance = np.fft.irfft(np.abs(np.fft.rfft(errors, length)) ** 2, length)[: order + 1] / size
-    _, gained = prediction_error_filter(covariance)
+    _, gained = prediction_error_filter(autocovariance(errors, order) / size)
     # What white noise would gain by chance: one part in its size for each coefficient.
     return float(np.sqrt(max(gained * (1 - order / size), 1.0)))
 

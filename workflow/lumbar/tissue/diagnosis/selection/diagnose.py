@@ -9,9 +9,10 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
+from lumbar.tissue.diagnosis.linear.linear_base import linear_base
 from lumbar.tissue.diagnosis.linear.linear_dynamics import nonlinear_share
 from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, refit
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base, is_adequate, refit
 from lumbar.tissue.diagnosis.selection.findings import (
     apparent_zeros,
     linear_alternative,
@@ -112,13 +113,16 @@ def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict
     if alternative is None:
         return found, []
     linear, finding = alternative
+    base = linear_base(linear.fit)
+    found = replace(found, linear=base and fit_base(base, experiment))
     if (nonlinear_share(experiment, linear.fit) or 0.0) > _NONLINEAR:
         return replace(found, verdict="unexplained", tied_with=[]), [finding]
     only = {name: effect for name, effect in settings.candidates.items() if effect.linear}
     if not set(found.selected) <= set(only):
-        found = _search(experiment, replace(settings, catalogue=only))
-        if linear_alternative(found.model, experiment) is None:
-            return found, [finding]
+        again = _search(experiment, replace(settings, catalogue=only))
+        if linear_alternative(again.model, experiment) is None:
+            return again, [finding]
+        found = replace(again, linear=found.linear)
     return replace(found, verdict="unexplained", tied_with=[]), [finding]
 
 

@@ -66,6 +66,8 @@ class Verdict:
     """Whether a further effect was looked for beside those selected."""
     chain: BlockStructure | None = None
     """A static curve between linear filters that explains what no effect does."""
+    linear: Candidate | None = None
+    """Linear dynamics of higher order that explain more than the refined model, as a base of their own."""
 
     @property
     def model(self) -> Candidate:
@@ -251,6 +253,11 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
         lines.append(
             f"The fit of {named if diagnosis.selected else named.split()[0]} did not converge: its parameters are where the "
             "optimiser stopped and no result."
+        )
+    if diagnosis.linear is not None:
+        lines.append(
+            f"As {diagnosis.linear.fit.structure.base.name} these dynamics stand in refined.json, with their equation and the "
+            "intervals of its parameters, to be compared and exported as any other model."
         )
     lines.append(noise_sentence(diagnosis.experiment))
     if floor is not None:
