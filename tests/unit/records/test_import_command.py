@@ -96,6 +96,18 @@ def test_a_folder_grows_by_imports_with_other_options(run, sources, tmp_path):
     assert [entry["name"] for entry in content["records"]] == ["excel_deutsch", "labview"]
 
 
+def test_the_force_is_the_input_of_tests_that_their_load_drove(run, sources, tmp_path, project):
+    output = tmp_path / "records"
+    status, out, _ = run("import", sources / "labview.lvm", "--forward", "--output", output)
+    assert status == 0
+    assert out.splitlines()[-1].endswith(f"next: lumbar diagnose {output} --forward --output out")
+    text = (output / "study.yaml").read_text()
+    assert load_study(yaml.safe_load(text), project, [output / "study.yaml"]).settings.improvement.forward
+    status, _, err = run("import", sources / "excel_deutsch.csv", "--output", output)
+    assert status == 1
+    assert "its records were imported as driven by the load (--forward)" in err
+
+
 def test_what_a_person_wrote_is_not_overwritten(run, sources, tmp_path):
     status, _, err = run("import", sources / "labview.lvm", "--output", sources)
     assert status == 1

@@ -31,7 +31,7 @@ def run_import(options) -> None:
     print(imported)
     if options.dry_run:
         return
-    study = imported.save(options.output, data=options.data, licence=options.licence)
+    study = imported.save(options.output, data=options.data, licence=options.licence, forward=options.forward)
     written = f"{len(imported)} record{'s' * (len(imported) != 1)} and {study.name}"
     print(f"{study.parent}: {written}; next: {imported.next_command(study)}")
 
@@ -120,6 +120,11 @@ IMPORT = Command(
             "--accept-clipped",
             action="store_true",
             help="take records whose force or position lies flat at its extreme",
+        ),
+        option(
+            "--forward",
+            action="store_true",
+            help="the load drove the tests and the motion was measured: the study takes the load for the input",
         ),
         option("--dry-run", action="store_true", help="show what would be written, and write nothing"),
         option("--data", metavar="LABEL", help="words for the source of the data on tables and figures"),

@@ -205,7 +205,14 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 
         return pd.DataFrame([_numbers(recording) for recording in self.recordings])
 
-    def save(self, folder: str | os.PathLike, *, data: str | None = None, licence: str | None = None) -> Path:
+    def save(
+        self,
+        folder: str | os.PathLike,
+        *,
+        data: str | None = None,
+        licence: str | None = None,
+        forward: bool = False,
+    ) -> Path:
         """Write a tidy CSV file per record, and a study that the workflow and ``--config`` accept.
 
         Parameters
@@ -214,6 +221,8 @@ class ImportedRecordings(Sequence[ImportedRecording]):
             A folder of its own; that of an earlier import is added to.
         data, licence : str, optional
             Name and licence of the data, as they stand on tables and figures.
+        forward : bool
+            Whether the load drove the tests and the motion was measured: the study takes the load for the input.
 
         Returns
         -------
@@ -224,15 +233,19 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 
         folder = Path(folder)
         there = sorted(folder.iterdir()) if folder.is_dir() else []
-        return write_folder(self.recordings, folder, list(filter(is_column_file, there)), data, licence)
+        return write_folder(
+            self.recordings, folder, list(filter(is_column_file, there)), data, licence, forward
+        )
 
     def next_command(self, study: Path) -> str:
         """Command that diagnoses the records of the folder that was saved."""
         from lumbar.base.files import read_json
 
-        command = ["lumbar", "diagnose", str(study.parent)]
-        if needs_study(read_json(study.parent / PROVENANCE)):
+        command, content = ["lumbar", "diagnose", str(study.parent)], read_json(study.parent / PROVENANCE)
+        if needs_study(content):
             command += ["--config", str(study)]
+        elif content["forward"]:
+            command.append("--forward")
         return shlex.join([*command, "--output", "out"])
 
     def __len__(self) -> int:

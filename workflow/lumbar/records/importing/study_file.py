@@ -24,18 +24,22 @@ def write_folder(
     beside: Sequence[Path],
     data: str | None = None,
     licence: str | None = None,
+    forward: bool = False,
 ) -> Path:
     """Write records, study and provenance, and return the path of the study; a folder of an earlier import is added to.
 
     Parameters
     ----------
+    forward : bool
+        Whether the load drove the tests: the study takes it for the input.
     beside : sequence of Path
         Files of the folder that would be read as records.
 
     Raises
     ------
     InputError
-        If the folder holds recordings of another origin, records of other units, or a study changed by hand.
+        If the folder holds recordings of another origin, records of other units or driven otherwise, or a study changed by
+        hand.
     """
     known = _earlier(folder)
     own = {entry["file"] for entry in known["records"]}
@@ -52,10 +56,14 @@ def write_folder(
     replaced = {entry["name"] for entry in new}
     records = [*(entry for entry in known["records"] if entry["name"] not in replaced), *new]
     _check_columns(records, folder)
+    if known["records"] and forward != known["forward"]:
+        said = "by the load (--forward)" if known["forward"] else "by the motion (without --forward)"
+        raise InputError(f"{folder}: its records were imported as driven {said}; choose another folder")
     content = {
         "schema": SCHEMA,
         "data": data or known["data"],
         "licence": licence or known["licence"],
+        "forward": forward,
         "records": records,
     }
     for recording in recordings:
@@ -67,12 +75,13 @@ def write_folder(
 
 def _earlier(folder: Path) -> dict:
     path = folder / PROVENANCE
+    fresh = {"schema": SCHEMA, "data": None, "licence": None, "forward": False, "records": []}
     if not path.exists():
-        return {"schema": SCHEMA, "data": None, "licence": None, "records": []}
+        return fresh
     content = read_json(path)
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         raise InputError(f"{path}: not of schema {SCHEMA}; choose another folder")
-    return content
+    return {**fresh, **content}
 
 
 def _source(path: Path) -> str:
@@ -159,7 +168,7 @@ def study_text(content: dict, folder: Path) -> str:
         *(line for entry in records for line in _record_lines(entry)),
         f"  training: [{_quoted(longest['name'])}]   # the longest",
         "",
-        "improvement: {record_sets: [{name: tissue}]}",
+        f"improvement: {{{'forward: true, ' if content['forward'] else ''}record_sets: [{{name: tissue}}]}}",
     ]
     return "\n".join(lines) + "\n"
 
