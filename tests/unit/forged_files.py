@@ -47,13 +47,13 @@ def attacks(canary: Path, marker: Path) -> dict[str, Callable[[], bytes]]:
         "cells.mat": lambda: _matlab(x=np.full((300_000, 1), 0.0, object)),
         "many.mat": lambda: _matlab(**{f"x{n}": np.zeros((2_000_000, 2), np.int8) for n in range(20)}),
         "nested.mat": lambda: _matlab(x=_nested(200)),
-        "entity.xlsx": lambda: _workbook(_CELLS.replace(">1<", ">&e;<", 1), f'<!ENTITY e SYSTEM "{canary.as_uri()}">'),
-        "laughs.xlsx": lambda: _workbook(_CELLS.replace(">1<", ">&e9;<", 1), _laughs()),
-        "far.xlsx": lambda: _workbook("".join(_row(n, "XFD", 1) for n in range(1, 9000))),
-        "last_row.xlsx": lambda: _workbook(_row(1_048_576, "XFD", 1)),
-        "declared.xlsx": lambda: _workbook("<row/>" * (_SIZE // 2)),
-        "letters.xlsx": lambda: _workbook("".join(_row(n, "A", "1" * 30_000) for n in range(1, 5000))),
-        "outside.xlsx": lambda: _workbook(_CELLS).replace(b"xl/worksheets/a.xml", b"../../../../a/b.xml"),
+        "entity.xlsx": lambda: workbook(CELLS.replace(">1<", ">&e;<", 1), f'<!ENTITY e SYSTEM "{canary.as_uri()}">'),
+        "laughs.xlsx": lambda: workbook(CELLS.replace(">1<", ">&e9;<", 1), _laughs()),
+        "far.xlsx": lambda: workbook("".join(row(n, "XFD", 1) for n in range(1, 9000))),
+        "last_row.xlsx": lambda: workbook(row(1_048_576, "XFD", 1)),
+        "declared.xlsx": lambda: workbook("<row/>" * (_SIZE // 2)),
+        "letters.xlsx": lambda: workbook("".join(row(n, "A", "1" * 30_000) for n in range(1, 5000))),
+        "outside.xlsx": lambda: workbook(CELLS).replace(b"xl/worksheets/a.xml", b"../../../../a/b.xml"),
         "bomb.csv.gz": lambda: gzip.compress(lines) * 250,
         "bomb.c3d.gz": lambda: gzip.compress(bytes(1_000_000)) * 250,
         "cut.trc.gz": lambda: gzip.compress(lines)[:-9],
@@ -137,21 +137,21 @@ def _models(order: int) -> bytes:
     return json.dumps(models_document([model], "forged")).encode()
 
 
-def _row(number: int, columns: str, *values: object) -> str:
+def row(number: int, columns: str, *values: object) -> str:
     """A row of a sheet: a value for each letter, or one below all of them."""
     places = columns if len(values) > 1 else [columns]
     cells = zip(places, values, strict=True)
     return f'<row r="{number}">' + "".join(f'<c r="{a}{number}"><v>{v}</v></c>' for a, v in cells) + "</row>"
 
 
-_CELLS = "".join(_row(n, "ABC", n, n % 7, n % 5) for n in range(1, 60))
+CELLS = "".join(row(n, "ABC", n, n % 7, n % 5) for n in range(1, 60))
 
 
 def _laughs() -> str:
     return '<!ENTITY e0 "ha">' + "".join(f'<!ENTITY e{n} "{f"&e{n - 1};" * 20}">' for n in range(1, 10))
 
 
-def _workbook(rows: str, entities: str = "") -> bytes:
+def workbook(rows: str, entities: str = "") -> bytes:
     """A workbook of one sheet of these rows, without the dimension that programs write."""
     kind = "http://schemas.openxmlformats.org"
     office = f"{kind}/officeDocument/2006/relationships"
@@ -206,7 +206,7 @@ def _other_sound_files() -> dict[str, bytes]:
             lambda file: file.update({"time_s": np.arange(1000) / 100, "position_mm": np.ones(1000)})
         ),
         "packed.h5": _hdf5(packed),
-        "sound.xlsx": _workbook(_CELLS),
+        "sound.xlsx": workbook(CELLS),
         "sound.dat": b"Time (s)\tPosition (mm)\tLoad (N)\n" + b"".join(rows),
         "models.json": _models(3),
     }

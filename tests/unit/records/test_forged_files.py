@@ -6,12 +6,11 @@ import os
 import re
 import subprocess
 import sys
-import zipfile
 
 import numpy as np
 import pandas as pd
 import pytest
-from forged_files import SECRET, shows, write_forged
+from forged_files import SECRET, row, shows, workbook, write_forged
 from scipy.io import savemat
 
 import lumbar
@@ -86,44 +85,17 @@ def test_the_sizes_of_a_matlab_file_count_together(tmp_path):
         lumbar.import_recordings(path, rate=100)
 
 
-def workbook(path, sheet: str):
-    """Write a workbook of one sheet of these rows, without the dimension that programs write."""
-    kind = "http://schemas.openxmlformats.org"
-    office = f"{kind}/officeDocument/2006/relationships"
-    parts = {
-        "[Content_Types].xml": f'<Types xmlns="{kind}/package/2006/content-types"><Override PartName="/xl/workbook.xml" '
-        'ContentType="application/vnd.openxmlformats-officedocument.spreadsheetml.sheet.main+xml"/></Types>',
-        "_rels/.rels": f'<Relationships xmlns="{kind}/package/2006/relationships"><Relationship Id="a" '
-        f'Type="{office}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
-        "xl/workbook.xml": f'<workbook xmlns="{kind}/spreadsheetml/2006/main" xmlns:r="{office}"><sheets>'
-        '<sheet name="a" sheetId="1" r:id="a"/></sheets></workbook>',
-        "xl/_rels/workbook.xml.rels": f'<Relationships xmlns="{kind}/package/2006/relationships"><Relationship Id="a" '
-        f'Type="{office}/worksheet" Target="worksheets/a.xml"/></Relationships>',
-        "xl/worksheets/a.xml": f'<worksheet xmlns="{kind}/spreadsheetml/2006/main"><sheetData>{sheet}</sheetData></worksheet>',
-    }
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in parts.items():
-            archive.writestr(name, text)
-
-
 def test_a_workbook_whose_last_cell_is_far_away_is_refused(tmp_path):
     path = tmp_path / "bomb.xlsx"
-    workbook(path, "".join(f'<row r="{n}"><c r="XFD{n}"><v>1</v></c></row>' for n in range(1, 2000)))
+    path.write_bytes(workbook("".join(row(n, "XFD", 1) for n in range(1, 2000))))
     assert path.stat().st_size < 20_000
     with pytest.raises(InputError, match=r"bomb\.xlsx: .*more than 25000000 cells"):
         lumbar.import_recordings(path)
 
 
 def test_a_workbook_without_dimension_is_read(tmp_path):
-    cells = [
-        f'<row r="{n}">'
-        + "".join(
-            f'<c r="{c}{n}"><v>{v}</v></c>' for c, v in zip("ABC", (n / 100, n % 7, n % 5), strict=True)
-        )
-        + "</row>"
-        for n in range(1, 200)
-    ]
-    workbook(tmp_path / "sound.xlsx", "".join(cells))
+    rows = (row(n, "ABC", n / 100, n % 7, n % 5) for n in range(1, 200))
+    (tmp_path / "sound.xlsx").write_bytes(workbook("".join(rows)))
     [read] = lumbar.import_recordings(
         tmp_path / "sound.xlsx",
         time=1,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import RecordSet
-from lumbar.records.unpacking import ending_of
+from lumbar.records.unpacking import ending_of, stem_of
 from lumbar.settings.layout import ColumnLayout, MarkerLayout, RecordSettings
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def read(
         from lumbar.records.ratings import read_ratings
 
         return read_ratings(_one(files, kind), layout or _default_layout(kind))
-    from lumbar.records.columns import default_name, read_record
+    from lumbar.records.columns import read_record
     from lumbar.records.record import same_units
 
     layout, periods = layout or _default_layout(kind or "tissue"), periods or {}
@@ -129,7 +129,7 @@ def read(
         for item in files
         for file in ([item] if item.suffix and not item.is_dir() else column_files(item))
     ]
-    called = [default_name(file) for file in files] if names is None else list(names)
+    called = [stem_of(file) for file in files] if names is None else list(names)
     records = [
         read_record(file, layout, name, None, rate, (trims or {}).get(name))
         for file, name in zip(files, called, strict=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import is_device
+from lumbar.records.importing.choices import Choices
 from lumbar.settings.key import NAME
 
 if TYPE_CHECKING:
@@ -43,10 +44,9 @@ def checked_choices(given: Any) -> dict[str, Any]:
             chosen[name] = True
     if given.get("rate") not in (None, ""):
         chosen["rate"] = _number(given["rate"], "--rate")
-        if not 0 < chosen["rate"] < math.inf:
-            raise InputError(f"--rate {given['rate']!s:.40}: a positive number of hertz is needed")
     if given.get("trim") not in (None, [], ["", ""], [None, None]):
         chosen["trim"] = _trim(given["trim"])
+    Choices(rate=chosen.get("rate"), trim=chosen.get("trim"))
     return chosen
 
 
@@ -57,8 +57,6 @@ def _trim(given: Any) -> tuple[float, float]:
         default if value in (None, "") else _number(value, "--trim")
         for value, default in zip(given, (-math.inf, math.inf), strict=True)
     )
-    if not start < stop:
-        raise InputError(f"--trim: the start, {start:g} s, must lie before the stop, {stop:g} s")
     return start, stop
 
 

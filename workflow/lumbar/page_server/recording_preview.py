@@ -136,14 +136,14 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
         ],
         "seconds": record.duration,
         "curves": [
-            {"label": channel.label, "values": _drawn(channel.values)} for channel in record.channels.values()
+            {"label": channel.label, "values": drawn(channel.values, _POINTS).round(4).tolist()}
+            for channel in record.channels.values()
         ],
     }
 
 
-def _drawn(values: np.ndarray) -> list[float]:
-    """At most 2 × `_POINTS` values between 0 and 1: the least and the largest of every stretch."""
-    low, range_ = values.min(), np.ptp(values) or 1.0
-    stretches = np.array_split(values, min(_POINTS, len(values)))
-    ends = [end for part in stretches for end in (part.min(), part.max())]
-    return [round(float((end - low) / range_), 4) for end in ends]
+def drawn(values: np.ndarray, stretches: int) -> np.ndarray:
+    """The least and the largest value of every stretch of time, one after the other, from 0 to 1 over all."""
+    parts = np.array_split(values, min(stretches, len(values)))
+    ends = np.array([end for part in parts for end in (part.min(), part.max())])
+    return (ends - ends.min()) / (np.ptp(ends) or 1.0)

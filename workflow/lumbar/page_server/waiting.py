@@ -11,6 +11,7 @@ from tornado.web import HTTPError, RequestHandler
 
 from lumbar.base.errors import LumbarError
 from lumbar.base.templates import template
+from lumbar.page_server.recording_preview import drawn
 from lumbar.page_server.served_sets import ExploredSet, ServedSets
 from lumbar.records.record import Record
 
@@ -31,15 +32,11 @@ class Sketch:
     def of(cls, record: Record) -> Sketch:
         """Draw the least and the largest value of each of `_COLUMNS` stretches of time."""
         channel = record.channels["output"]
-        values = channel.values
-        stretches = np.array_split(values, min(_COLUMNS, len(values)))
-        ends = np.array([(part.min(), part.max()) for part in stretches])
-        low, high = float(ends.min()), float(ends.max())
-        across = np.repeat((np.arange(len(ends)) + 0.5) * WIDTH / len(ends), 2)
-        up = HEIGHT * (1 - (ends.ravel() - low) / ((high - low) or 1.0))
-        points = " ".join(f"{x:.0f},{y:.1f}" for x, y in zip(across, up, strict=True))
+        ends = drawn(channel.values, _COLUMNS)
+        across = np.repeat((np.arange(0, len(ends), 2) + 1) * WIDTH / len(ends), 2)
+        points = " ".join(f"{x:.0f},{HEIGHT * (1 - end):.1f}" for x, end in zip(across, ends, strict=True))
         words = (
-            f"{record.name}: {channel.quantity} from {low:.3g} to {high:.3g} {channel.unit} "
+            f"{record.name}: {channel.quantity} from {channel.values.min():.3g} to {channel.values.max():.3g} {channel.unit} "
             f"in {record.duration:.3g} s"
         )
         return cls(words, points)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.progress import track
 from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.records.record import same_units
 from lumbar.settings.layout import ColumnLayout, MarkerLayout
 from lumbar.settings.plain import from_plain
 from lumbar.settings.survey import RatingsLayout
@@ -53,20 +54,13 @@ def check_recordings(plan: list[dict], read: MarkerReader = read_markers) -> dic
         )
         if item.get("set"):
             sets.setdefault(item["set"], []).append(record)
-    _check_sets(sets.values(), problems)
-    problems.raise_if_any()
-    return chapters
-
-
-def _check_sets(sets: Iterable[list], problems: Problems) -> None:
-    """Note the sets whose recordings do not share quantities and units."""
-    from lumbar.records.record import same_units
-
-    for records in sets:
+    for records in sets.values():
         try:
             same_units(records)
         except InputError as error:
             problems.add("", str(error).replace("\n", "\n    "))
+    problems.raise_if_any()
+    return chapters
 
 
 def _sha256(path: str) -> str:

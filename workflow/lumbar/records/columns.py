@@ -43,7 +43,7 @@ from lumbar.records.record import (
 )
 from lumbar.records.stretches import check_clipping
 from lumbar.records.text_rows import number, stop_at_many
-from lumbar.records.unpacking import PACKED, read_readable
+from lumbar.records.unpacking import PACKED, read_readable, stem_of
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 LONGEST_GAP = 10
@@ -152,7 +152,7 @@ def read_record(
         if role != TIME
     }
     record = Record(
-        name=name or default_name(path), time=scaled[TIME], channels=channels, source=str(path), period=period
+        name=name or stem_of(path), time=scaled[TIME], channels=channels, source=str(path), period=period
     )
     record, lines = with_missing_rows(record, lines)
     may_rest = [role for role, column in columns.items() if column.optional]
@@ -183,11 +183,6 @@ def _read_columns(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarra
 
 def _read_either(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int]]:
     return _read_plain_table(path, layout) or _read_text(path, layout)
-
-
-def default_name(path: Path) -> str:
-    """Name of a file's record where it is given none: the file's without endings."""
-    return Path(path.name.removesuffix(".gz")).stem
 
 
 _LARGE = 5_000_000

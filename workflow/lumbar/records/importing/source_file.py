@@ -13,7 +13,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.importing.parts import record_name
 from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
 from lumbar.records.importing.text_table import read_text, table_of_lines
-from lumbar.records.unpacking import MOST_NUMBERS, check_zip, unpack
+from lumbar.records.unpacking import MOST_NUMBERS, check_zip, ending_of, stem_of, unpack
 
 
 def read_workbook(content: bytes, source: str, asked: Asked) -> RawTable:
@@ -111,13 +111,13 @@ def _read_packed(stored: bytes, path: Path, asked: Asked) -> RawTable:
 
 def _reader(content: bytes, path: Path):
     """Find the reader of this content, and import what it needs: called with content, source and what is asked."""
-    kind = path.name.lower().removesuffix(".gz").rpartition(".")[2]
+    kind = ending_of(path)
     if content.startswith(_HDF5) or content[512:520] == _HDF5:  # MATLAB 7.3 puts 512 bytes of its own before
         _require("h5py", "an HDF5 file (MATLAB 7.3 writes them too)", path)
         from lumbar.records.importing.variables import read_hdf5
 
         return read_hdf5
-    if content.startswith(b"MATLAB 5.0 MAT-file") or kind == "mat":
+    if content.startswith(b"MATLAB 5.0 MAT-file") or kind == ".mat":
         from lumbar.records.importing.variables import read_matlab
 
         return read_matlab
@@ -126,7 +126,7 @@ def _reader(content: bytes, path: Path):
         return read_workbook
     if content.startswith(_OLD_EXCEL):
         raise InputError(f"{path}: an Excel file of before 2007; save it as .xlsx or .csv")
-    if kind in ("c3d", "trc", "bvh"):
+    if kind in (".c3d", ".trc", ".bvh"):
         raise InputError(f"{path}: a file of markers, which needs no import: lumbar lift reads it")
     return read_text
 
@@ -143,4 +143,4 @@ def _require(package: str, kind: str, path: Path) -> None:
 
 def file_name(path: Path) -> str:
     """Name of a file's record: the file's without endings, with ``_`` for what a name may not hold."""
-    return record_name(Path(path.name.removesuffix(".gz")).stem)
+    return record_name(stem_of(path))
