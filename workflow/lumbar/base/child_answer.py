@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from lumbar.base.files import LARGEST_FILE, LARGEST_JSON
+from lumbar.base.files import LARGEST_FILE
 
-LARGEST_TEXT, LARGEST_ANSWER = LARGEST_JSON, LARGEST_JSON + 2 * LARGEST_FILE
+LARGEST_TEXT = 20_000_000
+LARGEST_ANSWER = LARGEST_TEXT + 2 * LARGEST_FILE
 """Bytes of an answer without and with its arrays."""
 
 

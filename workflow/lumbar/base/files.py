@@ -49,8 +49,8 @@ LARGEST_FILE = 200_000_000
 """Bytes of a file that is read, of any kind, as it lies and unpacked."""
 
 
-LARGEST_JSON = 20_000_000
-"""Bytes of a JSON file, whose values take twenty times as much."""
+LARGEST_JSON = 15_000_000
+"""Bytes of a JSON file, whose values may take thirty times as much."""
 
 
 def require_file(path: str | os.PathLike, most: int = LARGEST_FILE) -> int:
@@ -195,21 +195,38 @@ def read_json(path: str | os.PathLike):
     Raises
     ------
     InputError
-        As `require_file`; or it is not valid JSON (with the line) or not UTF-8. NaN and Infinity are
-        not JSON.
+        As `require_file` and `parsed_json`.
+    """
+    require_file(path, LARGEST_JSON)
+    return parsed_json(Path(path).read_bytes(), str(path))
+
+
+def parsed_json(content: bytes, place: str):
+    """Values of a text in JSON.
+
+    Parameters
+    ----------
+    place : str
+        What holds it, for messages.
+
+    Raises
+    ------
+    InputError
+        It is longer than `LARGEST_JSON`, not UTF-8, or not valid JSON (with the line). NaN and Infinity are not JSON.
     """
 
     def refuse(constant: str):
-        raise InputError(f"{path}: holds {constant}, which is not valid JSON")
+        raise InputError(f"{place}: holds {constant}, which is not valid JSON")
 
-    require_file(path, LARGEST_JSON)
+    if len(content) > LARGEST_JSON:
+        raise InputError(f"{place}: more than {LARGEST_JSON / 1e6:.0f} MB of JSON")
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=refuse)
+        return json.loads(content.decode("utf-8"), parse_constant=refuse)
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text ({error})") from error
+        raise InputError(f"{place}: not UTF-8 text ({error})") from error
     except RecursionError as error:
-        raise InputError(f"{path}: nested too deep for any result") from error
+        raise InputError(f"{place}: nested too deep for any result") from error
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line {error.lineno}: not valid JSON ({error.msg})") from error
+        raise InputError(f"{place}, line {error.lineno}: not valid JSON ({error.msg})") from error
     except ValueError as error:  # a number of more digits than Python reads
-        raise InputError(f"{path}: not valid JSON ({error})") from error
+        raise InputError(f"{place}: not valid JSON ({error})") from error

@@ -67,7 +67,10 @@ def say_what_runs(fmus: list[Path], trust: bool) -> None:
     """Say before it happens that libraries of anybody are run."""
     if fmus and trust:
         names = ", ".join(file.name for file in fmus)
-        print(f"--trust: the program in {names} is run with your rights, whoever made it", file=sys.stderr)
+        print(
+            f"--trust: the program in {names} is run with your rights, whoever made it, unless the file is refused",
+            file=sys.stderr,
+        )
 
 
 def given_settings(options: argparse.Namespace) -> StudySettings:

@@ -63,18 +63,33 @@ FORGED = {
     },
     "150 MB of zeros": {"more": [("resources/zeros", b"\0" * 150_000_000)]},
     "500 MB of zeros": {"more": [(f"resources/{k}", b"\0" * 100_000_000) for k in range(5)]},
+    "400 MB that are said to be ten bytes": {
+        "more": [("resources/zeros", b"\0" * 400_000_000)],
+        "central": lambda entry: entry[:24] + (10).to_bytes(4, "little") + entry[28:],
+    },
+    "a file under a password": {
+        "more": [("resources/x", b"x")],
+        "central": lambda entry: entry[:8] + b"\1" + entry[9:],
+    },
+    "a packing that nobody knows": {
+        "more": [("resources/x", b"x")],
+        "central": lambda entry: entry[:10] + b"\x63" + entry[11:],
+    },
     "70,000 files": {"more": [(f"documentation/{k}", b"") for k in range(70_000)]},
     "a way out": {"more": [("../../evil.txt", b"x"), ("/evil.txt", b"x"), ("..\\evil.txt", b"x")]},
     "a link": {"more": [link("resources/link")]},
     "a link for a library": {"more": [link("binaries/x86_64-linux/KB.so")]},
     "nested lists": {"change": lambda files: files.__setitem__("resources/model.json", b"[" * 200_000)},
+    "a number of 5000 digits": {
+        "change": lambda files: files.__setitem__("resources/model.json", b"9" * 5000)
+    },
     "40 MB of numbers": {
         "change": lambda files: files.__setitem__("resources/model.json", b"[" + b"1," * 20_000_000 + b"1]")
     },
 }
 
 
-def forge(sound: Path, path: Path, change=None, drop: str = "", more=()) -> Path:
+def forge(sound: Path, path: Path, change=None, drop: str = "", more=(), central=None) -> Path:
     with zipfile.ZipFile(sound) as archive:
         files = {name: archive.read(name) for name in archive.namelist() if name != drop}
     if change is not None:
@@ -82,6 +97,10 @@ def forge(sound: Path, path: Path, change=None, drop: str = "", more=()) -> Path
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for entry in (*files.items(), *more):
             archive.writestr(*entry)
+    if central is not None:  # what the list at the end says of the last file
+        data = path.read_bytes()
+        place = data.rindex(b"PK\1\2")
+        path.write_bytes(data[:place] + central(data[place:]))
     return path
 
 

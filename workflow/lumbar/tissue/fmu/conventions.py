@@ -55,7 +55,7 @@ def _value(text: str):
     """What is written, as JSON where it is."""
     try:
         return json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return text
 
 

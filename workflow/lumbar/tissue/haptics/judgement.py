@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.files import parsed_json
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
@@ -317,7 +317,7 @@ def judge_fmu(
     check_rendered(path)
     known = catalogues_with(list(effect_files))
     (check,) = check_files([path], cache_folder(settings.compiler_cache), known, False, trust)
-    model = None if check.left_out else read_record(json.loads(open_fmu(path)[0][RECORD]), known)[0]
+    model = None if check.left_out else read_record(parsed_json(open_fmu(path)[0][RECORD], RECORD), known)[0]
     if check.unknown:
         if model is None:
             raise InputError(f"{path}: {check.left_out}; {UNKNOWN}")

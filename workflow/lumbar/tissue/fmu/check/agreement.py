@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from json import JSONDecodeError
 
 from lumbar import __version__
-from lumbar.base.errors import user_message
+from lumbar.base.errors import InputError, user_message
+from lumbar.base.files import parsed_json
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.package import checksum, written_files
 from lumbar.tissue.fmu.build.record import read_record, record_text
@@ -45,7 +46,10 @@ def hold_together(files: Mapping[str, bytes], catalogues: Catalogues) -> Agreeme
     """
     root = ElementTree.fromstring(files["modelDescription.xml"])
     try:
-        record = json.loads(files[RECORD]) if RECORD in files else {}
+        record = parsed_json(files[RECORD], RECORD) if RECORD in files else {}
+    except InputError as error:
+        return Agreement((str(error),))
+    try:
         said = _writer(root, record)
         if said.problems or said.left_out:
             return said
@@ -56,7 +60,7 @@ def hold_together(files: Mapping[str, bytes], catalogues: Catalogues) -> Agreeme
         TypeError,
         RecursionError,
         UnicodeDecodeError,
-        json.JSONDecodeError,
+        JSONDecodeError,
     ) as error:
         return Agreement((f"{RECORD} is no record of an FMU: {error!r}",))
     except Exception as error:
