@@ -170,7 +170,7 @@ class Refinement(Result):
         return ladder_figure(rungs, unit, None if floor is None else floor.rms)
 
     def __str__(self) -> str:
-        from lumbar.tissue.diagnosis.selection.ladder import ladder_sentences
+        from lumbar.tissue.diagnosis.selection.refine import ladder_sentences
 
         lines = ladder_sentences(self.path, self.experiment)
         return "\n".join([*lines, *(item.sentence for item in self.findings)])

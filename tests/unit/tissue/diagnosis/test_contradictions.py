@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fine_tissue import branch, experiment
+from periodic_records import multisine, relaxing_force
 
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit_base, shape_bounds
@@ -153,7 +154,8 @@ def test_a_limit_counts_from_the_sensors_zero():
     ("frequency", "period", "words"),
     [
         (0.079, None, "its record holds 1.9 cycles of it"),
-        (0.084, None, ""),
+        (0.084, None, "its record holds 2.0 cycles of it"),
+        (0.22, None, ""),
         (0.5, 4.0, "it repeats with the excitation"),
         (0.51, 4.0, "it repeats with the excitation"),
         (0.53, 4.0, ""),
@@ -161,11 +163,30 @@ def test_a_limit_counts_from_the_sensors_zero():
         (0.5, None, ""),
     ],
 )
-def test_a_disturbance_needs_two_cycles_and_a_clock_of_its_own(name, frequency, period, words):
+def test_a_disturbance_needs_five_cycles_and_a_clock_of_its_own(name, frequency, period, words):
     """A record of 24 s has lines 0.042 Hz apart; half of one beside the excitation's grid is the least."""
     motion = Motion(np.arange(1201) * 0.02, np.zeros(1201), 0.02)
     refuses = form("periodic_disturbance", name).contradiction
     assert refuses({"frequency": frequency}, motion, np.zeros(1201), 0.01, period) == words
+
+
+def test_fewer_cycles_are_enough_of_a_line_that_stands_out():
+    """A sine of two to five cycles is one; a zero that wanders has its strongest line there too, and is none."""
+    disturbance, random = form("periodic_disturbance", "sine"), np.random.default_rng(0)
+    for seed in range(8):
+        position = multisine(8, seed=seed)
+        motion = Motion(0.01 * np.arange(len(position)), position, 0.01)
+        force = relaxing_force(position) + 0.02 * random.standard_normal(len(position))
+        walk = np.cumsum(random.standard_normal(len(position)))
+        walk *= 0.3 / np.std(walk)
+        power = np.abs(np.fft.rfft((walk - walk.mean()) * np.hanning(len(walk)))) ** 2
+        strongest = (2 + np.argmax(power[2:5]) + 0.1) / motion.time[-1]
+        wanders = disturbance.contradiction({"frequency": strongest}, motion, force + walk, 0.02, None)
+        assert "cycles of it" in wanders
+        for cycles in (2.2, 3.0, 4.5):
+            frequency = cycles / motion.time[-1]
+            sine = 0.1 * np.sin(2 * np.pi * frequency * motion.time + seed)
+            assert not disturbance.contradiction({"frequency": frequency}, motion, force + sine, 0.02, None)
 
 
 def test_a_spring_that_gets_softer_is_not_called_hardening():

@@ -5,7 +5,7 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.effects.catalogue import PENDULUM, TISSUE, catalogue_of, catalogue_with, usable_effects
-from lumbar.tissue.effects.starts import interval_starts, modulation_starts
+from lumbar.tissue.effects.hooks import interval_starts, modulation_starts
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure

@@ -13,12 +13,25 @@ from typing import Any
 
 import numpy as np
 
-from lumbar.tissue.effects.starts import interval_starts, modulation_starts, strongest_lines
 from lumbar.tissue.models.bases import elongation
 from lumbar.tissue.models.equation import CStep
 from lumbar.tissue.models.form import HandWritten
-from lumbar.tissue.models.operators import bouc_wen, bouc_wen_general, elastoplastic, play, presliding
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.operators import (
+    bouc_wen,
+    bouc_wen_general,
+    elastoplastic,
+    play,
+    presliding,
+    relaxation,
+)
 
+_EDGES = 160
+"""Most instants that are tried as ends of an interval."""
+_LINES = 3
+"""How many of the strongest frequencies are tried."""
+_HIGHEST = 4.0
+"""Hz; people move no faster."""
 _BOUC_WEN_STEP = """\
 // Exact along one direction: unloading is straight; loading adds travels as tanh(a + b) does.
 double direction = sign(step), share = direction * memory[0], travel = fabs(step) / presliding_distance;
@@ -104,6 +117,85 @@ _BY_HAND = {
 }
 
 
+def strongest_lines(motion: Motion, residual: np.ndarray) -> list[np.ndarray]:
+    """Frequencies (Hz) at which the residual has its strongest lines, strongest first.
+
+    Zero-padded periodogram with a Hann window. Trends (below 1.5 cycles per record) are left out; lines of a model
+    error that repeats with a periodic input are left out by keeping away from the input's own strong lines.
+    """
+    frequency, power = _periodogram(residual, motion.sampling_time)
+    _, excitation = _periodogram(motion.position, motion.sampling_time)
+    resolution = 1.0 / (len(residual) * motion.sampling_time)
+    power[frequency < 1.5 * resolution] = 0.0
+    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    if not len(peaks):
+        return [np.array([2 * resolution])]
+    # How far a line stands out where the input is weak counts, not its height alone.
+    weight = power[peaks] / (1e-3 * excitation.max() + excitation[peaks])
+    by_weight = peaks[np.argsort(-weight)[:_LINES]]
+    by_power = peaks[np.argsort(-power[peaks])[:1]]
+    return [np.array([frequency[peak]]) for peak in dict.fromkeys([*by_weight, *by_power])]
+
+
+def _periodogram(signal: np.ndarray, sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (Hz) and power of a signal about its mean, with a Hann window and zero-padding."""
+    padded = 8 * len(signal)
+    power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), padded)) ** 2
+    return np.fft.rfftfreq(padded, sampling_time), power
+
+
+def interval_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndarray]) -> list[np.ndarray]:
+    """Start and stop (s) of the interval in which two carriers explain most of the residual, jointly with the base.
+
+    The base of Eq. 4.1 is refitted for every interval: sums over an interval are differences of cumulative sums.
+
+    The list holds this one pair; residual and both carriers have shape (samples,).
+    """
+    base = np.stack([motion.acceleration, motion.velocity, np.sin(motion.position)])
+    carrier = np.stack(carriers)
+    edges = np.linspace(0, len(motion), min(_EDGES, len(motion) // 4) + 1).astype(int)
+    cross = _cumulative(base[:, None] * carrier, edges)
+    square = _cumulative(carrier[:, None] * carrier, edges)
+    right = _cumulative(carrier * residual, edges)
+    first, last = np.triu_indices(len(edges), k=2)
+    cross, square, right = (item[..., last] - item[..., first] for item in (cross, square, right))
+    inverse = np.linalg.pinv(base @ base.T, hermitian=True)
+    square = square - np.einsum("abn,ac,cdn->bdn", cross, inverse, cross)
+    right = right - np.einsum("abn,ac,c->bn", cross, inverse, base @ residual)
+    determinant = square[0, 0] * square[1, 1] - square[0, 1] ** 2
+    gain = (
+        square[1, 1] * right[0] ** 2 - 2 * square[0, 1] * right[0] * right[1] + square[0, 0] * right[1] ** 2
+    )
+    # An interval that is all but the whole record leaves the base nothing to differ from.
+    sound = determinant > 1e-6 * square[0, 0] * square[1, 1]
+    gain = np.where(sound, gain / np.where(sound, determinant, 1.0), 0.0)
+    best = int(gain.argmax())
+    times = edges[[first[best], last[best]]] * motion.sampling_time
+    return [np.maximum(times, motion.sampling_time)]
+
+
+def _cumulative(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Sum up to every edge over the last axis."""
+    total = np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(values, axis=-1)], axis=-1)
+    return total[..., edges]
+
+
+def modulation_starts(motion: Motion, residual: np.ndarray, carriers: list[np.ndarray]) -> list[np.ndarray]:
+    """Frequencies (Hz) at which the residual holds a carrier that swells and fades, strongest first.
+
+    Peaks of the spectrum of residual times carrier (the correlation with the modulated carrier), with a Hann window and
+    zero-padding; below one and a half cycles per record a modulation is no oscillation.
+    """
+    lowest = 1.5 / (len(residual) * motion.sampling_time)
+    found = []
+    for carrier in carriers:
+        frequency, power = _periodogram(residual * carrier, motion.sampling_time)
+        peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+        peaks = peaks[(frequency[peaks] >= lowest) & (frequency[peaks] <= _HIGHEST)]
+        found += list(frequency[peaks[np.argsort(-power[peaks])[:_LINES]]])
+    return [np.array([value]) for value in dict.fromkeys(found)] or [np.array([2 * lowest])]
+
+
 def _grasp_and_release(motion, residual):
     times = interval_starts(motion, residual, [motion.acceleration, np.sin(motion.position)])
     return [np.array([distance, *pair]) for pair in times for distance in (0.25, 0.75)]
@@ -121,7 +213,13 @@ _STARTS = {
 
 _BEYOND = 0.01
 """Share of the samples that may lie beyond a limit."""
-_FEWEST_CYCLES = 2.0
+_FEWEST_CYCLES, _ENOUGH_CYCLES = 2.0, 5.0
+"""Of a disturbance in a record: with fewer it is a drift; up to so many it may be one that wanders, unless its line stands
+out."""
+_STANDS_OUT = 30.0
+"""Power of such a line in that of the spectrum beside it, as a slope of a wandering zero has it."""
+_ASIDE = 2.5
+"""Lines (1/duration) from which on the spectrum is beside it: what Hann's window spreads ends before."""
 _APART = 0.5
 """Lines (1/duration) by which a disturbance must keep away from the excitation's own."""
 
@@ -136,11 +234,27 @@ def _below_adhesion(values, motion, force, noise, period) -> str:
     return f"{100 * share:.1f} % of the samples pull more than its limit" if share > _BEYOND else ""
 
 
+def _stands_out(motion: Motion, force: np.ndarray, at: float) -> bool:
+    """Whether a force has a line at a frequency, beside what a linear tissue answers, that no zero which wanders makes."""
+    columns = [np.ones(len(motion)), motion.position, motion.velocity]
+    columns += [relaxation(motion, share * motion.scale("time")) for share in (0.1, 1.0, 10.0)]
+    known = np.column_stack(columns)
+    frequency, power = _periodogram(
+        force - known @ np.linalg.lstsq(known, force, rcond=1e-10)[0], motion.sampling_time
+    )
+    lines = (frequency - at) * motion.time[-1]
+    beside = (np.abs(lines) > _ASIDE) & (frequency > 0) & (frequency < 4 * at)
+    # A random walk's power falls with the square of the frequency.
+    level = np.median(power[beside] * (frequency[beside] / at) ** 2)
+    return bool(power[np.argmin(np.abs(lines))] > _STANDS_OUT * level)
+
+
 def _no_disturbance(values, motion, force, noise, period) -> str:
-    """Fewer than two cycles are a drift; a line of the excitation's own grid is the model's error."""
+    """Few cycles are a drift, or a zero that wanders; a line of the excitation's own grid is the model's error."""
     frequency, duration = values["frequency"], float(motion.time[-1])
-    if frequency * duration < _FEWEST_CYCLES:
-        return f"its record holds {frequency * duration:.1f} cycles of it"
+    cycles = frequency * duration
+    if cycles < _FEWEST_CYCLES or (cycles < _ENOUGH_CYCLES and not _stands_out(motion, force, frequency)):
+        return f"its record holds {cycles:.1f} cycles of it"
     if period and abs(frequency * period - round(frequency * period)) < _APART * period / duration:
         return "it repeats with the excitation"
     return ""

@@ -14,6 +14,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.forward.forward_base import (
+    EVALUATIONS,
     beginning,
     better_base,
     choose_forward_base,
@@ -24,7 +25,6 @@ from lumbar.tissue.diagnosis.forward.forward_base import (
     simulate_base,
     turn_round,
 )
-from lumbar.tissue.diagnosis.forward.forward_fit import EVALUATIONS
 from lumbar.tissue.diagnosis.forward.sensor import sensor_candidates
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,

@@ -11,7 +11,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.law.terms import Term
-from lumbar.tissue.effects.starts import modulation_starts
+from lumbar.tissue.effects.hooks import modulation_starts
 from lumbar.tissue.models.expression import (
     COMPARISONS,
     Expression,
