@@ -70,7 +70,6 @@ class RecordSetSettings:
     rate_Hz: float | None = key(
         "Rate to which records read by a layout of this set's own are resampled; null leaves them as recorded.",
         default=None,
-        unit="Hz",
         gt=0,
     )
 

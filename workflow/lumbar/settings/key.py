@@ -7,13 +7,32 @@ reference pages and the JSON schema from them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import Field, dataclass, field
+from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
 from lumbar.base.files import is_device
 
 SEED = 2023
-
+UNITS = {
+    **{word: word for word in ("s", "ms", "Hz", "m", "mm", "kg", "N", "rad", "dB")},
+    "um": "µm",
+    "deg": "°",
+    "percent": "%",
+    "m_s": "m/s",
+    "mm_s": "mm/s",
+    "rad_s": "rad/s",
+    "m_s2": "m/s²",
+    "mm_s2": "mm/s²",
+    "N_m": "N·m",
+    "N_s": "N·s",
+    "N_s_m": "N·s/m",
+    "N_per_mm": "N/mm",
+    "N_per_mm3": "N/mm³",
+    "1_s": "1/s",
+    "per_kg": "1/kg",
+}
+"""Of a key's value, by the words in which the key's name ends."""
 
 Kind = TypeVar("Kind")
 
@@ -42,7 +61,7 @@ def key(meaning: str, *, default: Any, unit: str | None = None, within: str = ""
     default : object
         What holds where a configuration says nothing. By its name type checkers know that the key may be left out.
     unit : str, optional
-        Of the value.
+        Of the value; default what the key's name ends in, by `UNITS`.
     within : str
         Interval of its limits, e.g. ``"(0, 1]"``.
     **limits
@@ -65,8 +84,17 @@ def section(*, default_factory: type, **values) -> Any:
 @dataclass_transform(frozen_default=True, field_specifiers=(key, required, section))
 def settings(kind: type[Kind]) -> type[Kind]:
     """Make a class a section of the configuration: frozen, no other keys, no infinite numbers."""
+    for name, item in vars(kind).items():
+        if isinstance(item, Field) and (unit := _unit_in(name)):
+            item.metadata = MappingProxyType({"json_schema_extra": {"unit": unit}, **item.metadata})
     kind.__pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # type: ignore[attr-defined]
     return dataclass(frozen=True)(kind)
+
+
+def _unit_in(name: str) -> str | None:
+    words = name.split("_")
+    ends = ("_".join(words[first:]) for first in range(1, len(words)))
+    return next((UNITS[end] for end in ends if end in UNITS), None)
 
 
 class Each:

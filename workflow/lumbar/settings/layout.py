@@ -67,7 +67,7 @@ class OffsetPoint:
     """A point at a fixed offset in the axes of the laboratory."""
 
     start: Alias = required("Marker the offset starts from.", alias="from")
-    offset_m: tuple[Metre, Metre, Metre] = required("Offset lateral (right), forward and up.", unit="m")
+    offset_m: tuple[Metre, Metre, Metre] = required("Offset lateral (right), forward and up.")
 
 
 Metre = Annotated[float, Each(ge=-1, le=1)]
@@ -108,7 +108,6 @@ class MarkerLayout:
         "Frames per second of a CSV or MAT file that has no times, or where the rate that a file states is wrong; null "
         "takes them from the file.",
         default=None,
-        unit="Hz",
         gt=0,
     )
     aliases: dict[MarkerName, Alias | None] = key(
@@ -130,13 +129,9 @@ class RecordSettings:
 
     name: RecordName = required("Name of the record in tables and file names.")
     file: str = required("File below data_root.", min_length=1)
-    period_s: float | None = key(
-        "Period of the excitation, where it is periodic.", default=None, unit="s", gt=0
-    )
+    period_s: float | None = key("Period of the excitation, where it is periodic.", default=None, gt=0)
     trim_s: tuple[float, float] | None = key(
-        "Start and end of the part that is read, on the file's own clock; null reads all of it.",
-        default=None,
-        unit="s",
+        "Start and end of the part that is read, on the file's own clock; null reads all of it.", default=None
     )
 
     def __post_init__(self):

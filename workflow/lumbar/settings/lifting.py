@@ -65,7 +65,7 @@ class GapSettings:
     """How gaps in marker trajectories are treated."""
 
     maximum_s: float = key(
-        "Longest gap that a cubic spline bridges; 0 bridges none.", default=0.2, unit="s", within="[0, 1]"
+        "Longest gap that a cubic spline bridges; 0 bridges none.", default=0.2, within="[0, 1]"
     )
     longer: Literal["error", "keep"] = key(
         "What becomes of longer gaps and of those at the start or end: keep leaves them open, and what cannot be computed "
@@ -82,7 +82,6 @@ class GapSettings:
     rigid_tolerance_m: float = key(
         "A body whose markers differ from its shape by more than this (root mean square) is not rigid: it fills nothing.",
         default=0.02,
-        unit="m",
         within="(0, 0.1]",
     )
 
@@ -94,7 +93,6 @@ class FilterSettings:
     cutoff_Hz: float = key(
         "-3 dB frequency of both passes together; each pass is corrected for it.",
         default=6.0,
-        unit="Hz",
         within="(0, 50]",
     )
     order: int = key("Order of each pass.", default=2, within="[1, 8]")
@@ -131,65 +129,50 @@ class EventSettings:
         default="detection",
     )
     labels: EventLabels = section(default_factory=EventLabels)
-    box_speed_m_s: float = key("Speed above which the box moves.", default=0.05, unit="m/s", within="(0, 1]")
+    box_speed_m_s: float = key("Speed above which the box moves.", default=0.05, within="(0, 1]")
     box_rest_m_s: float = key(
-        "Speed below which the box rests: its movement starts and ends there.",
-        default=0.02,
-        unit="m/s",
-        within="(0, 1]",
+        "Speed below which the box rests: its movement starts and ends there.", default=0.02, within="(0, 1]"
     )
     box_sustained_s: float = key(
         "How long the box must move for its lift-off, and the wrists be away from it for the separation.",
         default=0.1,
-        unit="s",
         within="[0, 1]",
     )
     separation_m: float = key(
         "Wrists have left the box when their distance from its centre grows by more than this.",
         default=0.1,
-        unit="m",
         within="(0, 1]",
     )
     grip_s: float = key(
         "Time after lift-off whose median distance between wrists and box counts as the grip.",
         default=0.5,
-        unit="s",
         within="(0, 5]",
     )
-    toe_speed_m_s: float = key(
-        "Speed of a toe that leaves the ground.", default=0.3, unit="m/s", within="(0, 5]"
-    )
-    toe_sustained_s: float = key(
-        "How long the toe must keep that speed.", default=0.065, unit="s", within="[0, 1]"
-    )
+    toe_speed_m_s: float = key("Speed of a toe that leaves the ground.", default=0.3, within="(0, 5]")
+    toe_sustained_s: float = key("How long the toe must keep that speed.", default=0.065, within="[0, 1]")
     rise_m: float = key(
         "Rise of the box that makes it lifted: before, it may slide on its support.",
         default=0.02,
-        unit="m",
         within="(0, 1]",
     )
     hands_rise_m: float = key(
         "Rise of the hands that is a lift, where there are no markers on the box and the hands stand for it.",
         default=0.25,
-        unit="m",
         within="(0, 2]",
     )
     stay_s: float = key(
         "How long the box must not go down for a stay: the deposit starts at the end of the last one, or of the last rise.",
         default=0.3,
-        unit="s",
         within="(0, 10]",
     )
     descent_m: float = key(
         "Descent of the box (of the wrists where there is none) before the release that makes it a deposit.",
         default=0.05,
-        unit="m",
         within="(0, 2]",
     )
     prominence_m_s: float = key(
         "How far a local minimum of the wrists' speed (deposit_start) must lie below its surroundings.",
         default=0.05,
-        unit="m/s",
         within="[0, 2]",
     )
 
@@ -222,7 +205,6 @@ class BodyModelSettings:
     rate_Hz: float = key(
         "Instants of the model per second at most; frames between are averaged.",
         default=50.0,
-        unit="Hz",
         within="[20, 500]",
     )
 

@@ -24,7 +24,7 @@ class PerturbationsSettings:
 
     subject: str = required("Who moved.", min_length=1)
     body_mass_kg: float = required(
-        "Body mass in kg (an assumption where it was not recorded).", unit="kg", within="[20, 300]"
+        "Body mass in kg (an assumption where it was not recorded).", within="[20, 300]"
     )
     mass_share: float = required("Share of the body mass that the pendulum carries.", within="(0, 1]")
     pivot: tuple[str, ...] = required("Markers (standard names) whose mean is the pivot.", min_length=1)
@@ -90,7 +90,6 @@ class BodySettings:
     damping_s: float = key(
         "Damping of the joints that acts without delay, as a time: damping over that toppling stiffness; an assumption.",
         default=0.05,
-        unit="s",
         within="[0, 1]",
     )
 
@@ -100,27 +99,20 @@ class ControllerSettings:
     """The assumed controller: linear-quadratic about the lift's posture, knowing its own delay."""
 
     step_s: float = key(
-        "Time between two commands; the delay is a whole number of them.",
-        default=0.02,
-        unit="s",
-        within="(0, 0.1]",
+        "Time between two commands; the delay is a whole number of them.", default=0.02, within="(0, 0.1]"
     )
     delay_s: float = key(
         "Time from a change of posture to the torque that answers it: assumed. Restoring forces begin after about 0.125 s "
         "(Bortolami et al. 2003).",
         default=0.12,
-        unit="s",
         within="[0.02, 0.3]",
     )
     angle_rad: float = key(
         "Deviation of a joint's angle that costs as much as the torque torque_share (Bryson's rule).",
         default=0.1,
-        unit="rad",
         within="(0, 10]",
     )
-    rate_rad_s: float = key(
-        "Deviation of a joint's rate that costs as much.", default=0.5, unit="rad/s", within="(0, 100]"
-    )
+    rate_rad_s: float = key("Deviation of a joint's rate that costs as much.", default=0.5, within="(0, 100]")
     torque_share: float = key(
         "Torque that costs as much, as a share of the joint's strength: small for a soft controller.",
         default=0.2,
@@ -137,9 +129,7 @@ class PersonalSpreadSettings:
     gain: float = key(
         "Of the logarithm of the cost of torque: people answer softly or hard.", default=0.5, within="[0, 3]"
     )
-    delay_s: float = key(
-        "Of the delay, rounded to whole commands.", default=0.02, unit="s", within="[0, 0.1]"
-    )
+    delay_s: float = key("Of the delay, rounded to whole commands.", default=0.02, within="[0, 0.1]")
 
 
 @settings
@@ -148,24 +138,19 @@ class PushSettings:
 
     per_lift: int = key("Pushes in every lift.", default=24, within="[1, 100000]")
     forward_N_s: tuple[float, float] = key(
-        "Smallest and largest impulse forward; sizes between are equally likely.",
-        default=(0.5, 20.0),
-        unit="N·s",
+        "Smallest and largest impulse forward; sizes between are equally likely.", default=(0.5, 20.0)
     )
     backward_N_s: tuple[float, float] = key(
-        "Smallest and largest impulse backward; as many pushes as forward.", default=(10.0, 60.0), unit="N·s"
+        "Smallest and largest impulse backward; as many pushes as forward.", default=(10.0, 60.0)
     )
     equal_forward_N_s: float = key(
         "Size of every push forward in the contest of equal pushes, which asks who steps first. It is declared: taken from "
         "the group, it would change with everybody who joins.",
         default=9.0,
-        unit="N·s",
         gt=0,
     )
-    equal_backward_N_s: float = key(
-        "Size of every push backward in that contest.", default=40.0, unit="N·s", gt=0
-    )
-    duration_s: float = key("How long a push lasts.", default=0.1, unit="s", within="(0, 1]")
+    equal_backward_N_s: float = key("Size of every push backward in that contest.", default=40.0, gt=0)
+    duration_s: float = key("How long a push lasts.", default=0.1, within="(0, 1]")
     height_share: float = key(
         "Where the trunk is pushed, as a share of the way from hips to shoulders.",
         default=0.75,
@@ -178,24 +163,19 @@ class OutcomeSettings:
     """When a simulated person counts as one who steps."""
 
     step_s: float = key(
-        "Step of the integration; a whole number of them make a command.",
-        default=0.01,
-        unit="s",
-        within="(0, 0.02]",
+        "Step of the integration; a whole number of them make a command.", default=0.01, within="(0, 0.02]"
     )
     horizon_s: float = key(
-        "How long a body is followed after the push has begun.", default=2.5, unit="s", within="[0.5, 20]"
+        "How long a body is followed after the push has begun.", default=2.5, within="[0.5, 20]"
     )
     return_s: float = key(
         "Who is pushed stops the deposit after the controller's delay and takes the box back to where it began, in this time.",
         default=1.2,
-        unit="s",
         within="(0, 5]",
     )
     lean_deg: float = key(
         "A leg that leans by so much more or less than the lift asks for has no way back without a step.",
         default=35.0,
-        unit="°",
         within="(0, 90]",
     )
 

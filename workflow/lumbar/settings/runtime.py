@@ -14,18 +14,16 @@ class DeviceSettings:
     The defaults are a stylus as in the thesis's experiment: light, with little friction, held loosely.
     """
 
-    mass_kg: float = key("Mass that moves with the stylus.", default=0.25, unit="kg", gt=0)
+    mass_kg: float = key("Mass that moves with the stylus.", default=0.25, gt=0)
     damping_N_s_m: float = key(
         "Viscous damping of the device itself, without the hand: what makes a sampled force passive.",
         default=5.5,
-        unit="N·s/m",
         gt=0,
     )
     friction_N: float = key(
         "Dry friction of the device itself, the same at every speed. It calms the simulated loop; damping needed and largest "
         "stable gain are those without it.",
         default=0.0,
-        unit="N",
         ge=0,
     )
     hand_stiffness_N_m: float = key(
@@ -34,19 +32,17 @@ class DeviceSettings:
         unit="N/m",
         ge=0,
     )
-    hand_damping_N_s_m: float = key("Damping of the hand.", default=0.0, unit="N·s/m", ge=0)
-    hand_mass_kg: float = key("Mass of the hand that moves with the stylus.", default=0.0, unit="kg", ge=0)
+    hand_damping_N_s_m: float = key("Damping of the hand.", default=0.0, ge=0)
+    hand_mass_kg: float = key("Mass of the hand that moves with the stylus.", default=0.0, ge=0)
     rate_Hz: float = key(
         "Rate of the servo loop. Where it is faster than the model it repeats the model's force; where it is slower the "
         "model's samples between two of its ticks have positions on a straight line. The loaders refuse less than 4 Hz.",
         default=1000.0,
-        unit="Hz",
         ge=4,
     )
     delay_ms: float = key(
         "Time from reading the encoder to the force at the motor: computing, bus, amplifier.",
         default=0.0,
-        unit="ms",
         within="[0, 1000]",
     )
     jitter_percent: float = key(
@@ -62,7 +58,7 @@ class DeviceSettings:
         within="[0, 20]",
     )
     encoder_um: float = key(
-        "Resolution of the position that the device reads; 0 is exact.", default=30.0, unit="µm", ge=0
+        "Resolution of the position that the device reads; 0 is exact.", default=30.0, ge=0
     )
     hands: int = key(
         "How many hands are drawn, and fits within the intervals of their parameters, to say in which share of them a model is "
@@ -74,7 +70,7 @@ class DeviceSettings:
         "Loosest and firmest of these hands.", default=(50.0, 1500.0), unit="N/m"
     )
     hands_damping_N_s_m: tuple[float, float] = key(
-        "Smallest and largest damping of these hands.", default=(0.0, 50.0), unit="N·s/m"
+        "Smallest and largest damping of these hands.", default=(0.0, 50.0)
     )
     least_stable_share: float = key(
         "Share of fits and hands in which a model must be stable: below it, it counts as unsafe.",
@@ -128,7 +124,6 @@ class RuntimeSettings:
         "Length of the moving average on the input, to whole samples of the FMUs' rate; 0 is off. Default three samples of a "
         "1 kHz loop, as the thesis has three of its 100 Hz loop: 30 ms with rate_Hz: null.",
         default=3.0,
-        unit="ms",
         within="[0, 1000]",
     )
     output_limit: float = key(
@@ -180,7 +175,6 @@ class RuntimeSettings:
         "100 Hz). Models are discretised anew (ramp-invariant), delays of whole samples kept to the millisecond; one "
         "that no continuous model could be runs several times over, each on its own samples.",
         default=1000.0,
-        unit="Hz",
         gt=0,
     )
     compiler_cache: str | None = key(

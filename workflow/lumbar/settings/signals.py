@@ -26,7 +26,7 @@ class WelchSettings:
     """Welch's method."""
 
     segment_s: float = key(
-        "Length of a segment; frequency lines lie 1/segment_s Hz apart.", default=10.24, unit="s", gt=0
+        "Length of a segment; frequency lines lie 1/segment_s Hz apart.", default=10.24, gt=0
     )
     overlap: float = key("Share of a segment in common with the next.", default=0.5, within="[0, 0.95]")
     window: Literal["hann", "hamming", "blackman", "boxcar", "bartlett", "flattop"] = key(
@@ -50,14 +50,12 @@ class BandwidthSettings:
         "Rule level: the bandwidth is the last frequency at which the density is above this level "
         "under its peak.",
         default=-20.0,
-        unit="dB",
         within="[-60, -1]",
     )
     maximum_Hz: float = key(
         "Upper end of the analysis band. Tremor (8 to 12 Hz) and measuring noise above it do not "
         "count; they would decide the velocity's bandwidth.",
         default=6.0,
-        unit="Hz",
         gt=0,
     )
     confidence: float = key("Confidence of the intervals.", default=0.95, within="[0.5, 0.999]")
@@ -75,7 +73,7 @@ class SurgeonSettings:
         columns=columns(time=("time_s", "s", "time"), position=("z_mm", "mm", "position")),
     )
     rate_Hz: float | None = key(
-        "Resample all trials to this rate; null leaves them as recorded.", default=None, unit="Hz", gt=0
+        "Resample all trials to this rate; null leaves them as recorded.", default=None, gt=0
     )
     records: tuple[SurgeonRecord, ...] = key(
         "Trials; the interval of a bandwidth needs several, best of several surgeons.", default=()
@@ -83,10 +81,7 @@ class SurgeonSettings:
     welch: WelchSettings = section(default_factory=WelchSettings)
     bandwidth: BandwidthSettings = section(default_factory=BandwidthSettings)
     reference_Hz: float | None = key(
-        "A published bandwidth, drawn for comparison (thesis: 2.5); null draws none.",
-        default=2.5,
-        unit="Hz",
-        gt=0,
+        "A published bandwidth, drawn for comparison (thesis: 2.5); null draws none.", default=2.5, gt=0
     )
 
 
@@ -105,7 +100,7 @@ class AmplitudeSettings:
     measure: Literal["rms", "peak"] = key(
         "Whether value_mm is the root mean square or the peak.", default="rms"
     )
-    value_mm: float = key("Amplitude.", default=2.0, unit="mm", within="(0, 1000]")
+    value_mm: float = key("Amplitude.", default=2.0, within="(0, 1000]")
 
 
 @settings
@@ -113,10 +108,7 @@ class MultisineSettings:
     """Multisine of Eq. 3.1."""
 
     period_s: float = key(
-        "Period, a whole number of samples; lines lie 1/period_s Hz apart.",
-        default=10.0,
-        unit="s",
-        within="(0, 1000]",
+        "Period, a whole number of samples; lines lie 1/period_s Hz apart.", default=10.0, within="(0, 1000]"
     )
     periods: int = key("Periods played; the first is left out as transient.", default=10, within="[2, 1000]")
     grid: Literal["full", "odd"] = key(
@@ -145,7 +137,7 @@ class MultisineSettings:
 class NoiseSettings:
     """Band-limited Gaussian noise."""
 
-    duration_s: float = key("Duration.", default=10.0, unit="s", within="(0, 10000]")
+    duration_s: float = key("Duration.", default=10.0, within="(0, 10000]")
     filter_order: int = key(
         "Order of the Butterworth low-pass, run forward and backward; -3 dB lies at the upper end of "
         "the band.",
@@ -158,12 +150,9 @@ class NoiseSettings:
 class ChirpSettings:
     """Linear chirp of Eq. 3.2."""
 
-    duration_s: float = key("Duration.", default=10.0, unit="s", within="(0, 10000]")
+    duration_s: float = key("Duration.", default=10.0, within="(0, 10000]")
     lowest_Hz: float = key(
-        "Frequency at which the sweep begins; it ends at the upper end of the band.",
-        default=0.0,
-        unit="Hz",
-        ge=0,
+        "Frequency at which the sweep begins; it ends at the upper end of the band.", default=0.0, ge=0
     )
 
 
@@ -171,13 +160,10 @@ class ChirpSettings:
 class MachineSettings:
     """Limits of the testing machine, from its data sheet; the defaults suit an electrodynamic one of 60 mm stroke."""
 
-    displacement_mm: float = key("Largest displacement from the middle.", default=30.0, unit="mm", gt=0)
-    velocity_mm_s: float = key("Largest velocity.", default=1000.0, unit="mm/s", gt=0)
+    displacement_mm: float = key("Largest displacement from the middle.", default=30.0, gt=0)
+    velocity_mm_s: float = key("Largest velocity.", default=1000.0, gt=0)
     acceleration_mm_s2: float = key(
-        "Largest acceleration with tool and grips, i.e. dynamic force over moved mass.",
-        default=20000.0,
-        unit="mm/s²",
-        gt=0,
+        "Largest acceleration with tool and grips, i.e. dynamic force over moved mass.", default=20000.0, gt=0
     )
 
 
@@ -194,17 +180,15 @@ class SignalsSettings:
     round_Hz: float = key(
         "The upper end of the excited band is rounded to the nearest multiple of this.",
         default=0.5,
-        unit="Hz",
         within="(0, 10]",
     )
-    rate_Hz: float = key("Samples per second of the signals.", default=100.0, unit="Hz", within="[1, 10000]")
+    rate_Hz: float = key("Samples per second of the signals.", default=100.0, within="[1, 10000]")
     amplitude: AmplitudeSettings = section(default_factory=AmplitudeSettings)
     ramp_s: float = key(
         "Every signal is raised from zero by half a cosine of this length; noise and chirp are also "
         "lowered at the end. 0 leaves them as designed. The multisine's first period is then no "
         "period.",
         default=0.0,
-        unit="s",
         within="[0, 60]",
     )
     multisine: MultisineSettings = section(default_factory=MultisineSettings)

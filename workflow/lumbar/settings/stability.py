@@ -35,7 +35,6 @@ class PendulumSettings:
     gravity_m_s2: float = key(
         "Gravitational acceleration: of the basins, of the effects on a pendulum, and of the twin's hip moments.",
         default=9.81,
-        unit="m/s²",
         within="[0, 30]",
     )
 
@@ -86,7 +85,6 @@ class ProofSettings:
         "By how much, in 1/s, ρ̇/ρ of the funnel that is proved exceeds the largest V̇/ρ on its "
         "boundary; its area is about 1 − margin·T/2 of the exact one's.",
         default=0.005,
-        unit="1/s",
         within="(0, 100]",
     )
 
@@ -103,10 +101,7 @@ class SumOfSquaresSettings:
         within="[2, 100000]",
     )
     margin_1_s: float = key(
-        "Margin left in ρ̇/ρ, in 1/s, above the solver's tolerance.",
-        default=2e-05,
-        unit="1/s",
-        within="(0, 1]",
+        "Margin left in ρ̇/ρ, in 1/s, above the solver's tolerance.", default=2e-05, within="(0, 1]"
     )
 
 
@@ -155,38 +150,32 @@ class LimitSettings:
         "How far the foot reaches ahead of the ankle: about the ankles u ≥ −m·g times this, or the heel lifts. A foot is 0.152 "
         "of the height long (Winter 2009, Figure 4.1), a quarter of it behind the ankle.",
         default=0.2,
-        unit="m",
         within="(0, 0.5]",
     )
     foot_behind_m: float = key(
         "How far it reaches behind the ankle: u ≤ m·g times this, or the toes lift.",
         default=0.06,
-        unit="m",
         within="(0, 0.5]",
     )
     feet_half_width_m: float = key(
         "Half the distance between the feet's outer borders, which limits the torque about the ankles to the sides.",
         default=0.17,
-        unit="m",
         within="(0, 1]",
     )
     hip_extension_N_m: float = key(
         "Largest torque of both hips backward (isometric strength of young men, 0.161 of body weight times height a leg; "
         "Anderson, Madigan and Nussbaum 2007). All of it is left to each pendulum about the hips or L5.",
         default=440.0,
-        unit="N·m",
         within="(0, 10000]",
     )
     hip_flexion_N_m: float = key(
         "Largest torque of both hips forward (0.113 of body weight times height a leg; there).",
         default=310.0,
-        unit="N·m",
         within="(0, 10000]",
     )
     hip_abduction_N_m: float = key(
         "Largest torque of both hips to a side: an assumption, 100 N·m a leg.",
         default=200.0,
-        unit="N·m",
         within="(0, 10000]",
     )
     mass_share: float = key(
@@ -249,11 +238,10 @@ class MeasureSettings:
     contact_height_m: float = key(
         "How far above its lowest level heel or toe still stand on the ground.",
         default=0.03,
-        unit="m",
         within="(0, 0.2]",
     )
     contact_speed_m_s: float = key(
-        "Speed below which heel or toe stand on the ground.", default=0.3, unit="m/s", within="(0, 5]"
+        "Speed below which heel or toe stand on the ground.", default=0.3, within="(0, 5]"
     )
 
 

@@ -11,10 +11,10 @@ from lumbar.settings.key import FolderName, key, required, settings
 class DeclaredEvents:
     """Times set by hand; they replace the detected ones."""
 
-    lift_off_s: float | None = key("Box leaves its support.", default=None, unit="s")
-    toe_off_s: float | None = key("End of the lift.", default=None, unit="s")
-    deposit_start_s: float | None = key("Start of the deposit.", default=None, unit="s")
-    release_s: float | None = key("Box is released.", default=None, unit="s")
+    lift_off_s: float | None = key("Box leaves its support.", default=None)
+    toe_off_s: float | None = key("End of the lift.", default=None)
+    deposit_start_s: float | None = key("Start of the deposit.", default=None)
+    release_s: float | None = key("Box is released.", default=None)
     reason: str | None = key("Why they are set by hand; stands beside the result.", default=None)
 
 
@@ -22,7 +22,7 @@ class DeclaredEvents:
 class TrialSettings:
     """One recorded lift."""
 
-    box_mass_kg: float = required("Mass of the box.", unit="kg", within="[0, 100]")
+    box_mass_kg: float = required("Mass of the box.", within="[0, 100]")
     markers: str = required("Marker file (C3D, TRC, CSV, MAT, BVH; also .gz).")
     hip_moment: str | None = key("Hip moment beside it (time_s, angle_rad, moment_Nm).", default=None)
     forces: str | None = key(
@@ -34,7 +34,6 @@ class TrialSettings:
         "Start and end of the part of the recording that is this lift, on the file's own clock; null takes all of it. It "
         "is cut after filtering, so that its ends are no ends of the filter.",
         default=None,
-        unit="s",
     )
     events: DeclaredEvents | Literal["file"] | None = key(
         "Times set by hand, which replace the detected ones; or file: the events that the recording's own file holds replace "
@@ -55,8 +54,8 @@ class SubjectSettings:
     sex: Literal["female", "male", "unknown"] = required(
         "female, male or unknown; picks the segment table where it differs."
     )
-    mass_kg: float = required("Body mass.", unit="kg", within="(0, 400]")
-    height_m: float = required("Stature.", unit="m", within="[0.5, 2.6]")
+    mass_kg: float = required("Body mass.", within="(0, 400]")
+    height_m: float = required("Stature.", within="[0.5, 2.6]")
     experience: str = required(
         "Label of the group that Table 4.1 (stability.compare) counts the person to, e.g. expert or novice.",
         min_length=1,

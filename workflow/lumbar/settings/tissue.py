@@ -40,9 +40,7 @@ class RidgeSettings:
 class BootstrapSettings:
     """Block bootstrap of the coefficients."""
 
-    block_s: float = key(
-        "Length of a block: longer than the residuals are correlated.", default=0.5, unit="s", gt=0
-    )
+    block_s: float = key("Length of a block: longer than the residuals are correlated.", default=0.5, gt=0)
     resamples: int = key("Number of resampled data sets.", default=1000, within="[100, 100000]")
     confidence: float = key(
         "Confidence level of the intervals of physical parameters.", default=0.95, within="(0, 1)"
@@ -77,7 +75,6 @@ class TissueSettings:
         "Rate to which every record is resampled, with an anti-aliasing filter; null leaves them as "
         "recorded.",
         default=None,
-        unit="Hz",
         gt=0,
     )
     records: tuple[RecordSettings, ...] = key(
@@ -93,7 +90,6 @@ class TissueSettings:
         "Start of every record that no error of a free run counts; null: 50 samples, a two-hundredth of a record that is "
         "longer than 10,000 samples, never more than a twentieth of it.",
         default=None,
-        unit="s",
         ge=0,
     )
     search: SearchSettings = section(default_factory=SearchSettings)
@@ -103,5 +99,4 @@ class TissueSettings:
     segment_s: tuple[Instant, Instant] = key(
         "Start and end of the part of each record that Figures 3.4 and 3.5 show, since the record's start.",
         default=(1.0, 7.0),
-        unit="s",
     )
