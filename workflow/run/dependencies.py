@@ -69,18 +69,9 @@ def _data_files(folder: Path) -> frozenset[Path]:
 
 
 def library_sources(script: str) -> list[str]:
-    """Return every library file that a script imports, directly or through others.
+    """Return the sorted paths of all library files that a script of ``workflow/scripts`` imports, directly or through others.
 
-    Parameters
-    ----------
-    script : str
-        File name in ``workflow/scripts``.
-
-    Returns
-    -------
-    list of str
-        Sorted absolute paths. Data files (C sources, tables) that lie in a package beside an imported module,
-        or in a folder there, count too.
+    Data files (C sources, tables) that lie in a package beside an imported module, or in a folder there, count too.
     """
     pending = [WORKFLOW / "scripts" / script]
     seen: set[Path] = set()
@@ -96,18 +87,7 @@ def library_sources(script: str) -> list[str]:
 
 @cache
 def library_code(script: str) -> str:
-    """Return a digest of all that `library_sources` names for a script: another one whenever any of it changes.
-
-    Parameters
-    ----------
-    script : str
-        File name in ``workflow/scripts``.
-
-    Returns
-    -------
-    str
-        The same wherever the project lies.
-    """
+    """Return a digest of all that `library_sources` names: another one whenever any of it changes, wherever the project lies."""
     digest = hashlib.sha256()
     for path in map(Path, library_sources(script)):
         for part in (path.relative_to(WORKFLOW).as_posix().encode(), path.read_bytes()):

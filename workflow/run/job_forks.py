@@ -31,11 +31,6 @@ def fork_scripts(workflow) -> None:
 
     On a cluster, in a container or in a conda environment every script starts a Python of its own, as on other systems
     than Linux, whose libraries may hold threads that a fork does not survive.
-
-    Parameters
-    ----------
-    workflow : snakemake.workflow.Workflow
-        With its graph of jobs.
     """
     from snakemake.script import PythonScript
 

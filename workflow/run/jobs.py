@@ -13,13 +13,7 @@ from pathlib import Path
 
 
 def set_job_environment(workflow: Path) -> None:
-    """Make the library importable without installation, and results the same bytes for any number of cores.
-
-    Parameters
-    ----------
-    workflow : Path
-        Folder that holds the library.
-    """
+    """Make the library in a folder importable without installation, and results the same bytes for any number of cores."""
     from lumbar.base.environment import use_one_thread
 
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(workflow), os.environ.get("PYTHONPATH")]))
@@ -37,7 +31,7 @@ START_S = 60
 
 
 def job_size(peak_mb: float, seconds: float) -> dict:
-    """Resources of a rule: what was measured with head-room, as many times as the job was tried.
+    """Resources of a rule, ``mem_mb`` and ``runtime`` (min): what was measured with head-room, times the number of tries.
 
     Parameters
     ----------
@@ -45,11 +39,6 @@ def job_size(peak_mb: float, seconds: float) -> dict:
         Largest resident memory of the rule's jobs (``max_rss`` of their benchmarks).
     seconds : float
         Longest processor time (``cpu_time``).
-
-    Returns
-    -------
-    dict
-        ``mem_mb`` and ``runtime`` (min), for the rule's ``resources:``.
     """
     memory = SNAKEMAKE_MB + MEMORY_HEAD_ROOM * ceil(peak_mb)
     minutes = ceil((START_S + TIME_HEAD_ROOM * seconds) / 60)
@@ -68,11 +57,6 @@ def lift_limit(scheduler) -> None:
 
     With a limit, every job that ends begins a chain of looks at all inputs of all waiting jobs, once a second until the run
     ends (`JobScheduler._schedule_reevalutation`): after twenty jobs they take a tenth of a core, and the end waits for the last.
-
-    Parameters
-    ----------
-    scheduler : snakemake.scheduling.job_scheduler.JobScheduler
-        Of a run that begins.
     """
     limit = scheduler.workflow.scheduling_settings.max_jobs_per_timespan
     if limit is not None and (limit.max_jobs, limit.timespan) == SNAKEMAKES_OWN:
@@ -90,13 +74,7 @@ def end_with_parent() -> None:
 
 
 def remove_half_written(workflow) -> None:
-    """Remove what lies half written beside the outputs that the run makes: they are locked, so nobody else is writing there.
-
-    Parameters
-    ----------
-    workflow : snakemake.workflow.Workflow
-        With its graph of jobs.
-    """
+    """Remove what lies half written beside the outputs that the run makes: they are locked, so nobody else is writing there."""
     from lumbar.base.files import half_written
 
     made = defaultdict(set)

@@ -7,7 +7,7 @@ from snakemake.output_index import OutputIndex
 
 
 def rule_graph(workflow, target: str, alike: set[str] = frozenset()) -> list[list[str]]:
-    """Return the graph of rules of a target.
+    """Return the graph of rules of a target: which makes, which uses; sorted, each pair once.
 
     Parameters
     ----------
@@ -17,11 +17,6 @@ def rule_graph(workflow, target: str, alike: set[str] = frozenset()) -> list[lis
         Rule whose inputs are followed to what makes them, and so on.
     alike : set of str
         Wildcards whose values are all made by the same rules: one of them is followed.
-
-    Returns
-    -------
-    list of [str, str]
-        Made by, used by: sorted, each once.
     """
     index = OutputIndex(workflow.rules)
     edges, seen = set(), set()

@@ -134,13 +134,7 @@ class RunLog(logging.Handler):
         return f"{text}, {_minutes((self.total - done) / speed)} left"
 
     def closing(self, folder: Path) -> str:
-        """Return timings and warnings of what ran, from its benchmark and log files.
-
-        Parameters
-        ----------
-        folder : Path
-            ``results/<study>/benchmarks``.
-        """
+        """Return timings and warnings of what ran, from its benchmark and log files."""
         from run.timings import summary
 
         told = summary(folder, {job.name for job in self.finished})

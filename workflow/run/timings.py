@@ -8,18 +8,7 @@ from pathlib import Path
 
 
 def timings(folder: Path) -> list[tuple[str, float, float, float]]:
-    """Read every benchmark file below a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        ``results/<study>/benchmarks``.
-
-    Returns
-    -------
-    list of (str, float, float, float)
-        Name of the job, wall seconds, processor seconds, peak resident memory in MB; slowest first.
-    """
+    """Read every benchmark file below a folder: job, wall and processor seconds, peak memory in MB; slowest first."""
     rows = []
     for path in sorted(folder.rglob("*.tsv")):
         with path.open(encoding="utf-8", newline="") as stream:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.base.errors import InputError
+from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.files import read_json
 from lumbar.cli.options import DATA, OUTPUT, Command, given_settings, option, path
 
 if TYPE_CHECKING:
@@ -157,8 +158,6 @@ LIFT = Command(
 
 def run_basin(options) -> None:
     """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
-    from lumbar.base.errors import NumericalError
-    from lumbar.base.files import read_json
     from lumbar.interface.lift_basins import basins
     from lumbar.lifting.stability.model.failures import announcement
 

@@ -10,16 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import write_csv
 from lumbar.interface.verb import Result
-from lumbar.lifting.body_model.lift_model import ModelledLift, model_of_lift
-from lumbar.lifting.movement.lift import no_deposit
+from lumbar.lifting.body_model.lift_model import COLUMNS as STATES
+from lumbar.lifting.body_model.lift_model import MARKERS, ModelledLift, model_of_lift
+from lumbar.lifting.body_model.pendulums import COLUMNS as AREAS
+from lumbar.lifting.body_model.pendulums import basin_intervals
+from lumbar.lifting.movement.lift import AnalysedLift, no_deposit
+from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.lifting.movement.lift import AnalysedLift
     from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.stability import StabilitySettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
 class LiftModel(Result):
     """A lift by the body model."""
 
+    shown = "areas"
     name: str
     data: str
     """`name`, `data`: of the lift, and words for the source of its data."""
@@ -48,8 +52,6 @@ class LiftModel(Result):
     @cached_property
     def areas(self) -> pd.DataFrame:
         """Exact mean basin area of every pendulum with its 95 % interval, by the study's sign of gravity."""
-        from lumbar.lifting.body_model.pendulums import basin_intervals
-
         sign = self.stability.pendulum.sign
         return basin_intervals(self.modelled.pendulums, self.stability, sign, self.pivot)
 
@@ -58,11 +60,6 @@ class LiftModel(Result):
         tables = {"pendulum": self.states, "markers": self.markers, "areas": self.areas}
         for name, table in tables.items():
             yield f"body_model_{name}.csv", table.assign(data=self.data)
-
-    @property
-    def notebook_table(self) -> pd.DataFrame:
-        """The areas with their intervals."""
-        return self.areas
 
     def __str__(self) -> str:
         lines = []
@@ -102,7 +99,6 @@ def body_model(
         The lift has no deposit, or its file too few markers of pelvis or thorax.
     """
     from lumbar.settings.lifting import BodyModelSettings
-    from lumbar.settings.stability import StabilitySettings
 
     reason = no_deposit(analysed.events)
     if reason:
@@ -117,11 +113,6 @@ def body_model(
 def save_without_model(folder: str | os.PathLike) -> None:
     """Write the tables of a lift that has no body model: columns without rows."""
     import pandas as pd
-
-    from lumbar.base.files import write_csv
-    from lumbar.lifting.body_model.lift_model import COLUMNS as STATES
-    from lumbar.lifting.body_model.lift_model import MARKERS
-    from lumbar.lifting.body_model.pendulums import COLUMNS as AREAS
 
     for name, columns in {"pendulum": STATES, "markers": MARKERS, "areas": AREAS}.items():
         write_csv(Path(folder) / f"body_model_{name}.csv", pd.DataFrame(columns=[*columns, "data"]))

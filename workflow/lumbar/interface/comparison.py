@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import write_text
 from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
@@ -144,7 +145,6 @@ class OnRecords(Result):
 
     def save(self, folder: str | os.PathLike) -> None:
         """Write the numbers as a table, one picture per record, and a page: ``compare…`` or ``location…``."""
-        from lumbar.base.files import write_text
         from lumbar.publishing.figures.style import save
 
         folder, pictures = Path(folder), {}

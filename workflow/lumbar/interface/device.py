@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import read_json
 from lumbar.interface.verb import NOT_SAID, Result
 from lumbar.settings.runtime import Platform, RuntimeSettings
-from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.fitted_model import FittedModel, read_models
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,9 +27,6 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
 
     Parameters
     ----------
-    path : path
-    trust : bool
-        Whether libraries of anybody are run.
     effect_files : iterable of path, optional
         Files with effects of your own that the models have and the file does not carry: those in Python.
 
@@ -49,9 +47,7 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
 
 
 def _read(path: Path, effect_files) -> tuple[list[FittedModel], str]:
-    from lumbar.base.files import read_json
     from lumbar.tissue.effects.catalogue import catalogues_with
-    from lumbar.tissue.models.fitted_model import read_models
 
     content = read_json(path)
     models = read_models(content, catalogues_with(list(effect_files), content), str(path))
@@ -174,7 +170,7 @@ def check_fmu(
     effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
 ) -> list[FileCheck]:
-    """Check FMUs: description, library, reference signals and sources must say and do the same.
+    """Check FMUs: description, library, reference signals and sources must say and do the same; a `FileCheck` of each file.
 
     All that a file says follows from its record, ``resources/model.json``: it is written anew from that and compared.
 
@@ -188,15 +184,12 @@ def check_fmu(
         where it is one for this machine.
     key : path, optional
         Public keys of OpenSSH, a line each: every file must have been signed with one of them, or nothing in it is run.
+    trust : bool
+        Whether the library of a file without key is run, whoever made it.
     effect_files : iterable of path, optional
         Files with effects of your own that the models have and the FMUs do not carry: those in Python.
     settings : RuntimeSettings, optional
         For the compiler's cache.
-
-    Returns
-    -------
-    list of FileCheck
-        What was checked of each file.
 
     Raises
     ------
@@ -213,7 +206,7 @@ def check_fmu(
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.check.file_check import check_files
 
-    known = catalogues_with(list(effect_files))
+    known = catalogues_with(list(map(Path, effect_files)))
     paths = [Path(item) for item in ([path] if isinstance(path, str | os.PathLike) else path)]
     cache = cache_folder((settings or RuntimeSettings()).compiler_cache)
     if key is None:
@@ -254,10 +247,8 @@ def render(
         Of a file: models to judge; default the settings', of an error ladder its last one.
     trained_on : str, optional
         Of a file: record the models were identified on; default the only one there is, or the settings'.
-    mass_kg, damping_N_s_m : float, optional
-        Of the device; default the settings' ``device``.
-    rate_Hz : float, optional
-        Of the servo loop.
+    mass_kg, damping_N_s_m, hand_stiffness_N_m, rate_Hz : float, optional
+        Of the device, the hand and the servo loop; default the settings' ``device``.
     trust : bool
         Of an FMU: whether its library is run, whoever made it; else that alone which this machine makes of the
         file's record to the byte, and of any other file the record is judged.

@@ -21,11 +21,7 @@ def identify_device(
     Nobody holds the stylus. Each row has the position that was read at a tick, and the force that was commanded upon it and
     held until the next one; a positive force pushes towards growing positions. The equation is
     m ẍ + b ẋ + F sign(ẋ) = f(t − τ); a constant force and a weak spring may act besides.
-
-    Parameters
-    ----------
-    recording : path or Record
-        File with columns ``time_s``, ``force_N`` and ``position_mm``, or as the ``tissue.layout`` of `settings` has it.
+    A file has columns ``time_s``, ``force_N`` and ``position_mm``, or those of the ``tissue.layout`` of `settings`.
 
     Raises
     ------

@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import write_json, write_text
 from lumbar.interface.refinement import Refinement, fit_effects
 from lumbar.interface.verb import label_of, settings_or_default
 from lumbar.records.record import Record, forced
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.models.form import Effect
 
 if TYPE_CHECKING:
     from lumbar.interface.identification import ThesisModels
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
     from lumbar.tissue.diagnosis.selection.verdict import Verdict
     from lumbar.tissue.models.fitted_model import FittedModel
-    from lumbar.tissue.models.form import Effect
 
 FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
 
@@ -280,7 +281,6 @@ class Diagnosis:
         effects : iterable of str, optional
             Effects of the model in ``refined.json``; default those that were selected.
         """
-        from lumbar.base.files import write_json, write_text
         from lumbar.tissue.diagnosis.evidence.evidence import write_diagnosis
         from lumbar.tissue.diagnosis.selection.refine import refined_document
 
@@ -363,8 +363,6 @@ class ProposedLaw:
 
     def save(self, path: str | os.PathLike, name: str = "proposed_law") -> None:
         """Write the effect's file, for ``improvement: effect_files``; errors as of `to_yaml`."""
-        from lumbar.base.files import write_text
-
         write_text(path, self.to_yaml(name))
 
     def draw(self, stem: str | os.PathLike) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import write_text
 from lumbar.interface.diagnosis import Diagnosis, diagnose
 from lumbar.interface.verb import Result, settings_or_default
 from lumbar.records.record import Record
@@ -143,7 +144,6 @@ class Examined(Result):
         InputError
             Where no excitation within the machine's limits would help.
         """
-        from lumbar.base.files import write_text
         from lumbar.tissue.diagnosis.evidence.discrimination import motion_csv
 
         further = self.examination.further

@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Any
 from lumbar.base.errors import InputError
 from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record
+from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
-from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.bases import CHOSEN_BY_DATA
+from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.model_data import ARX
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from lumbar.settings.runtime import RuntimeSettings
     from lumbar.tables.table import Table
     from lumbar.tissue.diagnosis.selection.verdict import Verdict
     from lumbar.tissue.haptics.passive_models import PassiveFits
@@ -67,7 +68,6 @@ def identify(
     from lumbar.tissue.diagnosis.selection.refine import refined_fit
     from lumbar.tissue.identification.identify_tissue import given_model
     from lumbar.tissue.identification.identify_tissue import identify as identify_one
-    from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 
     settings = settings_or_default(settings)
     tissue, improvement = settings.tissue, settings.improvement
@@ -103,6 +103,7 @@ def _training(train, records: list[Record], named: Mapping[str, Record]) -> list
 class Identification(Result):
     """Identified models, found by name."""
 
+    shown = "table_3_1"
     models: list[FittedModel]
     """By training record, in the order of Table 3.1."""
     search: pd.DataFrame
@@ -185,7 +186,6 @@ class Identification(Result):
         PassiveFits
             ``table(data)`` says what was found; ``save(folder, data)`` writes ``passive_models.json`` and the table.
         """
-        from lumbar.settings.runtime import RuntimeSettings
         from lumbar.tissue.haptics.passive_models import fit_passive_models
 
         name = train or self.models[0].trained_on
@@ -200,7 +200,6 @@ class Identification(Result):
     def files(self) -> Iterator[tuple[str, Any]]:
         """``models.json``, ``search.csv`` and the tables ``table_3_1`` and ``physical_parameters``."""
         from lumbar.tissue.identification.identify_tissue import distinct
-        from lumbar.tissue.models.fitted_model import models_document
 
         yield "models.json", models_document(distinct(self.models), self.data)
         yield "search.csv", self.search
@@ -216,11 +215,6 @@ class Identification(Result):
             + ("unstable" if model.scores.vaf_percent is None else f"{model.scores.vaf_percent:.1f} %VAF")
             for model in self.models
         )
-
-    @property
-    def notebook_table(self) -> Table:
-        """Table 3.1."""
-        return self.table_3_1
 
 
 @dataclass(frozen=True)
@@ -238,13 +232,7 @@ NOT_IDENTIFIED = ThesisModels(
 
 
 def thesis_models(verdict: Verdict, settings: TissueSettings) -> ThesisModels:
-    """Identify the thesis's models on the longest record that the diagnosis was trained on.
-
-    Parameters
-    ----------
-    verdict : Verdict
-        Of tissue; for a pendulum the thesis has no such models.
-    """
+    """Identify the thesis's models on the longest record that the diagnosis was trained on; of a pendulum there are none."""
     from lumbar.tissue.identification.identify_tissue import without_intervals
 
     if verdict.base.fit.structure.base.system != "tissue":

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.base.files import require_file
+from lumbar.base.files import read_json, require_file
 from lumbar.records.importing.choices import Choices
 from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, Asked, RawTable
 from lumbar.records.importing.recording import ImportedRecording, to_records
 from lumbar.records.importing.source_file import file_name, read_content
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
-from lumbar.records.record import RecordSet
+from lumbar.records.record import RecordSet, same_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -192,8 +192,6 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         InputError
             If they differ in quantities or units.
         """
-        from lumbar.records.record import same_units
-
         records = [recording.record for recording in self.recordings]
         same_units(records)
         return RecordSet(records)
@@ -239,8 +237,6 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 
     def next_command(self, study: Path) -> str:
         """Command that diagnoses the records of the folder that was saved."""
-        from lumbar.base.files import read_json
-
         command, content = ["lumbar", "diagnose", str(study.parent)], read_json(study.parent / PROVENANCE)
         if needs_study(content):
             command += ["--config", str(study)]

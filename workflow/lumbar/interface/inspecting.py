@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.files import replacing
+from lumbar.settings.layout import Axis, MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import SubjectSettings
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
     from lumbar.lifting.quality.sheet import QualitySheet
     from lumbar.records.ground_forces import ForcePlate
-    from lumbar.settings.layout import Axis, MarkerLayout
 
 _STAND_IN = SubjectSettings(
     name="nobody", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()

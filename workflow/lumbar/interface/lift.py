@@ -17,7 +17,10 @@ from lumbar.lifting.movement import lift_tables
 from lumbar.lifting.movement.event_detection import hands_doubt
 from lumbar.lifting.movement.events import comparison, event_sources
 from lumbar.lifting.movement.rigid_filling import BodyFilling
+from lumbar.lifting.quality.sheet import QualitySheet
+from lumbar.records.markers import read_markers
 from lumbar.records.unpacking import ending_of
+from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
 from lumbar.settings.stability import StabilitySettings
@@ -29,8 +32,6 @@ if TYPE_CHECKING:
 
     from lumbar.interface.body_model import LiftModel
     from lumbar.lifting.movement.plate_check import PlateCheck
-    from lumbar.lifting.quality.sheet import QualitySheet
-    from lumbar.settings.layout import MarkerLayout
 
 TABLES = (".csv", ".mat")
 """Endings of files that may hold markers or anything else: in a folder they count where a trial names them."""
@@ -113,7 +114,6 @@ def lift(
 def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> dict[str, np.ndarray]:
     """Markers of a static trial by their own labels, in metres and standard axes, without what cannot be a body's."""
     from lumbar.lifting.quality.screening import Screening
-    from lumbar.records.markers import read_markers
 
     bare = replace(layout, aliases={}, required=None, check_axes=False)
     screening = Screening(height_m, layout.aliases)
@@ -137,6 +137,7 @@ def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
 class Lift(Result):
     """One analysed lift."""
 
+    shown = "event_rows"
     analysed: lifting.AnalysedLift
     """Events, centres of mass, pendulum states."""
     subject: SubjectSettings
@@ -241,6 +242,10 @@ class Lift(Result):
         """Lines on the events that the file itself holds, beside those detected."""
         return comparison(self.analysed.recording, self.analysed.events, self.settings.events.labels)
 
+    def event_rows(self) -> list[dict]:
+        """The events, in the order in which they happen."""
+        return [event.as_dict() for event in self.analysed.events.values()]
+
     def files(self) -> Iterator[tuple[str, Any]]:
         """``pendulum``, ``other_pendulums``, ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
         label = {"data": self.data}
@@ -287,11 +292,6 @@ class Lift(Result):
 
     def __repr__(self) -> str:
         return f"<Lift {self.name}>"
-
-    @property
-    def notebook_table(self) -> list[dict]:
-        """The events."""
-        return [event.as_dict() for event in self.analysed.events.values()]
 
 
 def without_pendulum(missing: Mapping[str, str]) -> list[str]:

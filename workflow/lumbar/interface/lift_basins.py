@@ -9,6 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.settings.key import SEED
@@ -77,7 +78,6 @@ def basins(
 
 def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
     """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pendulums.csv`` where it is there."""
-    from lumbar.base.files import read_json
     from lumbar.lifting.stability.model.trajectories import LiftStates
 
     facts = facts or read_json(path.with_suffix(".json"))
@@ -90,6 +90,7 @@ def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
 class Basins(Result):
     """Basins of attraction of one lift."""
 
+    shown = "mean_areas"
     states: LiftStates
     settings: StabilitySettings
     seed: int
@@ -169,8 +170,7 @@ class Basins(Result):
     def __repr__(self) -> str:
         return f"<Basins of {len(self.trajectories)} pendulums>"
 
-    @property
-    def notebook_table(self) -> pd.DataFrame:
-        """The areas by pendulum, method and sign."""
+    def mean_areas(self) -> pd.DataFrame:
+        """The areas by pendulum, method and sign, without their checks."""
         areas = [f"{which}_area" for which in ("mean", "initial", "minimum")]
         return self.areas[["com", "plane", "method", "sign", *areas, "proved_share"]]

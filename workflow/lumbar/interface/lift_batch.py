@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError, LumbarError
+from lumbar.base.files import write_csv
 from lumbar.interface.lift import Lift, lift, lift_names, marker_files, without_pendulum
 from lumbar.lifting.movement.events import EVENTS, event_sources
 from lumbar.records.unpacking import stem_of
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.stability import StabilitySettings
 
 COLUMNS = (
     *("lift", "file", "box_mass_kg"),
@@ -109,7 +110,6 @@ def lift_all(
     """
     import pandas as pd
 
-    from lumbar.base.files import write_csv
     from lumbar.interface.movement import measure_movement
     from lumbar.lifting.measures.lift_values import long_table
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import NOT_SAID, read_table
 from lumbar.settings.stability import StabilitySettings
@@ -75,7 +76,6 @@ def _analysed(lift: Lift, data: str) -> RecordedLift:
 def _saved(folder: Path, data: str) -> RecordedLift:
     import numpy as np
 
-    from lumbar.base.files import read_json
     from lumbar.publishing.lift_page.lift_data import RecordedLift
 
     absent = [name for name in FILES if not (folder / name).is_file()]

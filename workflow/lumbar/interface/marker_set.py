@@ -73,13 +73,7 @@ class MarkerSet:
 
 
 def marker_set(recording: MarkerRecording) -> MarkerSet:
-    """Recognise the markers of a file.
-
-    Parameters
-    ----------
-    recording : MarkerRecording
-        With the labels of the file, subject prefixes among them, in its own axes.
-    """
+    """Recognise the markers of a file, read with its own labels, subject prefixes among them, and in its own axes."""
     box = [_bare(label) for label in recording.positions if _BOX.search(label)]
     points = {_bare(label): values for label, values in recording.positions.items()}
     known = {name: label for name, label in landmarks(points).items() if label not in (*_THIGH, *box)}

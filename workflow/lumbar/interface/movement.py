@@ -11,9 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError, LumbarError
+from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import NOT_SAID, Result, read_table
+from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,8 +24,6 @@ if TYPE_CHECKING:
 
     from lumbar.lifting.measures.course import Course
     from lumbar.lifting.stability.model.trajectories import Trajectory
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 
 def measure_movement(
@@ -69,8 +70,6 @@ def measure_movement(
 
 
 def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:
-    from lumbar.base.files import read_json
-
     facts = facts or read_json(path.with_name("pendulum.json"))
     body = read_table(path, "a body's trajectories")
     lacking = [name for name in ("time_s", "phase", "load_held", "RIGHT_x") if name not in body]
@@ -85,6 +84,7 @@ def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping
 class Measures(Result):
     """Measures of one lift."""
 
+    shown = "values"
     body: pd.DataFrame
     """Trajectories they are made of."""
     facts: Mapping
@@ -130,11 +130,6 @@ class Measures(Result):
 
     def __repr__(self) -> str:
         return f"<Measures of {self.facts['lift']}>"
-
-    @property
-    def notebook_table(self) -> pd.DataFrame:
-        """The values."""
-        return self.values
 
 
 COLUMNS = (

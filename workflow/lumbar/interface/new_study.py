@@ -7,21 +7,29 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.base.files import as_name, write_text
+from lumbar.base.templates import template
 from lumbar.interface.lift import marker_files
-from lumbar.interface.marker_set import MarkerSet, alias_text, joined_aliases, marker_set
+from lumbar.interface.marker_set import (
+    NEEDED,
+    NOTES,
+    REASONS,
+    MarkerSet,
+    alias_text,
+    joined_aliases,
+    marker_set,
+)
+from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.records.marker_file import NoMarkers
+from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import stem_of
+from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.plain import from_plain, plain
 from lumbar.study.validation import FILL_IN
-
-if TYPE_CHECKING:
-    from lumbar.records.markers import MarkerRecording
-    from lumbar.settings.layout import MarkerLayout
 
 STILL_M = 0.05
 """A recording in which no marker leaves a cube of this size is a static trial."""
@@ -165,9 +173,6 @@ def _looked_at(path: Path, folder: Path, study: str) -> FoundRecording | None:
 
 def _read(path: Path) -> tuple[MarkerRecording, str]:
     """A recording in its own axes, which are not known yet, and the unit of length that it does not state itself."""
-    from lumbar.records.markers import METRES, read_markers
-    from lumbar.settings.layout import MarkerLayout
-
     layout = MarkerLayout(check_axes=False, subject_prefix="keep")
     try:
         return read_markers(path, layout, minimum_frames=1), ""
@@ -185,14 +190,11 @@ def _read(path: Path) -> tuple[MarkerRecording, str]:
 
 
 def _in_unit(layout: MarkerLayout, unit: str) -> MarkerLayout:
-    from lumbar.settings.plain import from_plain, plain
-
     return from_plain(type(layout), {**plain(layout), "unit": unit})
 
 
 def _is_a_persons_size(recording: MarkerRecording) -> bool:
     from lumbar.lifting.quality.body import stature_found
-    from lumbar.lifting.quality.landmarks import landmarks
 
     named = {label: landmark for landmark, label in landmarks(recording.positions).items()}
     stature, lengths = stature_found(recording.positions, named)
@@ -201,9 +203,6 @@ def _is_a_persons_size(recording: MarkerRecording) -> bool:
 
 def _unit(read: Sequence[FoundRecording], folder: Path) -> str:
     """The unit that some files do not state; empty where all do. Those that do must state the same."""
-    from lumbar.records.markers import read_markers
-    from lumbar.settings.layout import MarkerLayout
-
     units = sorted({item.unit for item in read if item.unit})
     if not units:
         return ""
@@ -304,14 +303,10 @@ def _study_text(
 
 
 def _filled(file: str, **values) -> str:
-    from lumbar.base.templates import template
-
     return template(f"interface/{file}").render(schema=SCHEMA, fill_in=FILL_IN, quoted=_quoted, **values)
 
 
 def _alias_lines(aliases: Mapping[str, tuple]) -> list[str]:
-    from lumbar.interface.marker_set import NEEDED, NOTES, REASONS
-
     lines = []
     for name, terms in aliases.items():
         text = alias_text(terms if len(terms) > 1 else terms[0])

@@ -10,18 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
+from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import Result, data_label, read_table
 from lumbar.settings.key import SEED
 from lumbar.settings.pushes import PushesSettings
 from lumbar.settings.stability import StabilitySettings
+from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.lifting.pushes.contest import Contest
     from lumbar.lifting.pushes.prediction import Followed, Verdict
-    from lumbar.tables.table import Table
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,6 @@ class SavedLift:
 
 def saved_lift(folder: str | os.PathLike) -> SavedLift:
     """Read a lift's folder."""
-    from lumbar.base.files import read_json
-
     folder = Path(folder)
     body, states = (read_table(folder / f"{name}.csv", "a lift") for name in ("body", "pendulum"))
     return SavedLift(body, states, read_json(folder / "pendulum.json"))
@@ -207,6 +206,7 @@ def _scored(
 class PushPrediction(Result):
     """The contest of the measures."""
 
+    shown = "frame"
     contest: Contest
     """Pushes, their outcomes, and what the measures said before."""
     followed: Followed
@@ -269,8 +269,3 @@ class PushPrediction(Result):
 
     def __repr__(self) -> str:
         return f"<PushPrediction: {len(self.pushes)} pushes, {self.winner.measure}>"
-
-    @property
-    def notebook_table(self) -> pd.DataFrame:
-        """The contests."""
-        return self.frame

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from lumbar.base.errors import InputError
-from lumbar.records.record import RecordSet
+from lumbar.records.record import RecordSet, same_units
 from lumbar.records.unpacking import ending_of, stem_of
 from lumbar.settings.layout import ColumnLayout, MarkerLayout, RecordSettings
 
@@ -121,7 +121,6 @@ def read(
 
         return read_ratings(_one(files, kind), layout or _default_layout(kind))
     from lumbar.records.columns import read_record
-    from lumbar.records.record import same_units
 
     layout, periods = layout or _default_layout(kind or "tissue"), periods or {}
     files = [

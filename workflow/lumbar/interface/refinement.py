@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record, forced
 from lumbar.settings.study_settings import StudySettings
+from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from lumbar.interface.comparison import Comparisons, Locations
-    from lumbar.tissue.diagnosis.finding import Finding
-    from lumbar.tissue.diagnosis.fitting.preparation import Experiment
     from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
     from lumbar.tissue.diagnosis.selection.candidate import Candidate
     from lumbar.tissue.models.fitted_model import FittedModel
@@ -81,6 +81,7 @@ def fit_effects(records, effects, settings, seed, data) -> Refinement:
 class Refinement(Result):
     """A base model with named effects: the models on the way and their errors."""
 
+    shown = "rows"
     records: list[Record]
     settings: DiagnosisSettings
     experiment: Experiment
@@ -177,8 +178,3 @@ class Refinement(Result):
 
     def __repr__(self) -> str:
         return f"<Refinement of {self.path[0].fit.structure.base.name}: {', '.join(self.effects) or 'no effect'}>"
-
-    @property
-    def notebook_table(self) -> list[dict]:
-        """The error ladder."""
-        return self.rows()

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from lumbar.base.errors import InputError
+from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import read_json, write_text
 
 
@@ -55,7 +55,6 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
     """
     import pandas as pd
 
-    from lumbar.base.errors import Problems
     from lumbar.base.yaml_file import read_yaml
     from lumbar.publishing.figures.style import person_and_box
     from lumbar.publishing.study_report.contents import chapters

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lumbar.base.errors import InputError
+from lumbar.base.files import read_json
 from lumbar.interface.verb import Result, data_label
 from lumbar.records.record import Record
 from lumbar.settings.key import SEED
@@ -70,6 +72,7 @@ def bandwidth(
 class Bandwidth(Result):
     """Bandwidth of surgeons' motion."""
 
+    shown = "rows"
     spectra: MotionSpectra
     """Of every trial."""
     values: dict
@@ -113,11 +116,6 @@ class Bandwidth(Result):
     def __str__(self) -> str:
         return "\n".join(f"{row['quantity']}, {row['rule']}: {_text(row)}" for row in self.rows())
 
-    @property
-    def notebook_table(self) -> list[dict]:
-        """The bandwidths."""
-        return self.rows()
-
 
 def _text(row: dict) -> str:
     if row["value_Hz"] is None:
@@ -157,8 +155,6 @@ def design_signals(
     >>> signals.properties.frame["signal"].tolist()
     ['multisine', 'noise', 'chirp']
     """
-    from lumbar.base.errors import InputError
-    from lumbar.base.files import read_json
     from lumbar.tissue.signals.excitation import design_excitation, excited_band
 
     settings, values = settings or SignalsSettings(), {}
@@ -177,6 +173,7 @@ def design_signals(
 class Signals(Result):
     """Excitation signals for a testing machine."""
 
+    shown = "properties"
     excitation: Excitation
     band_Hz: float
     """Upper end of what is excited."""
@@ -215,8 +212,3 @@ class Signals(Result):
     def __str__(self) -> str:
         names = ", ".join(signal.name for signal in self.excitation.signals)
         return f"{names}: excited up to {self.band_Hz:g} Hz"
-
-    @property
-    def notebook_table(self) -> Table:
-        """The properties."""
-        return self.properties

@@ -6,11 +6,11 @@ import os
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
-from lumbar.base.files import require_file
+from lumbar.base.files import require_file, write_csv, write_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -103,6 +103,8 @@ class Result:
 
     data: str
     """Words for the source of the data."""
+    shown: ClassVar[str] = "table"
+    """Attribute or method that has what a notebook shows: a published table, a frame or rows."""
 
     def files(self) -> Iterable[tuple[str, Any]]:
         """Name and content of every file: frames (``.csv``), plain data (``.json``), published tables and figures (no ending)."""
@@ -115,8 +117,9 @@ class Result:
 
     @property
     def notebook_table(self) -> Any:
-        """What a notebook shows: a published table, a frame or rows."""
-        return self.table  # type: ignore[attr-defined]  # of a subclass that has one
+        """What a notebook shows."""
+        found = getattr(self, self.shown)
+        return found() if callable(found) else found
 
     def _repr_html_(self) -> str:
         import pandas as pd
@@ -125,8 +128,6 @@ class Result:
 
 
 def _write(path: Path, content: Any, data: str) -> None:
-    from lumbar.base.files import write_csv, write_json
-
     if path.suffix == ".csv":
         write_csv(path, content)
     elif path.suffix == ".json":

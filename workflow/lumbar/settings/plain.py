@@ -27,12 +27,7 @@ def plain(settings: Any) -> Any:
 
 
 def part(settings: Any, *keys: str) -> dict[str, Any]:
-    """Return some keys of settings as `plain` does all: what a job needs of them.
-
-    Parameters
-    ----------
-    keys : str
-        Names in the configuration, with those of the sections that they are in below `settings`.
+    """Return some keys of settings as `plain` does all: what a job needs of them. ``a.b`` is the key b of the section a.
 
     Raises
     ------
@@ -91,19 +86,15 @@ def from_plain(kind: type[Kind], content: Any, complete: bool = True) -> Kind:
     Examples
     --------
     >>> from lumbar.settings.stability import StabilitySettings
-    >>> typed(StabilitySettings, {"pendulum": {"mass": "without_box"}}).pendulum.mass
+    >>> from_plain(StabilitySettings, {"pendulum": {"mass": "without_box"}}).pendulum.mass
     'without_box'
     """
     return _typed(kind, content, complete)
 
 
+@cache
 def types_of(kind: type) -> dict[str, Any]:
     """Type of every field of a section, with its limits (``Annotated``)."""
-    return _types_of(kind)
-
-
-@cache
-def _types_of(kind: type) -> dict[str, Any]:
     return get_type_hints(kind, include_extras=True)
 
 

@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import LumbarError, Problems
 from lumbar.base.yaml_file import way_of
+from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.stability import GROUPS, weight_problems
+from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.survey import SurveySettings
+from lumbar.settings.tissue import TissueSettings
 from lumbar.study.study import (
     HIP_MOMENTS,
     TWIN_HIP_MOMENT,
@@ -21,10 +25,6 @@ from lumbar.study.study import (
 )
 
 if TYPE_CHECKING:
-    from lumbar.settings.improvement import ImprovementSettings
-    from lumbar.settings.study_settings import StudySettings
-    from lumbar.settings.survey import SurveySettings
-    from lumbar.settings.tissue import TissueSettings
     from lumbar.study.validation import Origins
 
     Add = Callable[[str, str, str], None]

@@ -10,21 +10,16 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lumbar.base.errors import Problems
-from lumbar.base.yaml_file import YamlFile, read_yaml
+from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
 from lumbar.study.artefacts import LIFTED, NEEDS, OF_TWIN, read_artefacts
-from lumbar.study.consistency import check_consistency
+from lumbar.study.consistency import check_consistency, check_effects
 from lumbar.study.own_code import check_code
 from lumbar.study.study import TWIN, RecordedLift, Study
 from lumbar.study.validation import Origins, overlay, validate
-
-if TYPE_CHECKING:
-    from lumbar.settings.study_settings import StudySettings
-    from lumbar.settings.subject import SubjectSettings
 
 
 def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, trust: bool = False) -> Study:
@@ -121,13 +116,7 @@ def _check_chapters(settings: StudySettings, problems: Problems, origins: Origin
 
 
 def name_lifts(subjects: dict[str, SubjectSettings]) -> dict[str, RecordedLift]:
-    """Return every trial by the name of its lift: ``expert_23kg``, and ``expert_23kg_2`` where it is repeated.
-
-    Parameters
-    ----------
-    subjects : dict of str to SubjectSettings
-        Subject files by name.
-    """
+    """Return every trial by the name of its lift: ``expert_23kg``, and ``expert_23kg_2`` where it is repeated."""
     lifts: dict[str, RecordedLift] = {}
     for subject, content in subjects.items():
         masses: list[float] = []
@@ -249,12 +238,6 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     >>> lumbar.load_settings("study.yaml").improvement.most_effects
     2
     """
-    from lumbar.base.errors import Problems
-    from lumbar.base.yaml_file import read_yaml, way_of
-    from lumbar.settings.study_settings import StudySettings
-    from lumbar.study.consistency import check_effects
-    from lumbar.study.validation import Origins, overlay, validate
-
     files, problems = tuple(map(Path, files)), Problems("configuration")
     read = [read_yaml(path, problems) for path in files]
     origins, content = Origins(read), {}
@@ -303,8 +286,6 @@ def load_subject(path: str | os.PathLike) -> SubjectSettings:
     >>> lumbar.load_subject("ann.yaml").trials[0].markers
     'ann.c3d'
     """
-    from lumbar.base.errors import Problems
-
     problems = Problems("subject")
     subject, _ = read_subject(Path(path), str(path), problems)
     problems.raise_if_any()

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.settings.improvement import is_data
+from lumbar.base.errors import Problems
+from lumbar.settings.improvement import ImprovementSettings, is_data
 
 if TYPE_CHECKING:
-    from lumbar.base.errors import Problems
-    from lumbar.settings.improvement import ImprovementSettings
     from lumbar.study.validation import Origins
 
 

@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from lumbar.settings.improvement import RecordSetSettings, system_of
+from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.plain import plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 from lumbar.settings.twin import CohortSettings
 from lumbar.study.artefacts import LIFTED, Artefact
 from lumbar.tables.table import SYNTHETIC_TWIN
-
-if TYPE_CHECKING:
-    from lumbar.settings.improvement import RecordSetSettings
-    from lumbar.settings.layout import ColumnLayout
-    from lumbar.settings.study_settings import StudySettings
 
 TWIN = "twin"
 TWIN_MARKERS, TWIN_HIP_MOMENT = "lifting/{lift}.c3d", "lifting/{lift}_hip_moment.csv"
@@ -135,8 +131,6 @@ def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, flo
     InputError
         For an unknown base.
     """
-    from lumbar.settings.improvement import system_of
-
     if system_of(base) == "pendulum":
         return settings.lifting.moment_layout, None
     return settings.tissue.layout, settings.tissue.rate_Hz

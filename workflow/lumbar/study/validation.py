@@ -94,7 +94,7 @@ def allowed_words(kind: Any, limits: Mapping[str, Any] | None = None) -> str:
 
     Examples
     --------
-    >>> allowed(float | None, {"gt": 0})
+    >>> allowed_words(float | None, {"gt": 0})
     'number > 0, or null'
     """
     limits = limits or {}
@@ -149,13 +149,7 @@ def overlay(base: dict, upper: dict) -> dict:
 
 
 class Origins:
-    """Which file and line a key of a merged configuration comes from.
-
-    Parameters
-    ----------
-    files : sequence of YamlFile
-        In the order in which they were laid over each other.
-    """
+    """File and line that a key of a merged configuration comes from; the last of the files lies on top."""
 
     def __init__(self, files: Sequence[YamlFile] = ()):
         self.files = files
@@ -200,7 +194,7 @@ def _adapter(kind: type):
 def validate(
     content: dict, kind: type[Kind], problems: Problems, origins: Origins, above: tuple = ()
 ) -> Kind | None:
-    """Return a configuration as settings, with the defaults of all that it leaves out.
+    """Return a configuration as settings, with the defaults of all that it leaves out; None if there are problems.
 
     Parameters
     ----------
@@ -212,11 +206,6 @@ def validate(
         Takes every wrong key and value, with file, line, what was found and what is allowed.
     above : tuple of str
         Way to the content in its file.
-
-    Returns
-    -------
-    kind or None
-        None if there are problems.
     """
     from pydantic import ValidationError
 

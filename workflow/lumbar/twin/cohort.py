@@ -11,7 +11,6 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,13 +20,11 @@ from lumbar.settings.twin import (
     CohortSettings,
     GroupMovement,
     SyntheticLift,
+    SyntheticLiftingSettings,
     SyntheticPerson,
     TrueEvents,
 )
 from lumbar.twin.lifting_recordings import settings_of_lifts, write_lift
-
-if TYPE_CHECKING:
-    from lumbar.settings.twin import SyntheticLiftingSettings
 
 FARTHEST_SD = 2.5
 """Standard deviations beyond which nothing is drawn."""

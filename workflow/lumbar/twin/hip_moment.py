@@ -118,14 +118,9 @@ def hip_moment(
     gravity_m_s2: float,
     rng,
 ):
-    """Record the hip moment of one movement.
+    """Record the hip moment of one movement: columns ``time_s``, ``angle_rad``, ``moment_Nm``, ``box_held``.
 
     `time` in seconds, of shape (samples,); `angle` of the trunk in rad and the share of the box, in kg, that is `held`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``time_s``, ``angle_rad``, ``moment_Nm``, ``box_held``.
     """
     import pandas as pd
 

@@ -24,14 +24,9 @@ def trial_moment(
     gravity_m_s2: float,
     rng,
 ):
-    """Record the hip moment of a trial: one lift again and again, faster or slower.
+    """Record the hip moment of a trial, as `hip_moment` does: one lift again and again, faster or slower.
 
     `movement` is that of the lift; `rng` draws the noise and the differences between repetitions.
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `hip_moment`.
     """
     trial = settings.hip_moment.trials[name]
     once, cycle = trunk_angle(movement), settings.duration_s

@@ -25,14 +25,9 @@ _RESOLUTION_DECIMALS = 4
 
 
 def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, seed: int) -> pd.DataFrame:
-    """One recording of the tool tip.
+    """One recording of the tool tip: columns ``time_s, x_mm, y_mm, z_mm``; z points into the body, its zero is the skin.
 
     Every trial has random numbers of its own, by its name and the twin's seed, whatever other trials there are.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``time_s, x_mm, y_mm, z_mm``; z points into the body, its zero is the skin.
 
     Raises
     ------
@@ -71,7 +66,7 @@ def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, s
 def minimum_jerk_chain(
     time: np.ndarray, start: np.ndarray, duration: np.ndarray, target: np.ndarray
 ) -> np.ndarray:
-    """Position along a chain of minimum-jerk movements, each from rest to rest.
+    """Position along a chain of minimum-jerk movements, each from rest to rest, at `time` in seconds; in the unit of `target`.
 
     Parameters
     ----------
@@ -79,11 +74,6 @@ def minimum_jerk_chain(
         When each movement begins (rising) and how long it takes, s.
     target : numpy.ndarray of float, shape (movements + 1,)
         First position and the end of every movement.
-
-    Returns
-    -------
-    numpy.ndarray of float, shape (samples,)
-        At `time` in seconds, in the unit of `target`.
     """
     if len(start) == 0:
         return np.full(len(time), target[0])

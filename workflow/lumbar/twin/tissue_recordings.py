@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def tissue_force(
     time: np.ndarray, position: np.ndarray, k1: float, k2: float, relaxation_s: float, cubic: float
 ) -> np.ndarray:
-    """Noise-free force on a tool that moves in ramps between samples, tissue at rest at first.
+    """Noise-free force in N on a tool that moves in ramps between samples, tissue at rest at first.
 
     Parameters
     ----------
@@ -39,11 +39,6 @@ def tissue_force(
         Time constant b/(k1 + k2) of the relaxation at held position, seconds.
     cubic : float
         Hardening, N/mm³.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        Newton.
 
     Notes
     -----
@@ -66,7 +61,9 @@ def tissue_force(
 def tissue_test(
     time: np.ndarray, position: np.ndarray, tissue: SyntheticTissueSettings, seed: int, number: int
 ) -> np.ndarray:
-    """Return the recorded force: that of the tissue and noise of the load cell.
+    """Return the recorded force in N: that of the tissue and noise of the load cell.
+
+    Noise has the standard deviation ``noise_N``, or makes up the share ``noise_variance_share`` of the variance.
 
     Parameters
     ----------
@@ -74,11 +71,6 @@ def tissue_test(
         Command of the testing machine, seconds and millimetres.
     seed, number : int
         Seed of the twin and number of the recording: every recording has noise of its own.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        Newton; noise has the standard deviation ``noise_N`` or makes up the share ``noise_variance_share`` of the variance.
     """
     rng = np.random.default_rng([seed, _STREAM, number])
     force = tissue_force(

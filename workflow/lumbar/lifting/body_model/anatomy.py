@@ -98,20 +98,7 @@ def landmark_covariance(places: np.ndarray) -> np.ndarray:
 
 
 def joints_of(part: str, landmarks: Mapping[str, np.ndarray], sex: str) -> dict[str, np.ndarray]:
-    """Joint centres of a part by the regressions.
-
-    Parameters
-    ----------
-    part : {"pelvis", "thorax"}
-    landmarks : mapping of str to ndarray, shape (3,)
-        Those of `NEEDED`, in any axes.
-    sex : {"male", "female", "unknown"}
-
-    Returns
-    -------
-    dict of str to ndarray, shape (3,)
-        In the same axes.
-    """
+    """Joint centres of a part, pelvis or thorax, by the regressions on its landmarks of `NEEDED`; shape (3,), in any axes."""
     at = {name: np.asarray(landmarks[name])[None] for name in NEEDED[part]}
     if part == "thorax":
         c7, above, t12, front = (at[name] for name in NEEDED[part])

@@ -366,17 +366,7 @@ def measured_markers(raw: MarkerRecording, aliases: Mapping[str, Alias | None]) 
 def at_nodes(recording: MarkerRecording, rate: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Times and markers at no more than `rate` instants per second: means of the frames about each.
 
-    Parameters
-    ----------
-    rate : float
-        Hertz.
-
-    Returns
-    -------
-    time : ndarray, shape (n,)
-        Seconds; n is even.
-    markers : dict of str to ndarray, shape (n, 3)
-        NaN where fewer than half of the frames show the marker.
+    The number of instants is even; a marker, shape (n, 3), is NaN where fewer than half of the frames show it.
     """
     frames = max(1, int(np.floor(recording.rate / rate + 0.01)))
     nodes = len(recording) // (2 * frames) * 2

@@ -33,7 +33,7 @@ class ArrowFactor:
 
     def solve(self, states: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Solution for right-hand sides of shapes (k * b,) and (c,)."""
-        forward = self._forward(states[:, None])
+        forward = _forward(self.diagonal, self.below, states[:, None])
         rest = constants - (self.border.T @ forward)[:, 0]
         lower = solve_triangular(self.corner, rest, lower=True)
         constants = solve_triangular(self.corner, lower, lower=True, trans="T")
@@ -48,9 +48,6 @@ class ArrowFactor:
         white = rng.standard_normal((len(self.border), count))
         return self._backward(white - self.border @ constants), constants
 
-    def _forward(self, right: np.ndarray) -> np.ndarray:
-        return _forward(self.diagonal, self.below, right)
-
     def _backward(self, right: np.ndarray) -> np.ndarray:
         size = self.diagonal.shape[1]
         blocks = right.reshape(len(self.diagonal), size, -1).copy()
@@ -62,15 +59,7 @@ class ArrowFactor:
 
 
 def factorise(diagonal: np.ndarray, below: np.ndarray, border: np.ndarray, corner: np.ndarray) -> ArrowFactor:
-    """Factor a positive-definite matrix.
-
-    Parameters
-    ----------
-    diagonal : ndarray, shape (k, b, b)
-    below : ndarray, shape (k - 1, b, b)
-        Block in row i + 1 and column i.
-    border : ndarray, shape (k * b, c)
-    corner : ndarray, shape (c, c)
+    """Factor a positive-definite matrix; its parts have the shapes of `ArrowFactor`, a block below is in row i + 1 and column i.
 
     Raises
     ------

@@ -24,12 +24,12 @@ from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
+from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.stability import StabilitySettings
 
 Planar = dict[tuple[str, str], PendulumStates]
 

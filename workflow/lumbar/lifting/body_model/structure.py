@@ -40,17 +40,8 @@ def weighted_poses(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rotation and shift that lay a shape on frames (Kabsch, Acta Crystallogr. A 32 (1976) 922-923).
 
-    Parameters
-    ----------
-    shape : ndarray, shape (m, 3)
-    frames : ndarray, shape (n, m, 3)
-        Finite wherever the weight is positive.
-    weights : ndarray, shape (n, m)
-
-    Returns
-    -------
-    rotations, shifts : ndarray, shapes (n, 3, 3) and (n, 3)
-        NaN where the weighted points tell no turning: too few, or on a line.
+    A shape of (m, 3) is laid on frames of (n, m, 3), finite wherever the weight, shape (n, m), is positive. Returned are arrays
+    of shapes (n, 3, 3) and (n, 3), NaN where the weighted points tell no turning: too few, or on a line.
     """
     total = weights.sum(axis=1)
     share = weights / np.where(total > 0, total, 1.0)[:, None]

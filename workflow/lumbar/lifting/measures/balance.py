@@ -58,30 +58,15 @@ class BaseOfSupport:
         return replace(self, corners=centre + share * (self.corners - centre))
 
     def reach(self, point: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """How far the base extends beyond a point in a direction, shape (n,) in metres; negative where it ends before it.
-
-        Parameters
-        ----------
-        point, direction : ndarray, shape (n, 2)
-            Directions of length one.
-        """
+        """How far the base extends beyond a point in a direction of length one, in metres; negative where it ends before it."""
         along = np.einsum("nkj,nj->nk", self.corners, direction)
         furthest = np.where(self.grounded, along, -np.inf).max(axis=1)
         return np.where(self.grounded.any(axis=1), furthest - np.einsum("nj,nj->n", point, direction), np.nan)
 
     def margin(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Signed distance of a point to the edge, and the direction in which the edge is nearest.
+        """Signed distance of a point to the edge, shape (n,), and the direction in which the edge is nearest, shape (n, 2).
 
-        Parameters
-        ----------
-        point : ndarray, shape (n, 2)
-
-        Returns
-        -------
-        margin : ndarray, shape (n,)
-            Metres, positive inside, negative outside; NaN where nothing is on the ground or the point is not known.
-        direction : ndarray, shape (n, 2)
-            Unit vector from the point over the nearest edge.
+        Metres, positive inside, and unit vectors; NaN where nothing is on the ground or the point, shape (n, 2), is not known.
         """
         directions = self._candidates(point)
         corners = np.einsum("nkj,nmj->nkm", self.corners, directions)
@@ -215,7 +200,7 @@ def capture_margin(
     behind: np.ndarray,
     gravity: float,
 ) -> np.ndarray:
-    """Distance of the instantaneous capture point to the nearer end of where the centre of pressure can be, metres.
+    """Distance in metres of the capture point to the nearer end of where the centre of pressure can be; positive: capturable.
 
     Parameters
     ----------
@@ -227,11 +212,6 @@ def capture_margin(
         How far the centre of pressure can go from the pivot along the axis and against it, metres.
     gravity : float
         m/s².
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Positive: 0-step capturable.
     """
     point = offset + velocity / pendulum_rate(height, gravity)
     return np.minimum(ahead - point, behind + point)
@@ -269,15 +249,10 @@ def viability_margin(
     behind: np.ndarray,
     gravity: float,
 ) -> np.ndarray:
-    """Impulse across the pendulum in N·s that just takes it beyond what its torque can stop, towards the nearer side.
+    """Impulse across the pendulum in N·s that just takes it beyond what its torque can stop; positive: no step is needed.
 
     m·l·(θ̇_braking − θ̇); for small angles m·ω0 times the `capture_margin`. Parameters as of `capture_margin` and
     `braking_speed`; `mass` in kilograms.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Positive: viable without a step.
     """
     forward = braking_speed(angle, length, ahead, gravity) - angular_velocity
     backward = braking_speed(-angle, length, behind, gravity) + angular_velocity
@@ -322,6 +297,7 @@ def pressure_limits(
 
     Fore and aft the torques of all standing ankles add up over the weight. Sideways the weight shifts from foot to foot, and
     beyond the outer ankle only that ankle's torque counts (outward inversion, inward eversion where it stands alone).
+    The result has by plane how far it can go along the axis (right, forward) and against it, metres.
 
     Parameters
     ----------
@@ -335,11 +311,6 @@ def pressure_limits(
         Unit vector to the person's right; forward is to its left by a quarter turn.
     weight : ndarray, shape (n,), or float
         m·g of body and load, newtons.
-
-    Returns
-    -------
-    dict of str to tuple of ndarray
-        By plane (`lumbar.lifting.movement.pendulum_states.PLANES`): along the axis (right, forward) and against it, metres.
     """
     forward = np.stack([-right[:, 1], right[:, 0]], axis=1)
     pivot = middle_of_standing(ankles, standing)
@@ -366,13 +337,7 @@ def pressure_limits(
 
 
 def middle_of_standing(ankles: np.ndarray, standing: np.ndarray) -> np.ndarray:
-    """Middle of the ankles (or corners) that stand, shape (n, d): the pivot; NaN where none does.
-
-    Parameters
-    ----------
-    ankles : ndarray, shape (n, k, d)
-    standing : ndarray of bool, shape (n, k)
-    """
+    """Middle of the ankles (or corners), shape (n, k, d), that stand, shape (n, k): the pivot; NaN where none does."""
     weight = standing[..., None].astype(float)
     with np.errstate(invalid="ignore"):
         return (np.nan_to_num(ankles) * weight).sum(axis=1) / weight.sum(axis=1)

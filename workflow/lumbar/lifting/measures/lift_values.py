@@ -40,18 +40,10 @@ why; `trial` counts the lifts of one person with one box."""
 
 
 def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
-    """Reduce the course of a lift to its measures.
+    """Reduce the course of a lift to its measures: columns ``measure, plane, value, unit, safer, source, reason``.
 
-    Parameters
-    ----------
-    facts : mapping
-        As of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, why it
-        has none.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``measure, plane, value, unit, safer, source, reason``.
+    `facts` are those of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, why
+    there is none.
     """
     import pandas as pd
 

@@ -33,10 +33,10 @@ from lumbar.lifting.movement.pendulum_states import (
     turn,
 )
 from lumbar.lifting.quality.landmarks import landmarks
+from lumbar.lifting.quality.sheet import Finding
 from lumbar.records.markers import MarkerRecording
 
 if TYPE_CHECKING:
-    from lumbar.lifting.quality.sheet import Finding
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 

@@ -22,6 +22,7 @@ from lumbar.lifting.movement.joint_centres import (
 )
 from lumbar.lifting.movement.pendulum_states import pivot_trajectory
 from lumbar.records.markers import MarkerRecording
+from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from lumbar.lifting.movement.lift import AnalysedLift
     from lumbar.settings.lifting import FilterSettings, LiftingSettings
     from lumbar.settings.subject import SubjectSettings
-    from lumbar.tables.table import Table
 
 CUTOFFS_HZ = (4.0, 6.0, 8.0)
 COLUMNS = {
@@ -221,7 +221,6 @@ def spread_table(spreads: Sequence[pd.DataFrame], facts: Sequence[Mapping], data
     import pandas as pd
 
     from lumbar.lifting.movement.plate_check import PlateCheck
-    from lumbar.tables.table import Table
 
     rows = [frame.assign(lift=fact["lift"]) for frame, fact in zip(spreads, facts, strict=True)]
     frame = pd.concat(rows, ignore_index=True)[["lift", *COLUMNS]]

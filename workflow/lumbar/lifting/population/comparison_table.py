@@ -59,13 +59,7 @@ _PLANNING = {
 
 
 def comparison_table(comparisons: Sequence[Comparison], data: str) -> Table:
-    """Return what differs between groups and boxes.
-
-    Parameters
-    ----------
-    data : str
-        Where the data come from.
-    """
+    """Return what differs between groups and boxes."""
     import pandas as pd
 
     frame = pd.DataFrame([_row(item) for item in comparisons], columns=list(_COMPARISON))
@@ -136,11 +130,6 @@ def _holm(p_values):
 
 def planning_table(comparisons: Sequence[Comparison], settings: PopulationSettings, data: str) -> Table:
     """Return scatter between people and trials, and how many persons a study needs.
-
-    Parameters
-    ----------
-    data : str
-        Where the data come from.
 
     Raises
     ------

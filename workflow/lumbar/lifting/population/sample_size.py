@@ -54,17 +54,9 @@ def persons_needed(
     power_wanted: float = 0.8,
     significance: float = 0.05,
 ) -> int | None:
-    """Return the smallest number of persons, of each group or paired, with the power wanted.
+    """Return the smallest number of persons, of each group or paired, with the power wanted; None beyond `MOST_PERSONS`.
 
-    Parameters
-    ----------
-    difference, sd, paired, significance
-        As of `power`.
-
-    Returns
-    -------
-    int or None
-        None beyond `MOST_PERSONS`.
+    Parameters are as of `power`.
 
     Raises
     ------

@@ -60,10 +60,7 @@ class PersonMeans:
     def weights(self, variance_ratio: float | None) -> np.ndarray:
         """Weights of the means in inverse proportion to their variances σ_person² + σ_trial²/trials.
 
-        Parameters
-        ----------
-        variance_ratio : float or None
-            σ_trial²/σ_person²; None, where it cannot be estimated, weighs all persons alike.
+        The ratio is σ_trial²/σ_person²; None, where it cannot be estimated, weighs all persons alike.
         """
         if variance_ratio is None:
             return np.ones(len(self))
@@ -146,13 +143,7 @@ def variance_components(groups: list[PersonMeans]) -> VarianceComponents:
 
 
 def change_components(first: PersonMeans, second: PersonMeans) -> VarianceComponents:
-    """Scatter of the persons' changes between two conditions, and of single trials, by moments.
-
-    Parameters
-    ----------
-    first, second : PersonMeans
-        Persons found in both count.
-    """
+    """Scatter of the changes of the persons found in both conditions, and of single trials, by moments."""
     pairs = list(zip(*(side.values for side in pair_up(first, second)), strict=True))
     freedom = sum(len(values) - 1 for pair in pairs for values in pair)
     if len(pairs) < 2:

@@ -31,11 +31,11 @@ from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
+from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.stability import StabilitySettings
 
 FORWARD, BACKWARD = "forward", "backward"
 DIRECTIONS = {FORWARD: 1.0, BACKWARD: -1.0}

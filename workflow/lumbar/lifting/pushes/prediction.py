@@ -10,7 +10,8 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.pushes.contest import Contest, contest_of, push_bodies
-from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, NOTHING, PREDICTORS, score
+from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, NOTHING, PREDICTORS, Levels, score
+from lumbar.lifting.pushes.motion import DepositMotion
 from lumbar.lifting.pushes.roc import (
     SPECIFICITY,
     area,
@@ -26,8 +27,6 @@ from lumbar.tables.table import Table
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.lifting.pushes.levels import Levels
-    from lumbar.lifting.pushes.motion import DepositMotion
     from lumbar.settings.pushes import PushesSettings, ScoringSettings
 
 ALL_SIZES, EQUAL = "all sizes", "equal pushes"

@@ -35,15 +35,15 @@ from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import with_lyapunov_function
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, Weights
+from lumbar.records.markers import MarkerRecording
+from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.records.markers import MarkerRecording
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.pushes import PerturbationsSettings
-    from lumbar.settings.stability import StabilitySettings
 
 FEET_SHARE = 0.029
 """Mass of both feet as a share of the body's (Winter, 2009, Table 4.1)."""

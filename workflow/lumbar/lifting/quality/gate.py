@@ -73,6 +73,7 @@ def examine(
 
     Single trajectories come first (outside any laboratory, frozen, copied), then leaps and exchanged labels, then the whole:
     order along the trunk, sides, rigid parts, stature, tempo. What one check finds is hidden from the next.
+    Findings stand in the order of what they lead to, then of time; a sound recording has none.
 
     Parameters
     ----------
@@ -82,11 +83,6 @@ def examine(
         Stature of the person; without it any from 0.6 to 2.6 m is accepted.
     meant : dict of str to str, optional
         Landmark to label, where labels mean something else than usual.
-
-    Returns
-    -------
-    list of Finding
-        Empty for a sound recording. In order of what they lead to, then of time.
     """
     clock = Clock(time, rate)
     if not points:

@@ -71,13 +71,7 @@ class Drawn:
 
 
 def embedded_pictures(fill: Callable[[Document], None]) -> Drawn:
-    """Return the pictures that are put into a Bokeh document.
-
-    Parameters
-    ----------
-    fill : callable
-        Puts them, and their data, into a document.
-    """
+    """Return the pictures that `fill` puts, with their data, into a Bokeh document."""
     from bokeh.document import Document
     from bokeh.embed.bundle import bundle_for_objs_and_resources
     from bokeh.embed.util import standalone_docs_json_and_render_items
@@ -95,7 +89,7 @@ def one_file(pictures: Drawn, page: str, variables: dict[str, Any]) -> str:
     Parameters
     ----------
     page : str
-        Template, below the library; it extends ``reports/explorer/shell.html.jinja``.
+        Template, below the library; it extends ``publishing/explorer/shell.html.jinja``.
     variables : dict
         What the template shows; with ``title``.
     """

@@ -181,13 +181,7 @@ def _drawn(columns: dict[str, np.ndarray], step: int) -> dict[str, np.ndarray]:
 def shown_candidate(
     candidate: Candidate, verdict: Verdict, records: Sequence[ShownRecord], step: int
 ) -> ShownModel:
-    """Simulate the base with effects on every record.
-
-    Parameters
-    ----------
-    step : int
-        See `drawing_step`.
-    """
+    """Simulate the base with effects on every record; `step` as of `drawing_step`."""
     experiment = verdict.experiment
     seen = [item.record for item in records]
     simulate = simulation(seen, candidate.fit, experiment.surface, experiment.session)

@@ -22,12 +22,11 @@ from lumbar.lifting.stability.funnel.saturation import reference_of
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Failure, LiftStates, Trajectory, headline
+from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
-
-    from lumbar.settings.stability import StabilitySettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,14 +185,7 @@ class PushedPendulum:
 def pushed_pendulums(
     states: LiftStates, settings: StabilitySettings
 ) -> tuple[list[PushedPendulum], list[Failure]]:
-    """Close the loops of a lift in the headline's convention and compute their exact funnels.
-
-    Returns
-    -------
-    pendulums : list of PushedPendulum
-    failures : list of Failure
-        Of those that have no trajectory or no funnel.
-    """
+    """Close the loops of a lift in the headline's convention, with their exact funnels; and what has none, or no trajectory."""
     sound, unsound = states.trajectories(headline(settings, states.facts))
     found: list[PushedPendulum] = []
     failures = list(unsound)

@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lumbar.base.files import write_text
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import MEASURES, WINDOWS
 from lumbar.lifting.movement.lift_tables import points_of
-from lumbar.lifting.stability.model.trajectories import LiftStates
+from lumbar.lifting.stability.model.trajectories import Failure, LiftStates
 from lumbar.publishing.explorer.one_file import Drawn, beside, embedded_pictures, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
 from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.lift_page.lift_data import (
     PushedPendulum,
+    RecordedLift,
     balance_columns,
     body_columns,
     centres,
@@ -37,14 +39,12 @@ from lumbar.publishing.lift_page.plots import (
     SHADES,
     lift_pictures,
 )
+from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
     from bokeh.document import Document
     from bokeh.models import ColumnDataSource
 
-    from lumbar.lifting.stability.model.trajectories import Failure
-    from lumbar.publishing.lift_page.lift_data import RecordedLift
-    from lumbar.settings.stability import StabilitySettings
 
 PAGE = "publishing/lift_page/lift_page.html.jinja"
 COLOURS = {**SEGMENTS, "whole body": SERIES[4], "box": SERIES[3]}
@@ -230,6 +230,4 @@ class LiftPage:
 
     def save(self, path: str | Path) -> None:
         """Write the page to a file."""
-        from lumbar.base.files import write_text
-
         write_text(Path(path), self.to_html())

@@ -242,15 +242,7 @@ def draw_pictures(
 ) -> dict[str, Path]:
     """Write ``comparison``, ``location``, ``ladder`` and ``signatures``, and ``proposed_law``, ``chain`` where found.
 
-    Parameters
-    ----------
-    simulated : list of ResidualReport
-        The base model on every record.
-
-    Returns
-    -------
-    dict of str to pathlib.Path
-        SVG files by caption.
+    `simulated` is the base model on every record; the SVG files are returned by caption.
     """
     comparisons = [item.comparison for item in simulated]
     shown, base = least_explained(simulated), diagnosis.base.fit.structure.base.name

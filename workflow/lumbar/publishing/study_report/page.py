@@ -204,13 +204,7 @@ class StudyFacts:
 def report_page(
     facts: StudyFacts, results: Path, made: Sequence[Chapter], claims: pd.DataFrame | None
 ) -> str:
-    """Return the page.
-
-    Parameters
-    ----------
-    results : pathlib.Path
-        ``results/<study>``: what fails or warns is read from it.
-    """
+    """Return the page; what fails or warns is read from the folder of results."""
     found = troubles(results)
     sentences, cells = ((), ()) if claims is None else not_holding(claims, DOES_NOT_HOLD)
     entries = [entry for chapter in made for entry in chapter.entries]
