@@ -19,9 +19,9 @@ def main(
     from lumbar.lifting.pushes.trial_separation import (
         body_trial,
         feedback_sentence,
+        measures_of_trial,
         separation_frame,
         separation_table,
-        values_of,
     )
     from lumbar.lifting.quality.screening import read_screened
     from lumbar.lifting.quality.sheet import quality_table
@@ -49,7 +49,7 @@ def main(
     found = [{"basin": float(standing[recording.name])} for recording, _ in recordings]
     if settings.legs:
         for values, (recording, group) in zip(found, recordings, strict=True):
-            values |= values_of(body_trial(recording, group, settings, lifting), settings)
+            values |= measures_of_trial(body_trial(recording, group, settings, lifting), settings)
     groups = [group for _, group in recordings]
     feedback = feedback_sentence(trials, settings, stability)
     separation = separation_table(separation_frame(found, groups), groups, data, feedback)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,11 +15,11 @@ from lumbar.interface.refinement import Refinement, fit_effects
 from lumbar.interface.verb import label_of, settings_or_default
 from lumbar.records.record import Record, forced
 from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.models.form import Effect
 
 if TYPE_CHECKING:
-    from lumbar.interface.identification import ThesisModels
     from lumbar.publishing.explorer.page import ExplorerPage
     from lumbar.tissue.diagnosis.evidence.evidence import Evidence
     from lumbar.tissue.diagnosis.law.proposal import Proposal
@@ -234,8 +234,6 @@ class Diagnosis:
     @cached_property
     def thesis_models(self) -> ThesisModels:
         """The thesis's models, ridge ARX and output error, of the same records; none beside force as the input."""
-        from lumbar.interface.identification import ThesisModels, thesis_models
-
         return ThesisModels() if self.settings.forward else thesis_models(self.verdict, self.study.tissue)
 
     def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
@@ -248,7 +246,6 @@ class Diagnosis:
         thesis : bool
             Whether the thesis's models stand beside; identifying them takes a few seconds.
         """
-        from lumbar.interface.identification import NOT_IDENTIFIED
         from lumbar.publishing.explorer.page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_blocks
         from lumbar.tissue.diagnosis.selection.refine import fitted_model
@@ -390,3 +387,36 @@ class ProposedLaw:
 
     def __repr__(self) -> str:
         return f"<ProposedLaw: {self.equation or 'no formula'}>"
+
+
+@dataclass(frozen=True)
+class ThesisModels:
+    """Models that can be simulated, and what is to be said of the others."""
+
+    models: list[FittedModel] = field(default_factory=list)
+    remark: str = ""
+    """Which are missing and why; empty where none is, and where the thesis has none."""
+
+
+NOT_IDENTIFIED = ThesisModels(
+    remark='The thesis\'s models were not identified for this page: "lumbar diagnose --pictures" and "lumbar explore" do so.'
+)
+
+
+def thesis_models(verdict: Verdict, settings: TissueSettings) -> ThesisModels:
+    """Identify the thesis's models on the longest record that the diagnosis was trained on; of a pendulum there are none."""
+    from lumbar.tissue.identification.identify_tissue import without_intervals
+
+    if verdict.base.fit.structure.base.system != "tissue":
+        return ThesisModels()
+    experiment = verdict.experiment
+    names = [item.name for item in getattr(experiment.training, "parts", (experiment.training,))]
+    training = max((record for record in experiment.records if record.name in names), key=len)
+    tests = [record for record in experiment.records if record is not training]
+    try:
+        found = without_intervals(training, tests, settings)
+    except InputError as error:
+        return ThesisModels(remark=f"The thesis's models could not be identified on these records: {error}")
+    unstable = [f"{model.name} ({model.estimator})" for model in found if not model.stable]
+    remark = f"Unstable, and without a free run: {', '.join(unstable)}." if unstable else ""
+    return ThesisModels([model for model in found if model.stable], remark)

@@ -129,9 +129,9 @@ def check_effects(improvement: ImprovementSettings, root: Path, add: Add) -> Non
     for place, file in {**improvement.base_files, **files}.items():
         if set("{}") & set(file):
             add(f"improvement.{place}", repr(file), _NO_BRACES)
-    from lumbar.tissue.effects.catalogue import read_base
-
     for place, file in improvement.base_files.items():
+        from lumbar.tissue.effects.catalogue import read_base
+
         try:
             read_base(root / file)
         except (LumbarError, OSError) as error:

@@ -17,7 +17,7 @@ from lumbar.lifting.movement.cleaning import (
     shortest_stretch,
 )
 from lumbar.lifting.movement.gaps import ISLAND
-from lumbar.lifting.pushes.trial_separation import body_trial, values_of
+from lumbar.lifting.pushes.trial_separation import body_trial, measures_of_trial
 from lumbar.lifting.stability.comparison.perturbed_trials import trial_of
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
@@ -169,7 +169,7 @@ def pendulum_of(recording, settings=SETTINGS):
 
 
 def measures_of(recording, settings=SETTINGS):
-    return values_of(body_trial(recording, "perturbed", TRIALS, settings), TRIALS)
+    return measures_of_trial(body_trial(recording, "perturbed", TRIALS, settings), TRIALS)
 
 
 def test_an_island_between_gaps_that_stay_is_left_out():

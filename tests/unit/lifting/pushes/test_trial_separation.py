@@ -11,9 +11,9 @@ from lumbar.lifting.pushes.trial_separation import (
     basin_of_feedback,
     basin_of_person,
     estimate_feedback,
+    measures_of_trial,
     separation_frame,
     separation_table,
-    values_of,
 )
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
@@ -26,7 +26,9 @@ def test_a_body_that_drifts_forward_has_the_margins_of_the_formula():
     time = np.arange(101) / 100
     centre = np.stack([0.02 + 0.05 * time, np.full(101, 0.93)], axis=1)
     trunk = np.broadcast_to([0.1, 0.3], (101, 2))
-    found = values_of(BodyTrial("t", "perturbed", 100.0, centre, trunk, -0.07, 0.18, 0.07, 1.0), SETTINGS)
+    found = measures_of_trial(
+        BodyTrial("t", "perturbed", 100.0, centre, trunk, -0.07, 0.18, 0.07, 1.0), SETTINGS
+    )
     # Pendulum of the ankles' height and the centre's above them; functional base: 60 % of the way from its middle.
     at_end = 0.07 + 0.05 * np.sqrt(np.hypot(0.07, 1.0) / 9.81)
     assert found["margin_forward"] == pytest.approx(0.055 + 0.6 * 0.125 - at_end, abs=1e-9)

@@ -34,7 +34,8 @@ from lumbar.lifting.measures.balance import (
     smallest_impulse,
     viability_margin,
 )
-from lumbar.lifting.movement.centre_of_mass import ARM, HEAD_SHARE, STRAIGHT_ARM
+from lumbar.lifting.movement.centre_of_mass import ARM, STRAIGHT_ARM
+from lumbar.lifting.movement.centre_of_mass import HEAD as WINTER_HEAD
 from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.joint_centres import MID_HIP, typical_distance
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
@@ -48,10 +49,9 @@ if TYPE_CHECKING:
 CORNERS = 8
 """Of the base: four of each foot."""
 DIRECTIONS = ("forward", "right", "backward", "left")
-_GYRATION = {"HEAD": 0.495, "ELBOW": 0.322, "WRIST": 0.468, "STRAIGHT": 0.368}
-"""Radii of gyration across the segment about its centre, shares of its length (Winter 2009, Table 4.1), by the lower end."""
 _TRUNK_GYRATION = {"thorax": {"male": 0.320, "female": 0.314}, "abdomen": {"male": 0.383, "female": 0.354}}
-"""The same of upper (cervicale-xiphion) and middle trunk about the transverse axis (de Leva 1996, Table 4): Winter has none."""
+"""Radii of gyration of upper (cervicale-xiphion) and middle trunk about the transverse axis, shares of their lengths (de Leva
+1996, Table 4): Winter has none."""
 
 
 @dataclass(frozen=True)
@@ -310,20 +310,15 @@ def links_above_l5s1(lifter: Lifter) -> list[Link]:
             )
         )
     neck = points[HEAD] - points["C7T1"]
-    links.append(
-        Link(
-            HEAD_SHARE * mass,
-            points[HEAD],
-            neck,
-            _GYRATION["HEAD"] * typical_distance(points[HEAD], points["C7T1"]),
-        )
-    )
+    radius = WINTER_HEAD.gyration * typical_distance(points[HEAD], points["C7T1"])
+    links.append(Link(WINTER_HEAD.mass * mass, points[HEAD], neck, radius))
     for side in "LR":
-        bent = f"{side}_ELBOW" in points
-        for start, end, part, along in ARM if bent else (STRAIGHT_ARM,):
+        for start, end, segment in ARM if f"{side}_ELBOW" in points else (STRAIGHT_ARM,):
             first, last = points[f"{side}_{start}"], points[f"{side}_{end}"]
-            gyration = _GYRATION[end if bent else "STRAIGHT"] * typical_distance(first, last)
-            links.append(Link(part * mass, first + along * (last - first), last - first, gyration))
+            radius = segment.gyration * typical_distance(first, last)
+            links.append(
+                Link(segment.mass * mass, first + segment.centre * (last - first), last - first, radius)
+            )
     if lifter.load_points:
         links.append(Link(lifter.load, points[LOAD]))
     return links

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, nan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,15 +19,37 @@ COMS = ("thorax", "abdomen", "pelvis")
 SHARES = ("by_mass", "whole")
 """How the box is shared among the centres of mass: in proportion to the segments' masses, so that trunk and
 box together keep their mass, or each pendulum carrying the whole box."""
-TRUNK_SHARE, HEAD_SHARE = 0.497, 0.081
-"""Masses of trunk, and of head with neck, as shares of the body's (Winter, 2009, Table 4.1)."""
 HEAD_BEYOND = 0.35
 """The ear canal, centre of head and neck, lies beyond C7/T1 by this share of the line from the hips to C7/T1."""
-ARM = (("SHOULDER", "ELBOW", 0.028, 0.436), ("ELBOW", "WRIST", 0.022, 0.682))
-_LEG = ((MID_HIP, "KNEE", 0.100, 0.433), ("KNEE", "ANKLE", 0.061, 0.606))
-STRAIGHT_ARM, _STRAIGHT_LEG = ("SHOULDER", "WRIST", 0.050, 0.530), (MID_HIP, "ANKLE", 0.161, 0.447)
-"""Segments of each side with mass and place of the centre (Winter, 2009, Table 4.1); straight ones where no marker shows
-the joint between."""
+
+
+class LimbSegment(NamedTuple):
+    """A segment of one side, or of the middle, in Winter's Table 4.1."""
+
+    mass: float
+    """Share of the body's."""
+    centre: float
+    """From the upper end, share of the segment's length."""
+    gyration: float = nan
+    """Radius about the centre, across the segment, share of its length; NaN where nothing needs it."""
+
+
+TRUNK_SHARE, FOOT_SHARE = 0.497, 0.0145
+"""Masses of the trunk and of one foot, shares of the body's."""
+HEAD = LimbSegment(0.081, 1.0, 0.495)
+"""Head and neck, from C7/T1 to the ear canal."""
+TRUNK_HEAD = LimbSegment(0.578, 0.66, 0.503)
+"""Trunk, head and neck, from the greater trochanter to the shoulder."""
+THIGH, SHANK = LimbSegment(0.100, 0.433, 0.323), LimbSegment(0.0465, 0.433, 0.302)
+_SHANK_AND_FOOT, _WHOLE_LEG = LimbSegment(0.061, 0.606), LimbSegment(0.161, 0.447)
+WHOLE_ARM = LimbSegment(0.050, 0.530, 0.368)
+ARM = (
+    ("SHOULDER", "ELBOW", LimbSegment(0.028, 0.436, 0.322)),
+    ("ELBOW", "WRIST", LimbSegment(0.022, 0.682, 0.468)),
+)
+_LEG = ((MID_HIP, "KNEE", THIGH), ("KNEE", "ANKLE", _SHANK_AND_FOOT))
+STRAIGHT_ARM, _STRAIGHT_LEG = ("SHOULDER", "WRIST", WHOLE_ARM), (MID_HIP, "ANKLE", _WHOLE_LEG)
+"""Segments of each side (Winter, 2009, Table 4.1); straight ones where no marker shows the joint between."""
 
 
 @dataclass(frozen=True)
@@ -294,11 +317,11 @@ def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: Se
     if lacking:
         raise InputError(f"no {', '.join(lacking)}")
     trunk = trunk_centre(segment_centres(points, table), table)
-    moment = TRUNK_SHARE * trunk + HEAD_SHARE * head_centre(points)
+    moment = TRUNK_SHARE * trunk + HEAD.mass * head_centre(points)
     for side in "LR":
         elbow, knee = (f"{side}_{joint}" in recording for joint in ("ELBOW", "KNEE"))
         parts = (*(ARM if elbow else (STRAIGHT_ARM,)), *(_LEG if knee else (_STRAIGHT_LEG,)))
-        for start, end, mass, share in parts:
+        for start, end, segment in parts:
             first = points[MID_HIP] if start == MID_HIP else recording[f"{side}_{start}"]
-            moment = moment + mass * (first + share * (recording[f"{side}_{end}"] - first))
+            moment = moment + segment.mass * (first + segment.centre * (recording[f"{side}_{end}"] - first))
     return moment

@@ -157,11 +157,11 @@ def _frame(motions, levels, scene, pushes, outcome, steps, equal, equal_steps) -
     time = np.array([motions[index].time[0] for index in pushes.lift]) + since
     forward = pushes.impulse > 0
 
-    def at_push(values_of) -> np.ndarray:
+    def at_push(course_of) -> np.ndarray:
         found = np.empty(len(time))
         for index, level in enumerate(levels):
             mine = pushes.lift == index
-            found[mine] = np.interp(time[mine], level.time, values_of(level))
+            found[mine] = np.interp(time[mine], level.time, course_of(level))
         return found
 
     columns = {

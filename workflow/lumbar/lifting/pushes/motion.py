@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.lifting.movement.centre_of_mass import SHANK, THIGH, TRUNK_HEAD, WHOLE_ARM, LimbSegment
 from lumbar.lifting.movement.joint_centres import MID_HIP
 from lumbar.lifting.movement.lift_tables import LOAD, WHOLE_BODY
 from lumbar.lifting.pushes.body import (
@@ -30,19 +31,11 @@ from lumbar.lifting.pushes.body import (
 if TYPE_CHECKING:
     from lumbar.lifting.measures.course import Lifter
 
-SHANK, THIGH = (0.093, 0.433, 0.302), (0.200, 0.433, 0.323)
-"""Both shanks, both thighs: share of body mass; centre from the upper end and radius of gyration about it, as shares of the
-segment's length (Winter, 2009, Table 4.1)."""
-TRUNK = (0.578, 0.503)
-"""Trunk, head and neck, between greater trochanter and shoulder: share of body mass and radius of gyration (the same
-table, which has the centre at 0.66 of the way)."""
 CENTRE_OF_TRUNK = (0.2, 1.0)
 """Shares of the way from hips to shoulders between which the trunk's centre must lie."""
 KNOTS_S, MARGIN_S = 0.2, 0.3
 """Angles are splines of degree 5 with knots at this distance, fitted to the deposit and so much before and after: what
 people do on purpose is slower, and the torques of the noise of markers are not."""
-ARMS = (0.100, 0.530, 0.368)
-"""Both arms, between shoulder and wrist, the centre from the shoulder (the same table)."""
 THIGH_SHARE = 0.245 / (0.245 + 0.246)
 """Thigh's share of the legs' length (Drillis and Contini, 1966, in Winter, Figure 4.1)."""
 SHORTEST_M = 0.05
@@ -162,18 +155,24 @@ def bodies_of(motions: list[DepositMotion]) -> Bodies:
     lengths = np.stack([item.lengths for item in motions], axis=1)
     thigh, shank = THIGH_SHARE * lengths[0], (1 - THIGH_SHARE) * lengths[0]
     legs = _joined(
-        (SHANK[0] * mass, (1 - SHANK[1]) * shank, SHANK[0] * mass * (SHANK[2] * shank) ** 2),
-        (THIGH[0] * mass, shank + (1 - THIGH[1]) * thigh, THIGH[0] * mass * (THIGH[2] * thigh) ** 2),
+        _pair(SHANK, mass, shank, (1 - SHANK.centre) * shank),
+        _pair(THIGH, mass, thigh, shank + (1 - THIGH.centre) * thigh),
     )
     centre = np.array([item.trunk_centre for item in motions])
-    trunk = (TRUNK[0] * mass, centre * lengths[1], TRUNK[0] * mass * (TRUNK[1] * lengths[1]) ** 2)
+    trunk_mass = TRUNK_HEAD.mass * mass
+    trunk = (trunk_mass, centre * lengths[1], trunk_mass * (TRUNK_HEAD.gyration * lengths[1]) ** 2)
     arms = _joined(
-        (ARMS[0] * mass, ARMS[1] * lengths[2], ARMS[0] * mass * (ARMS[2] * lengths[2]) ** 2),
-        (box, lengths[2], 0 * box),
+        _pair(WHOLE_ARM, mass, lengths[2], WHOLE_ARM.centre * lengths[2]), (box, lengths[2], 0 * box)
     )
     masses, centres, inertias = (np.stack(parts) for parts in zip(legs, trunk, arms, strict=True))
     height = np.array([item.ankle_height_m for item in motions])
     return bodies_of_links(masses, centres, lengths, inertias, height)
+
+
+def _pair(segment: LimbSegment, mass: np.ndarray, length: np.ndarray, centre: np.ndarray) -> tuple:
+    """Mass, centre and inertia about it of the segments of both sides."""
+    both = 2 * segment.mass * mass
+    return both, centre, both * (segment.gyration * length) ** 2
 
 
 def _joined(*parts: tuple) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -22,8 +22,8 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.measures.balance import FUNCTIONAL_SHARE, pendulum_rate
+from lumbar.lifting.movement.centre_of_mass import FOOT_SHARE, SHANK, THIGH
 from lumbar.lifting.movement.cleaning import derivative
-from lumbar.lifting.pushes.motion import SHANK, THIGH
 from lumbar.lifting.pushes.roc import area
 from lumbar.lifting.stability.comparison.perturbed_trials import (
     PHASE_POINTS,
@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.pushes import PerturbationsSettings
 
-FEET_SHARE = 0.029
-"""Mass of both feet as a share of the body's (Winter, 2009, Table 4.1)."""
 RISEN = 0.1
 """The seat is left where the pelvis has risen by this share of its whole way."""
 GRAVITY = 9.81
@@ -115,9 +113,9 @@ def body_trial(
     trunk = settings.centre_share * (top - pelvis)
     parts = [
         (settings.mass_share, pelvis + trunk),
-        (THIGH[0], pelvis + THIGH[1] * (knee - pelvis)),
-        (SHANK[0], knee + SHANK[1] * (ankle - knee)),
-        (FEET_SHARE, (heel + toe) / 2),
+        (2 * THIGH.mass, pelvis + THIGH.centre * (knee - pelvis)),
+        (2 * SHANK.mass, knee + SHANK.centre * (ankle - knee)),
+        (2 * FOOT_SHARE, (heel + toe) / 2),
     ]
     centre = sum(share * place for share, place in parts) / sum(share for share, _ in parts)
     height = pelvis[:, 1]
@@ -135,7 +133,7 @@ def body_trial(
     )
 
 
-def values_of(trial: BodyTrial, settings: PerturbationsSettings) -> dict[str, float]:
+def measures_of_trial(trial: BodyTrial, settings: PerturbationsSettings) -> dict[str, float]:
     """Return the measures of one trial by name, without those of basins."""
     body_mass, trunk_mass = settings.body_mass_kg, settings.mass_share * settings.body_mass_kg
     relative = trial.centre + np.array([0.0, trial.ankle_height])
