@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.verb import Result, label_of, settings_or_default
-from lumbar.records.record import Record
+from lumbar.records.record import Record, RecordSet
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
@@ -70,32 +70,23 @@ def identify(
 
     settings = settings_or_default(settings)
     tissue, improvement = settings.tissue, settings.improvement
-    data, records = label_of(data, records), list(records)
-    named = {record.name: record for record in records}
-    chosen = _training(train or tissue.training, records, named)
+    data, records = label_of(data, records), RecordSet(records)
+    train = train or tissue.training or max(records, key=len).name
+    chosen = [records[name] for name in ([train] if isinstance(train, str) else train)]
     models, grid = [], []
-    for name in chosen:
-        tests = [record for record in records if record.name != name]
-        found, rows = identify_one(named[name], tests, tissue, settings.seed)
+    for training in chosen:
+        tests = [record for record in records if record is not training]
+        found, rows = identify_one(training, tests, tissue, settings.seed)
         given = tissue.inverted_linear
-        found.append(given_model(named[name], tests, tissue.settling_s, given.force_max, given.travel))
+        found.append(given_model(training, tests, tissue.settling_s, given.force_max, given.travel))
         if improvement.effects:
             # In Table 3.1 the refined model stands beside the thesis's, whatever base the data would ask for.
             base = "KB" if improvement.base == CHOSEN_BY_DATA else improvement.base
-            how = DiagnosisSettings.from_study(settings, base, train=name)
-            found.append(refined_fit([named[name], *tests], list(improvement.effects), how))
+            how = DiagnosisSettings.from_study(settings, base, train=training.name)
+            found.append(refined_fit([training, *tests], list(improvement.effects), how))
         models += found
         grid += rows
     return Identification(models, pd.DataFrame(grid).assign(data=data), tissue, data)
-
-
-def _training(train, records: list[Record], named: Mapping[str, Record]) -> list[str]:
-    chosen = [train] if isinstance(train, str) else list(train)
-    chosen = chosen or [max(records, key=len).name]
-    for name in chosen:
-        if name not in named:
-            raise InputError(f"no record {name!r}; there are {', '.join(named)}")
-    return chosen
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -188,10 +179,8 @@ class Identification(Result):
         from lumbar.tissue.haptics.passive_models import fit_passive_models
 
         name = train or self.models[0].trained_on
+        training = RecordSet(records)[name]
         tests = [record for record in records if record.name != name]
-        training = next((record for record in records if record.name == name), None)
-        if training is None:
-            raise InputError(f"no record {name!r}; there are {', '.join(record.name for record in records)}")
         return fit_passive_models(
             self.models, training, tests, settings or RuntimeSettings(), self.settings.settling_s
         )

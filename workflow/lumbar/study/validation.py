@@ -191,9 +191,7 @@ def _adapter(kind: type):
     return TypeAdapter(kind)
 
 
-def validate(
-    content: dict, kind: type[Kind], problems: Problems, origins: Origins, above: tuple = ()
-) -> Kind | None:
+def validate(content: dict, kind: type[Kind], problems: Problems, origins: Origins) -> Kind | None:
     """Return a configuration as settings, with the defaults of all that it leaves out; None if there are problems.
 
     Parameters
@@ -204,15 +202,13 @@ def validate(
         Class of `lumbar.settings`.
     problems : Problems
         Takes every wrong key and value, with file, line, what was found and what is allowed.
-    above : tuple of str
-        Way to the content in its file.
     """
     from pydantic import ValidationError
 
     unfilled = _unfilled(content)
     for way in unfilled:
         value = f"{FILL_IN}: still to be filled in"
-        problems.add(origins.place((*above, *way)), value, _rule(key_at(kind, way)))
+        problems.add(origins.place(way), value, _rule(key_at(kind, way)))
     merged = overlay(_defaults(kind), content)
     try:
         checked = _adapter(kind).validate_json(json.dumps(merged, default=_as_plain), strict=True)
@@ -222,7 +218,7 @@ def validate(
         for item in error.errors(include_url=False):
             way, found, allowed_words = _explained(kind, merged, item)
             said.setdefault(way, (found, allowed_words))
-        places = {way: origins.place((*above, *way), _value(merged, way, _ANY)) for way in said}
+        places = {way: origins.place(way, _value(merged, way, _ANY)) for way in said}
         for way, (found, allowed_words) in said.items():
             if any(place[: len(way)] == way for place in unfilled):
                 continue

@@ -87,12 +87,12 @@ def fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:
     return len(columns)
 
 
-def blocks(columns: Sequence[Column], keys: int, width: int = PAGE_WIDTH) -> list[list[Column]]:
+def blocks(columns: Sequence[Column], keys: int) -> list[list[Column]]:
     """Split columns into tables that fit, each beginning with the first `keys` columns."""
-    if fitting(columns, width) == len(columns):
+    if fitting(columns, PAGE_WIDTH) == len(columns):
         return [list(columns)]
     own, others = list(columns[:keys]), list(columns[keys:])
-    room = width - sum(column.width for column in own)
+    room = PAGE_WIDTH - sum(column.width for column in own)
     found = []
     while others:
         count = fitting(others, room)

@@ -197,7 +197,7 @@ def _add_joints(information: Information, model: TrialModel, unknowns: Unknowns,
 RULE = "body model fitted to all markers"
 
 
-def model_recording(fit: BodyFit, unknowns: Unknowns, name: str = "") -> MarkerRecording:
+def model_recording(fit: BodyFit, unknowns: Unknowns) -> MarkerRecording:
     """Every landmark and marker as the model has it, at the model's instants; skin is where it is on average."""
     model = fit.model
     structure = model.structure
@@ -207,7 +207,7 @@ def model_recording(fit: BodyFit, unknowns: Unknowns, name: str = "") -> MarkerR
         if not place.startswith("HAND_") and (part, place) != LEVEL
     }
     positions |= dict(unknowns.points)
-    return MarkerRecording(name, model.time, 1 / model.step, positions)
+    return MarkerRecording("", model.time, 1 / model.step, positions)
 
 
 def model_points(fit: BodyFit, unknowns: Unknowns) -> TrunkPoints:

@@ -114,28 +114,19 @@ COLUMNS = (
     *("com", "plane", "sign", "mean_area", "mean_area_low", "mean_area_high", "mean_area_sd"),
     *("draws", "draws_without_basin"),
 )
+COVERAGE = 0.95
+"""Share of the draws that an interval holds."""
 TOGETHER = 50
 """Basins computed at once; where one fails, these are computed one by one."""
 
 
 def basin_intervals(
-    pendulums: ModelPendulums, settings: StabilitySettings, sign: str, pivot: str, coverage: float = 0.95
+    pendulums: ModelPendulums, settings: StabilitySettings, sign: str, pivot: str
 ) -> pd.DataFrame:
-    """Mean basin area of each pendulum with the interval that the body model leaves it.
+    """Mean basin area of each pendulum with the interval that the body model leaves it: columns `COLUMNS`.
 
-    Parameters
-    ----------
-    sign : {"hanging", "inverted"}
-    pivot : str
-        For the table.
-    coverage : float
-        Share of the draws that the interval holds.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `COLUMNS`: areas in rad²/s; draws whose pendulum has no basin (too short, or one that
-        reaches beyond any body) are counted and belong to no interval; NaN where the most probable pendulum has none.
+    Draws whose pendulum has no basin (too short, or one that reaches beyond any body) are counted and belong to no interval;
+    NaN where the most probable pendulum has none. `sign` is that of gravity, hanging or inverted.
     """
     import pandas as pd
 
@@ -153,7 +144,7 @@ def basin_intervals(
         found = [areas[id(one)] for one in drawn[key] if id(one) in areas]
         low, high, sd = np.nan, np.nan, np.nan
         if len(found) > 1:
-            low, high = np.percentile(found, [50 * (1 - coverage), 50 * (1 + coverage)])
+            low, high = np.percentile(found, [50 * (1 - COVERAGE), 50 * (1 + COVERAGE)])
             sd = np.std(found, ddof=1)
         area = areas.get(id(trajectory), np.nan)
         rows.append((*key, sign, area, low, high, sd, len(found), len(drawn[key]) - len(found)))

@@ -8,7 +8,7 @@ A table holds what the pushes need of a lift: the motion of its links and the le
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -244,17 +244,7 @@ def _add_basins(found, com, sign, trajectories, motions, settings, push_share) -
 
 
 _MOTION = {"angle": "rad", "rate": "rad_s", "acceleration": "rad_s2"}
-_ONE_EACH = (
-    "subject",
-    "lift",
-    "mass_kg",
-    "height_m",
-    "box_mass_kg",
-    "trunk_centre",
-    "ankle_height_m",
-    "heel_m",
-    "toe_m",
-)
+_ONE_EACH = tuple(item.name for item in fields(DepositMotion) if item.type in ("str", "float"))
 """Values that are the same at all instants of a lift."""
 
 
