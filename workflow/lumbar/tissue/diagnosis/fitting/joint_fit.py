@@ -8,6 +8,7 @@ all parameters are searched together, from the linear solution.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -326,13 +327,15 @@ def _inner_nonlinear(structure: Structure) -> list[int]:
     return keep
 
 
-def fit_base(structure: Structure, data: FitData) -> Fit:
-    """Fit a structure without effects from its nonlinear parameters' starting values; return the best.
+def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) -> Fit:
+    """Fit a structure from the starting values of its base's nonlinear parameters; return the best.
 
     From every combination of them; of a base of one's own with many parameters from points that fill their ranges (Sobol,
-    USSR Comput. Math. Math. Phys. 7 (1967) 86-112).
+    USSR Comput. Math. Math. Phys. 7 (1967) 86-112). `acting` are the nonlinear parameters of the structure's effects, none of
+    which may act on the output.
     """
-    grids = [shape.grid(data.scale(shape.scale), data.motion.sampling_time) for shape in structure.nonlinear]
+    shapes = structure.base.nonlinear
+    grids = [shape.grid(data.scale(shape.scale), data.motion.sampling_time) for shape in shapes]
     refined = 2
     if math.prod(map(len, grids)) <= _MOST_COMBINATIONS:
         starts = [np.array(point) for point in product(*grids)]
@@ -346,7 +349,7 @@ def fit_base(structure: Structure, data: FitData) -> Fit:
     for start in starts:
         with suppress(ValueError, np.linalg.LinAlgError):  # what runs away there is no start
             going_on()
-            found.append(_at(structure, data, start))
+            found.append(_at(structure, data, np.append(start, acting)))
     ranked = sorted(found, key=lambda item: item.squared_error)
     return min(
         (fit(structure, data, item.nonlinear) for item in ranked[:refined]),

@@ -42,6 +42,10 @@ _AT_BOUND = 1e-3
 """Distance from a bound, as a share of the logarithmic range, within which a parameter counts as at it."""
 
 
+_BETTER = 1e-4
+"""Share of the squared error by which another optimum must be lower to be one: what ends in the same differs by less."""
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A fitted set of effects and how well it does."""
@@ -90,6 +94,20 @@ def fit_base(base: Base, experiment: Experiment) -> Candidate:
 def refit(structure: Structure, start: np.ndarray, experiment: Experiment) -> Candidate:
     """Fit a structure from these nonlinear parameters on."""
     return evaluate(joint_fit.fit(structure, experiment.training, start), experiment)
+
+
+def refit_anew(model: Candidate, experiment: Experiment) -> Candidate:
+    """The same model fitted from every starting value of its base's parameters, where that is better.
+
+    What the base has begun with while effects were missing may lie on the other side of a ridge.
+    """
+    structure = model.fit.structure
+    if not (structure.is_linear and structure.base.nonlinear):
+        return model
+    acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
+    found = joint_fit.fit_base(structure, experiment.training, acting)
+    better = found.squared_error < model.fit.squared_error * (1 - _BETTER)
+    return evaluate(found, experiment) if better else model
 
 
 def add_form(model: Candidate, form: Form, experiment: Experiment) -> Candidate:

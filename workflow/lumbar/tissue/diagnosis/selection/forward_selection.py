@@ -27,6 +27,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     later_improvement,
     likelihood_ratio,
     refit,
+    refit_anew,
     unseen_improvement,
     with_forms,
 )
@@ -191,12 +192,14 @@ class Selection:
         )
 
     def settled(self, model: Candidate) -> Candidate:
-        """A model whose fit has stopped before its optimum, fitted on from there."""
+        """A model whose fit has stopped before its optimum fitted on from there, and that of another start if it is better."""
+        if model is self.base:
+            return model
         for _ in range(_MORE_FITS):
-            if model is self.base or model.fit.converged:
+            if model.fit.converged:
                 break
             model = self.fitted_on(model)
-        return model
+        return refit_anew(model, self.experiment)
 
     def fitted_on(self, model: Candidate) -> Candidate:
         """The same model, its fit begun where it ended."""
