@@ -73,10 +73,6 @@ class Written:
 
 def deposits(results: Path) -> list[Trajectory]:
     """Return the trajectories of the default study in the thesis's wording."""
-    study = (
-        read_json(results / "config" / "study.json") if (results / "config" / "study.json").is_file() else {}
-    )
-    del study
     found = []
     for path in sorted((results / "lifting").glob("*/pendulum.csv")):
         facts = read_json(path.with_suffix(".json"))
@@ -91,7 +87,7 @@ def differences(items: list[Trajectory], areas: np.ndarray) -> np.ndarray:
     frame = pd.DataFrame([vars(item) for item in items])[
         ["subject", "experience", "box_mass_kg", "com", "plane"]
     ]
-    rows = percent_differences(frame.assign(mean_area=areas))
+    rows = percent_differences(frame.assign(mean_area=areas), "mean_area", frame)
     return np.array([row[plane] for row in rows for plane in PLANES])
 
 

@@ -6,17 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lumbar.publishing.reproduction.printed_metrics import (
+from lumbar.publishing.reproduction.table_3_1_experiments import (
+    EXPERIMENTS,
+    FORCE,
+    table_3_1_experiments,
+)
+from lumbar.publishing.reproduction.table_cells import (
     BY_MEAN,
     MEAN_SQUARE,
     agreeing,
     impossible_mru,
     least_mru,
-)
-from lumbar.publishing.reproduction.table_3_1_experiments import (
-    EXPERIMENTS,
-    FORCE,
-    table_3_1_experiments,
 )
 from lumbar.records.record import Channel, Record
 from lumbar.settings.plain import from_plain

@@ -161,7 +161,7 @@ def test_exponents_stand_beside_the_basins_of_repeated_trials():
     texts = []
     for count in (30, 2):
         everything = [item for box, mass in boxes.items() for item in repeated(box, mass, count)]
-        found = compared_exponents(everything, "flexion_extension", comparisons(boa, None))
+        found = compared_exponents(everything, "flexion_extension", comparisons(boa))
         texts.append(found["decrease_in_mass_expert", "abdomen"])
     assert texts[0].count("1/s, estimated from 30 trials") == 2
     assert texts[1].count("insufficient data: 2 trials, at least 30 are needed") == 2

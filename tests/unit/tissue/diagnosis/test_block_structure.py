@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 import lumbar
-from lumbar.publishing.figures.chain_figure import chain_figure
+from lumbar.publishing.figures.law_figure import chain_figure
 from lumbar.records.record import Channel, Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings

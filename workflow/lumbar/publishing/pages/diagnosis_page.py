@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.publishing.figures.chain_figure import chain_figure
 from lumbar.publishing.figures.comparison_figures import (
     comparison_figure,
     ladder_figure,
     ladder_rungs,
     signature_figure,
 )
-from lumbar.publishing.figures.law_figure import law_figure
+from lumbar.publishing.figures.law_figure import chain_figure, law_figure
 from lumbar.publishing.figures.location_figure import location_figure
 from lumbar.publishing.figures.style import save
 from lumbar.publishing.pages.html import document, figure, heading, listing, paragraph, picture, table

@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from lumbar.publishing.reproduction.printed_metrics import (
+from lumbar.publishing.reproduction.table_cells import (
     BY_MEAN,
     MEAN_SQUARE,
     SAMPLES,
+    TABLE_3_1,
     agreeing,
     impossible_mru,
 )
-from lumbar.publishing.reproduction.table_cells import TABLE_3_1
 from lumbar.records.record import Channel, Record
 from lumbar.settings.signals import AmplitudeSettings
 from lumbar.tables.table import Table

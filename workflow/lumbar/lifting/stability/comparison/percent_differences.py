@@ -71,17 +71,15 @@ class Study:
         return self.boa[(self.boa[list(chosen)] == list(chosen.values())).all(axis=1)]
 
 
-def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups: tuple[str, str] = GROUPS):
+def comparisons(people: pd.DataFrame, groups: tuple[str, str] = GROUPS):
     """Yield name, (experience, mass) before and after, and whether the study can tell.
 
-    `areas` and `missing` have columns ``experience`` and ``box_mass_kg``: a lift counts also where all its basins are
-    missing. `groups` are the labels of the people compared, the first with the second.
+    `people` has columns ``experience`` and ``box_mass_kg``: a lift counts also where all its basins are missing. `groups`
+    are the labels of the people compared, the first with the second.
     """
     lifts = {
         (str(name), float(mass))
-        for frame in (areas, missing)
-        if frame is not None
-        for name, mass in zip(frame["experience"], frame["box_mass_kg"], strict=True)
+        for name, mass in zip(people["experience"], people["box_mass_kg"], strict=True)
     }
     masses = {name: sorted(mass for who, mass in lifts if who == name) for name, _ in lifts}
     others = sorted(set(masses) - set(groups))
@@ -106,10 +104,7 @@ def comparisons(areas: pd.DataFrame, missing: pd.DataFrame | None = None, groups
 
 
 def percent_differences(
-    areas: pd.DataFrame,
-    column: str = "mean_area",
-    missing: pd.DataFrame | None = None,
-    groups: tuple[str, str] = GROUPS,
+    areas: pd.DataFrame, column: str, people: pd.DataFrame, groups: tuple[str, str] = GROUPS
 ) -> list[dict]:
     """Compare average cross-sections as Table 4.1 does.
 
@@ -120,10 +115,8 @@ def percent_differences(
         and trials of the same experience are averaged.
     column : str
         The areas compared.
-    missing : pandas.DataFrame, optional
-        Columns ``subject, experience, box_mass_kg, com, plane`` of the basins that could not be computed.
-    groups : tuple of str
-        Labels of the people compared, the first with the second.
+    people, groups
+        As for `comparisons`.
 
     Returns
     -------
@@ -133,7 +126,7 @@ def percent_differences(
     """
     table = areas.groupby(["experience", "box_mass_kg", "com", "plane"])[column].mean().to_dict()
     rows = []
-    for comparison, before, after, status in comparisons(areas, missing, groups):
+    for comparison, before, after, status in comparisons(people, groups):
         for com in COMS:
             row = {"comparison": comparison, "com": com, "status": status}
             gone = []

@@ -260,7 +260,7 @@ def controls_table(
     bases = {"headline": study.headline, "thesis": THESIS}
     changes = {name: single_changes(grid, base) for name, base in bases.items()}
     turned = {name: _turned_by(found) for name, found in changes.items()}
-    sides = list(comparisons(areas, study.people, settings.compare.groups))
+    sides = list(comparisons(study.people, settings.compare.groups))
     trajectories = study.trajectories()
     of_grid = expressing(comparison_cells(grid))
     cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
