@@ -22,7 +22,7 @@ from lumbar.lifting.stability.programme.polynomials import (
     growth_polynomial,
     monomials,
 )
-from lumbar.lifting.stability.programme.sum_of_squares import Certificate, SumOfSquares, grams
+from lumbar.lifting.stability.programme.sum_of_squares import Certificate, SumOfSquares
 
 C = (np.sqrt(13) - 1) / 6
 """Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""
@@ -123,7 +123,7 @@ def largest_level(coefficients, rate, multiplier):
     padded[: len(multiplier)] = multiplier
     constant = padded - circle_map(3) @ multiplier - coefficients
     constant[0] += rate
-    programme = SumOfSquares(np.array([-1.0]), padded[:, None], grams(3, None))
+    programme = SumOfSquares(np.array([-1.0]), padded[:, None], [gram_map(3)])
     found = programme.solve(constant)
     return np.nan if found is None else found[0]
 
@@ -154,7 +154,7 @@ def test_equation_4_5_leaves_the_multiplier_and_so_the_level_open(loops):
     coefficients = growth_polynomial(loops.form(-1), np.ones(2), 3)[0]
     rate, multiplier = Certificate(3).solve(coefficients, "test")
     constant = np.eye(len(coefficients))[0]
-    programme = SumOfSquares(np.ones(1), -constant[:, None], grams(3, None))
+    programme = SumOfSquares(np.ones(1), -constant[:, None], [gram_map(3)])
     levels = []
     for c in (0.0, 1.0, 10.0):
         other = multiplier - c * np.array([1.0, 0.0, 0.0, -1.0, 0.0, -1.0])
