@@ -56,6 +56,12 @@ class Study:
         )
 
     @property
+    def printed(self) -> pd.DataFrame:
+        """The thesis's percentages by comparison, as this study names it, and centre of mass."""
+        named = self.published["comparison"].map(comparison_names(self.settings.compare.groups))
+        return self.published.assign(comparison=named).set_index(["comparison", "com"])
+
+    @property
     def headline(self) -> Convention:
         """The study's own convention: its lifts are made by the same settings."""
         return headline(self.settings, self.lifts[0].facts)

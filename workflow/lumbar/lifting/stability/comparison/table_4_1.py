@@ -15,7 +15,6 @@ from lumbar.lifting.stability.basins import COLUMNS
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
-    comparison_names,
     headline_words,
     percent_differences,
     regulator_sentence,
@@ -87,10 +86,7 @@ def _first_table(
     import pandas as pd
 
     settings = study.settings
-    names = comparison_names(settings.compare.groups)
-    printed = study.published.assign(comparison=study.published["comparison"].map(names))
-    printed = printed.set_index(["comparison", "com"])
-    rows = []
+    printed, rows = study.printed, []
     for index, row in enumerate(differences["headline"]):
         here = row["comparison"], row["com"]
         entry = dict(zip(("comparison", "com"), here, strict=True))

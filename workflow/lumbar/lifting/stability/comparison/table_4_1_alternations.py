@@ -14,7 +14,6 @@ from lumbar.lifting.stability.basins import COLUMNS, decimals
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
-    comparison_names,
     percent_differences,
 )
 from lumbar.lifting.stability.model.trajectories import PLANES, THESIS
@@ -39,10 +38,7 @@ def alternations_table(study: Study) -> Table:
     }
     found = {name: percent_differences(own, column, study.people, groups) for name, column in columns.items()}
     found["exact"] = percent_differences(study.areas("exact", THESIS), "mean_area", study.people, groups)
-    names = comparison_names(groups)
-    printed = study.published.assign(comparison=study.published["comparison"].map(names))
-    printed = printed.set_index(["comparison", "com"])
-    rows = []
+    printed, rows = study.printed, []
     for index, row in enumerate(found["thesis"]):
         for plane in PLANES:
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
