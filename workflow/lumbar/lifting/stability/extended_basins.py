@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from lumbar.lifting.stability.basins import AREA_HEADERS, as_counts, basin_rows,
 from lumbar.lifting.stability.basins import COLUMNS as BASIN_COLUMNS
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
-from lumbar.lifting.stability.funnel.saturation import Saturation, reference_of
+from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, reference_of
 from lumbar.lifting.stability.methods import (
     METHODS,
     MethodResult,
@@ -113,24 +114,23 @@ def extended_basins(
     failures: list[Failure] = []
     for sign in sorted(SIGNS, key=lambda name: name != published):
         methods = headline_methods(settings) if sign == published else ["exact"]
-        nominal = NominalLoops(sign, settings)
+        nominal = NominalLoops(sign, settings, seed)
         plans = list(product((TORQUE_LIMITED, "uncertain_mass"), methods))
         if sign == published:
             plans.append(("better_v", "exact"))
         for name, method in plans:
-            compute = limited_rows if name == TORQUE_LIMITED else extended_rows
+            compute = limited_rows if name == TORQUE_LIMITED else partial(extended_rows, name)
             for attempt in attempts(trajectories, f"{name}, {method}, {sign}", failures):
                 with attempt as some:
-                    rows += compute(some, name, method, nominal, settings, seed)
+                    rows += compute(method, nominal, some)
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
 
 
 class NominalLoops:
-    """Loops without limits and their exact funnels with one sign of gravity, each computed once."""
+    """Loops without limits and their exact funnels with one sign of gravity, each computed once, and what checks others."""
 
-    def __init__(self, sign: str, settings: StabilitySettings):
-        self.sign = sign
-        self._settings = settings
+    def __init__(self, sign: str, settings: StabilitySettings, seed: int):
+        self.sign, self.settings, self.seed = sign, settings, seed
         self._known: dict[tuple, tuple[ClosedLoops, Funnels]] = {}
 
     def of(self, trajectories: list[Trajectory]) -> tuple[ClosedLoops, Funnels]:
@@ -140,28 +140,20 @@ class NominalLoops:
             if set(labels) <= set(known):
                 index = np.array([known.index(label) for label in labels])
                 return loops.select(index), funnels.select(index)
-        loops = close_loops(trajectories, self.sign, self._settings)
-        self._known[tuple(labels)] = loops, exact_funnels(loops, self._settings.goal_level)
+        loops = close_loops(trajectories, self.sign, self.settings)
+        self._known[tuple(labels)] = loops, exact_funnels(loops, self.settings.goal_level)
         return self._known[tuple(labels)]
 
 
-def limited_rows(
-    trajectories: list[Trajectory],
-    name: str,
-    method: str,
-    nominal: NominalLoops,
-    settings: StabilitySettings,
-    seed: int,
-) -> list[dict]:
+def limited_rows(method: str, nominal: NominalLoops, trajectories: list[Trajectory]) -> list[dict]:
     """Rows of the loops with limited torque; where the limits cannot bind the basin is the nominal one, by the exact method."""
     loops, funnels = nominal.of(trajectories)
-    saturation = torque_limit(trajectories, settings)
-    bound = binds(loops, funnels.level, saturation)
+    bound = binds(loops, funnels.level, torque_limit(trajectories, nominal.settings))
     some = [item for item, beyond in zip(trajectories, bound, strict=True) if beyond]
-    found = iter(extended_rows(some, name, method, nominal, settings, seed) if some else [])
+    found = iter(extended_rows(TORQUE_LIMITED, method, nominal, some) if some else [])
     rows = []
     for index, item in enumerate(trajectories):
-        low, high = torque_range(item, settings)
+        low, high = torque_range(item, nominal.settings)
         limits = {"lowest_torque_N_m": low, "highest_torque_N_m": high}
         if bound[index]:
             rows.append(next(found) | limits | {"binds": "yes"})
@@ -171,22 +163,17 @@ def limited_rows(
 
 
 def extended_rows(
-    trajectories: list[Trajectory],
-    name: str,
-    method: str,
-    nominal: NominalLoops,
-    settings: StabilitySettings,
-    seed: int,
+    name: str, method: str, nominal: NominalLoops, trajectories: list[Trajectory]
 ) -> list[dict]:
     """Compute and check the basins of some trajectories in one of the extended loops: a row of `COLUMNS` each."""
     loops, funnels = nominal.of(trajectories)
-    saturation = {
-        TORQUE_LIMITED: lambda: torque_limit(trajectories, settings),
-        "uncertain_mass": lambda: Saturation(mass_share=settings.limits.mass_share),
-        "better_v": Saturation,
-    }[name]()
+    settings, saturation = nominal.settings, UNSATURATED
+    if name == TORQUE_LIMITED:
+        saturation = torque_limit(trajectories, settings)
+    elif name == "uncertain_mass":
+        saturation = Saturation(mass_share=settings.limits.mass_share)
     own, result, extra = _result(loops, name, method, saturation, settings)
-    found = basin_rows(trajectories, own, result, settings, seed, nominal.sign, saturation)
+    found = basin_rows(trajectories, own, result, settings, nominal.seed, nominal.sign, saturation)
     return [
         {
             **row,
