@@ -82,7 +82,7 @@ def diagnose(
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
     data = label_of(data, records)
-    driven = [forced(record) for record in records] if chosen.forward else list(records)
+    driven = [forced(record) for record in records] if chosen.load_drives else list(records)
     used, changed = limit_samples(driven, chosen.session)
     verdict = search(used, chosen)
     verdict = with_chain(replace(verdict, findings=(*changed, *verdict.findings)))

@@ -69,7 +69,7 @@ def fit_effects(records, effects, settings, seed, data) -> Refinement:
     from lumbar.tissue.diagnosis.selection.refine import not_converged
     from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
 
-    driven = [forced(record) for record in records] if settings.forward else list(records)
+    driven = [forced(record) for record in records] if settings.load_drives else list(records)
     used, findings = limit_samples(driven, settings.session)
     experiment, path = fit_path(used, effects, settings)
     if not path[-1].fit.converged:

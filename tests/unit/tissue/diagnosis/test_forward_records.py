@@ -1,6 +1,7 @@
 """Forward records (force in, motion out): what is hidden is named in the motion's unit, by simulation from force to motion."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from lumbar.base.errors import InputError
 from lumbar.cli.command import main
 from lumbar.records.record import Channel, Record, forced
 from lumbar.study.load_study import load_settings
+from lumbar.tissue.diagnosis.forward import forward_diagnosis
 from lumbar.tissue.diagnosis.forward.forward_base import response_of
 from lumbar.tissue.diagnosis.linear.direction import FORWARD
 from lumbar.tissue.effects.catalogue import catalogues_with
@@ -113,6 +115,16 @@ def test_a_sensor_that_gives_the_absolute_value(tmp_path):
         lumbar.load_models(tmp_path / "refined.json")
     assert found.model.test_rms < 0.03
     assert found.path[0].test_rms > 5 * found.model.test_rms
+
+
+def test_no_sensor_is_told_where_a_set_of_effects_that_was_not_selected_explains_more(friction, monkeypatch):
+    _, found = friction
+    known, after = found.verdict, replace(found.verdict.model, score=found.verdict.model.score + 100.0)
+    monkeypatch.setattr(forward_diagnosis, "sensor_candidates", lambda *_: [(known.base, after)])
+    nothing = replace(known, path=[known.base])
+    assert forward_diagnosis._behind_sensor(nothing, found.settings) is nothing
+    alone = replace(nothing, ranking=[])
+    assert forward_diagnosis._behind_sensor(alone, found.settings).path == [known.base, after]
 
 
 def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path, capsys):

@@ -15,8 +15,8 @@ from hidden_effects.form import Scales, calibrated, simulate
 from hidden_effects_cases import recorded_motion
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.evidence.discrimination import (
-    excitation_csv,
     excitation_family,
+    motion_csv,
     separating_excitation,
     separation_sentence,
 )
@@ -164,7 +164,7 @@ def test_the_proposal_is_a_sentence_and_a_file_to_play():
     sentence = separation_sentence(found, diagnosis)
     assert sentence.startswith("To tell saturation from hysteresis, record ")
     assert "your record sine: " in sentence
-    header, first, *rows = excitation_csv(found, diagnosis).splitlines()
+    header, first, *rows = motion_csv(found.excitation.motion, diagnosis.experiment.input_unit).splitlines()
     assert header == "time_s,position_mm"
     assert first.startswith("0,")
     assert len(rows) == len(found.excitation.motion) - 1

@@ -78,6 +78,19 @@ def test_a_runner_up_that_is_worse_than_the_base_is_said_to_be(found):
     assert not any("worse than" in line for line in details(found, TISSUE))
 
 
+def test_one_session_is_suggested_where_the_training_record_alone_is_explained(found):
+    def told(verdict) -> bool:
+        return any("--session" in line for line in details(verdict, TISSUE))
+
+    assert not told(found)
+    far = replace(found.model, unseen_rms={"other": 3 * found.experiment.noise})
+    other = replace(found, path=[found.base, far])
+    assert told(other)
+    assert not told(replace(other, experiment=replace(found.experiment, session=True)))
+    poor = replace(far, train_rms=2 * found.experiment.noise)
+    assert not told(replace(other, path=[found.base, poor]))
+
+
 def test_a_gain_beyond_chance_beside_nothing_missing_is_explained(found):
     """The very small probability of a candidate does not stand there alone."""
     adequate = replace(found, verdict="adequate", path=[found.base])

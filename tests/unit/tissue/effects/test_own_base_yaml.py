@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.signal import StateSpace, lsim
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.records.record import Channel
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.effects.catalogue import catalogues_with, read_base
@@ -127,10 +129,20 @@ def test_what_is_wrong_with_a_file_is_said(old, new, words, tmp_path):
         read_base(path)
 
 
-def test_it_goes_from_input_to_output_alone(base):
+def test_it_takes_the_load_for_the_input_where_that_drives(refined, base):
+    """Of files that have the motion first: nothing is turned round, the load is the input."""
+    turned = []
+    for item in records():
+        channels = {
+            "input": Channel(item["output"], "position", "mm"),
+            "output": Channel(item["input"], "force", "N"),
+        }
+        turned.append(replace(item, channels=channels))
     forward = StudySettings(improvement=ImprovementSettings(forward=True))
-    with pytest.raises(InputError, match=r"two_masses.yaml: .*leave out improvement.forward"):
-        lumbar.diagnose(records(), base=str(base), settings=forward)
+    found = lumbar.refine(turned, [], base=str(base), settings=forward).model
+    assert (found.input.quantity, found.output.quantity) == ("force", "position")
+    for name in TRUE:
+        assert found[name].value == pytest.approx(refined.model[name].value, rel=1e-9)
 
 
 def test_settings_find_it_beside_them_and_say_what_is_wrong_with_it(base):

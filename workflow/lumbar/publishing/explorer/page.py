@@ -20,7 +20,7 @@ from lumbar.publishing.explorer.shown import (
     shown_fitted,
     shown_records,
 )
-from lumbar.tissue.diagnosis.evidence.discrimination import Separation, excitation_csv, separation_sentence
+from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import EXCITATION, Evidence
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
@@ -209,7 +209,7 @@ def excitation_of(separation: Separation, verdict: Verdict) -> dict[str, str]:
     return {
         "text": separation_sentence(separation, verdict),
         "name": EXCITATION,
-        "file": excitation_csv(separation, verdict),
+        "file": motion_csv(separation.excitation.motion, verdict.experiment.input_unit),
     }
 
 

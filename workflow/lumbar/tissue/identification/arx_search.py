@@ -10,12 +10,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
-from lumbar.tissue.identification.metrics import (
-    fit_ratio,
-    mean_residual,
-    normalized_mean_squared_error,
-    variance_accounted_for,
-)
+from lumbar.tissue.identification.metrics import free_run_errors, normalized_mean_squared_error
 from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
 from lumbar.tissue.signals.settling import settling_time
@@ -73,26 +68,11 @@ class IdentificationData:
         )
 
 
-@dataclass(frozen=True)
-class FreeRun:
-    """Errors of a simulation from the input alone, after the settling time."""
-
-    vaf_percent: float
-    fit_percent: float
-    mean_residual: float
-
-
-def free_run(model: TransferFunction, data: IdentificationData) -> FreeRun | None:
-    """Errors of the free run (Eqs 3.10–3.12); None for an unstable model, which has no free run."""
+def free_run(model: TransferFunction, data: IdentificationData) -> dict[str, float] | None:
+    """`free_run_errors` after the settling time (Eqs 3.10–3.12); None for an unstable model, which has no free run."""
     if not model.stable:
         return None
-    modelled = model.simulate(data.inputs)[data.skip :]
-    measured = data.outputs[data.skip :]
-    return FreeRun(
-        variance_accounted_for(measured, modelled),
-        fit_ratio(measured, modelled),
-        mean_residual(measured, modelled),
-    )
+    return free_run_errors(data.outputs[data.skip :], model.simulate(data.inputs)[data.skip :])
 
 
 def one_step_nmse(model: TransferFunction, data: IdentificationData) -> float:
@@ -119,7 +99,7 @@ class ArxCandidate:
     tests: Sequence[IdentificationData]
 
     @cached_property
-    def training(self) -> FreeRun | None:
+    def training(self) -> dict[str, float] | None:
         """Errors on what it is fitted to; None for an unstable model."""
         return free_run(self.transfer_function, self.data)
 
@@ -128,7 +108,7 @@ class ArxCandidate:
         """Mean %VAF of the free runs on the other records; None where there are none."""
         if not self.stable or not self.tests:
             return None
-        return float(np.mean([free_run(self.transfer_function, test).vaf_percent for test in self.tests]))
+        return float(np.mean([free_run(self.transfer_function, test)["vaf_percent"] for test in self.tests]))
 
     @property
     def stable(self) -> bool:
@@ -146,7 +126,7 @@ class ArxCandidate:
         if self.training is None:
             return -np.inf
         if selection == "training":
-            return self.training.vaf_percent
+            return self.training["vaf_percent"]
         return -np.inf if self.test_vaf_percent is None else self.test_vaf_percent
 
 
@@ -274,9 +254,7 @@ def _grid_row(
         "rank": candidate.path.rank,
         "condition_number": candidate.path.condition_number,
         "stable": candidate.stable,
-        "vaf_percent": run and run.vaf_percent,
-        "fit_percent": run and run.fit_percent,
-        "mean_residual": run and run.mean_residual,
+        **(run or dict.fromkeys(("vaf_percent", "fit_percent", "mean_residual"))),
         "test_vaf_percent": candidate.test_vaf_percent if tested else None,
         "nmse_train": candidate.path.residual_sum_of_squares(candidate.alpha) / candidate.path.rows,
         "selected": selected,

@@ -154,12 +154,10 @@ def scores_of(
     """Errors of a free run and of the prediction one step ahead, on training and test records."""
     trained, tested = free_run(structure, data), [free_run(structure, test) for test in tests]
     return Scores(
-        vaf_percent=trained and trained.vaf_percent,
-        fit_percent=trained and trained.fit_percent,
-        mean_residual=trained and trained.mean_residual,
+        **(trained or {}),
         nmse_train=one_step_nmse(structure, data),
         tests=tuple(test.name for test in tests),
-        vaf_tests_percent=tuple(run and run.vaf_percent for run in tested),
+        vaf_tests_percent=tuple(run and run["vaf_percent"] for run in tested),
         nmse_tests=tuple(one_step_nmse(structure, test) for test in tests),
     )
 

@@ -44,6 +44,15 @@ def fit_ratio(measured: np.ndarray, modelled: np.ndarray) -> float:
     return float(100.0 * (1.0 - rms / np.sqrt(_variance(measured))))
 
 
+def free_run_errors(measured: np.ndarray, modelled: np.ndarray) -> dict[str, float]:
+    """%VAF, FIT and mean residual of a free run, as `lumbar.tissue.models.model_data.Scores` names them."""
+    return {
+        "vaf_percent": variance_accounted_for(measured, modelled),
+        "fit_percent": fit_ratio(measured, modelled),
+        "mean_residual": mean_residual(measured, modelled),
+    }
+
+
 def _variance(measured: np.ndarray) -> float:
     variance = float(np.var(measured))
     if variance == 0.0:

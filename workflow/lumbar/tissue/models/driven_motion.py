@@ -9,9 +9,10 @@ follows from the one equation of the base and of every form.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
+from itertools import chain
 
 import numpy as np
 
@@ -135,6 +136,19 @@ class ForceBalance:
             np.array(found[:count], dtype=float),
             np.array(found[count:], dtype=float).reshape(count, len(MOTION) + count - 1, *shape),
         )
+
+
+def linearised(form: Form, *parameters: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes of a base's force (first row) and of its states' rates at 0: by z, ż, z̈, and by the states.
+
+    `parameters` are the linear and the nonlinear ones.
+    """
+    balance = ForceBalance((form,))
+    known = dict(zip((*balance.linear, *balance.nonlinear), chain(*parameters), strict=True))
+    known |= dict.fromkeys(("z", "v", "a", "s", "t", *balance.states), 0.0)
+    with np.errstate(all="ignore"):
+        _, slopes = balance.slopes(known, ())
+    return slopes[:, : len(MOTION)], slopes[:, len(MOTION) :]
 
 
 def _own(symbol: str, index: int) -> str:

@@ -121,17 +121,11 @@ class FittedModel(ModelData):
 
     def _linearised(self, base: Base) -> tuple[np.ndarray, np.ndarray]:
         """Numerator and denominator in s, from the slopes of the equation and of the rates of its states."""
-        from lumbar.tissue.models.driven_motion import MOTION, ForceBalance
+        from lumbar.tissue.models.driven_motion import linearised
 
-        balance = ForceBalance((base.form,))
-        names = (*balance.linear, *balance.nonlinear)
-        known = dict(zip(names, np.concatenate(self.values_of(base)), strict=True))
-        with np.errstate(all="ignore"):
-            rest = dict.fromkeys(("z", "v", "a", "s", "t", *balance.states), 0.0)
-            _, slopes = balance.slopes(known | rest, ())
-        if not np.isfinite(slopes).all():
+        by_motion, by_states = linearised(base.form, *self.values_of(base))
+        if not (np.isfinite(by_motion).all() and np.isfinite(by_states).all()):
             raise NumericalError(f"{self.name}: it has no slope at 0 of its input and states")
-        by_motion, by_states = slopes[:, : len(MOTION)], slopes[:, len(MOTION) :]
         rates, response = by_states[1:], by_states[0]
         denominator = np.poly(rates) if len(rates) else np.ones(1)
         numerator = np.zeros(1)

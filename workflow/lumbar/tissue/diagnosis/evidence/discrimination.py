@@ -346,8 +346,3 @@ def separation_sentence(separation: Separation, diagnosis: Verdict) -> str:
         f"To tell {pair}, record {separation.excitation.words} and fit on it: it would separate them by "
         f"{separation.distance:.2g} noise standard deviations ({separation.rms:.2g} {unit} RMS); {own}.{beyond_range}"
     )
-
-
-def excitation_csv(separation: Separation, diagnosis: Verdict) -> str:
-    """The excitation as a file to play: header ``time_s,position_<unit>``."""
-    return motion_csv(separation.excitation.motion, diagnosis.experiment.input_unit)

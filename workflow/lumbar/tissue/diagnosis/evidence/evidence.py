@@ -13,7 +13,7 @@ import numpy as np
 
 from lumbar.base.files import write_json, write_text
 from lumbar.tables.words import unit_in_print
-from lumbar.tissue.diagnosis.evidence.discrimination import Separation, excitation_csv, separating_excitation
+from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separating_excitation
 from lumbar.tissue.diagnosis.evidence.ties import Detectable, Ties, detectable_effects, signal_angles
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -209,7 +209,8 @@ def write_diagnosis(diagnosis: Verdict, gather: Callable[[], Evidence], folder: 
     evidence = gather()
     write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, data))
     if evidence.separation is not None and evidence.separation.improves:
-        write_text(folder / EXCITATION, excitation_csv(evidence.separation, diagnosis))
+        motion = evidence.separation.excitation.motion
+        write_text(folder / EXCITATION, motion_csv(motion, diagnosis.experiment.input_unit))
 
 
 def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dict:

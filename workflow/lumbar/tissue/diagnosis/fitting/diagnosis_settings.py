@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.settings.improvement import is_data, system_of
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
@@ -35,6 +34,8 @@ class DiagnosisSettings:
     """Most effects to add."""
     forward: bool = False
     """Whether the records of a tissue test have the force as input and the motion as output."""
+    load_drives: bool = False
+    """Whether the load is the records' input, wherever it stands: of such records, and where a base of one's own takes it."""
     session: bool = False
     """Whether the records were cut from one session, in their order."""
     settling_s: float | None = None
@@ -60,17 +61,13 @@ class DiagnosisSettings:
         Raises
         ------
         InputError
-            For an unknown base, one of one's own that is not sound, and one that is to be turned round.
+            For an unknown base, and one of one's own that is not sound.
         """
         improvement = settings.improvement
         base = base or improvement.base
         gravity = settings.stability.pendulum.gravity_m_s2
         chosen = read_base(base) if is_data(base) else base
-        if improvement.forward and isinstance(chosen, Base):
-            raise InputError(
-                f"base {base}: a base of your own goes from the records' input to their output, whatever they are: "
-                "leave out improvement.forward (--forward)"
-            )
+        load_drives = improvement.forward and system_of(base) == "tissue"
         settling_s = settings.tissue.settling_s
         if settling_s is None and isinstance(chosen, Base) and chosen.start:
             settling_s = 0.0  # it says how records begin
@@ -79,7 +76,9 @@ class DiagnosisSettings:
             train=train or improvement.train,
             catalogue=catalogue_with(improvement.effect_files, base, gravity),
             most_effects=improvement.most_effects,
-            forward=improvement.forward and system_of(base) == "tissue",
+            # A base of one's own goes from the input to the output, whatever they are: nothing is turned round.
+            forward=load_drives and not isinstance(chosen, Base),
+            load_drives=load_drives,
             session=improvement.session,
             settling_s=settling_s,
         )

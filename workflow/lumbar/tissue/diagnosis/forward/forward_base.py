@@ -23,7 +23,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, exchange_base, fit_base
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
-from lumbar.tissue.models.driven_motion import MOTION, ForceBalance
+from lumbar.tissue.models.driven_motion import linearised
 from lumbar.tissue.models.measured_motion import with_measured_motion, without_noise
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
@@ -128,19 +128,13 @@ def turn_round(experiment: Experiment, response: Response) -> Experiment:
 
 def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Response:
     """Frequency response of a base from force to motion."""
-    balance = ForceBalance((base.form,))
-    names = (*balance.linear, *balance.nonlinear)
-    known = dict(zip(names, (*linear, *nonlinear), strict=True)) | dict.fromkeys(
-        ("z", "v", "a", "t", *balance.states), 0.0
-    )
-    _, slopes = balance.slopes(known, ())
-    by_motion, by_states = slopes[:, : len(MOTION)], slopes[:, len(MOTION) :]
+    by_motion, by_states = linearised(base.form, linear, nonlinear)
 
     def response(frequency: np.ndarray) -> np.ndarray:
         s = 2j * np.pi * frequency
         powers = np.array([np.ones_like(s), s, s**2])
         stiffness = by_motion[0] @ powers
-        for state in range(1, len(slopes)):  # the states of a base know nothing of each other
+        for state in range(1, len(by_states)):  # the states of a base know nothing of each other
             driven = by_motion[state] @ powers / (s - by_states[state, state - 1])
             stiffness = stiffness + by_states[0, state - 1] * driven
         least = _STIFFEST * np.abs(stiffness).max()

@@ -146,15 +146,16 @@ def _on_all(found: Verdict, experiment: Experiment, settings: DiagnosisSettings)
 
 
 def _behind_sensor(found: Verdict, settings: DiagnosisSettings) -> Verdict:
-    """Linear dynamics behind a sensor that is not linear, where they surely explain all records better."""
+    """Linear dynamics behind a sensor that is not linear, where they explain all records better than all that was tried."""
     experiment = found.experiment
     if is_adequate(found.model, experiment):
         return found
     forms = {name: settings.candidates[name].forms for name in MOTION_SENSOR}
+    best = min([found.model.score, *(item.candidate.score for item in found.ranking)])
     for before, after in sorted(sensor_candidates(experiment, forms), key=lambda pair: pair[1].score):
         judge = Selection(experiment, before, settings, singles=[])
         surely = unseen_improvement(found.model, after, experiment) > UNSEEN
-        if not (judge.passes(before, after) and surely and after.score < found.model.score - TIED):
+        if not (judge.passes(before, after) and surely and after.score < best - TIED):
             continue
         judge.tried = [after]
         share = judge.share_removed(after)

@@ -212,40 +212,44 @@ _SPREAD = 8
 """Ratio of neighbouring relaxation times of a power law: four branches span nearly three decades."""
 
 
-def _power_law(settling: bool) -> Term:
+def _power_law() -> tuple[Term, Term]:
     """Springpot: relaxation that falls as a power of time, by four branches (Schiessel and Blumen, J. Phys. A 26, 1993)."""
-    branches = [f"{_SPREAD**n}**(-p)*q{n}" for n in range(1, 4)]
-    state = tuple((f"q{n}", f"v - q{n}/({_SPREAD**n}*tau)" if n else "v - q0/tau") for n in range(4))
+    words = "relaxation as a power of time (fractional damping)"
     times = _scaled("tau", "shortest_time", "s", "time", 0.003, 0.3, 4, reach=(0.3, 4.0))
     exponent = _scaled("p", "exponent", "1", "one", 0.15, 0.8, 3, reach=(0.3, 1.5))
-    words = "relaxation as a power of time (fractional damping)"
-    zero = " + ".join(["z - u0", *(f"{_SPREAD**n}**(-p)*(z - u{n})" for n in range(1, 4))])
-    from_zero = tuple((f"u{n}", f"(z - u{n})/({_SPREAD**n}*tau)" if n else "(z - u0)/tau") for n in range(4))
-    if settling:
-        return Term(
-            "settling_power_law",
+    taus = ["tau", *(f"({_SPREAD**n}*tau)" for n in range(1, 4))]
+    weights = [f"{_SPREAD**n}**(-p)*" for n in range(1, 4)]
+    moving = " + ".join(["q0", *(f"{weight}q{n}" for n, weight in enumerate(weights, 1))])
+    from_zero = " + ".join(["z - u0", *(f"{weight}(z - u{n})" for n, weight in enumerate(weights, 1))])
+    states = tuple((f"q{n}", f"v - q{n}/{tau}") for n, tau in enumerate(taus))
+    zeros = tuple((f"u{n}", f"(z - u{n})/{tau}") for n, tau in enumerate(taus))
+    return _both("power_law", words, (times, exponent), (moving, states), (from_zero, zeros))
+
+
+def _diffusion() -> tuple[Term, Term]:
+    """Fluid pressed out of a layer: relaxation times as 1, 1/9, 1/25, strengths alike (Biot, J. Appl. Phys. 12, 1941)."""
+    words = "fluid that is pressed out and flows back (poroelastic)"
+    times = _scaled("tau", "consolidation_time", "s", "time", 0.03, 30.0, 7, reach=(0.3, 4.0))
+    states = tuple((f"q{n}", f"v - {n * n}*q{n}/tau") for n in (1, 3, 5))
+    zeros = tuple((f"u{n}", f"{n * n}*(z - u{n})/tau") for n in (1, 3, 5))
+    from_zero = "z - u1 + (z - u3)/9 + (z - u5)/25"
+    return _both("diffusion", words, (times,), ("q1 + q3/9 + q5/25", states), (from_zero, zeros))
+
+
+def _both(name: str, words: str, nonlinear, moving, from_zero) -> tuple[Term, Term]:
+    """A relaxation at rest where the record begins, and one at rest at zero; each as its force and its states."""
+    return (
+        Term(name, words, (moving[0],), nonlinear, moving[1], (), "memory"),
+        Term(
+            f"settling_{name}",
             f"{words}, {_FROM_ZERO}",
-            (zero,),
-            (times, exponent),
-            from_zero,
+            (from_zero[0],),
+            nonlinear,
+            from_zero[1],
             (),
             "memory",
-        )
-    return Term("power_law", words, (" + ".join(["q0", *branches]),), (times, exponent), state, (), "memory")
-
-
-def _diffusion(settling: bool) -> Term:
-    """Fluid pressed out of a layer: relaxation times as 1, 1/9, 1/25, strengths alike (Biot, J. Appl. Phys. 12, 1941)."""
-    state = tuple((f"q{n}", f"v - {n * n}*q{n}/tau") for n in (1, 3, 5))
-    times = _scaled("tau", "consolidation_time", "s", "time", 0.03, 30.0, 7, reach=(0.3, 4.0))
-    words = "fluid that is pressed out and flows back (poroelastic)"
-    if settling:
-        from_zero = tuple((f"u{n}", f"{n * n}*(z - u{n})/tau") for n in (1, 3, 5))
-        part = "z - u1 + (z - u3)/9 + (z - u5)/25"
-        return Term(
-            "settling_diffusion", f"{words}, {_FROM_ZERO}", (part,), (times,), from_zero, (), "memory"
-        )
-    return Term("diffusion", words, ("q1 + q3/9 + q5/25",), (times,), state, (), "memory")
+        ),
+    )
 
 
 def _special() -> list[Term]:
@@ -257,7 +261,7 @@ def _special() -> list[Term]:
     memory = {"knows": "memory"}
     return [
         Term("cogging", "a force that repeats along the position (cogging)", waves, (pitch,)),
-        *(made(settling) for settling in (False, True) for made in (_power_law, _diffusion)),
+        *(term for pair in zip(_power_law(), _diffusion(), strict=True) for term in pair),
         Term(
             "eased_branch", "a relaxing branch that flows more easily at large force", ("q",),
             (_TAU, strength), (("q", "v - q/tau*(1 + abs(q)/z_e)"),), **memory,

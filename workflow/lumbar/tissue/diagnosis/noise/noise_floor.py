@@ -67,9 +67,6 @@ class NoiseFloor:
     words begin with ``drift``, ``amplitude change``, ``off-grid line``, ``other change`` or ``bursts``."""
     structured_rms: float
     """RMS of all of them together; 0 where none is significant."""
-    input_driven_rms: float
-    """RMS of the deviations that follow the input's own deviations from its mean period: a simulation with the measured
-    input explains them."""
     spectrum: tuple[np.ndarray, np.ndarray]
     """Frequency (Hz) and one-sided power spectral density (unit²/Hz) of the noise at the multiples of 1/period."""
     degrees_of_freedom: float
@@ -142,7 +139,7 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
         return None  # what was measured beside the input moves the output too, and does not repeat
     folded = folding.fold(record["output"])
     mean_period = folded.mean(axis=0)
-    deviations, input_driven = _without_input_deviations(folded - mean_period, record["input"], folding)
+    deviations = _without_input_deviations(folded - mean_period, record["input"], folding)
     scale = np.abs(folded).max()
     if np.abs(deviations).max() <= 1e-12 * scale:
         deviations = np.zeros_like(deviations)
@@ -170,7 +167,6 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
         high=float(np.sqrt(high)),
         structured=_descriptions(parts, bursts, variance, mean_period, record),
         structured_rms=float(np.hypot(together.rms(variance), bursts.rms if bursts else 0.0)),
-        input_driven_rms=input_driven,
         spectrum=_density(power, folding.samples, record.sampling_time),
         degrees_of_freedom=float(effective),
         period=float(period),
@@ -180,14 +176,12 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
     )
 
 
-def _without_input_deviations(
-    deviations: np.ndarray, excitation: np.ndarray, folding: Folding
-) -> tuple[np.ndarray, float]:
+def _without_input_deviations(deviations: np.ndarray, excitation: np.ndarray, folding: Folding) -> np.ndarray:
     """Take out of the output what its input's own deviations cause, by a few filters fitted to them."""
     folded = folding.fold(excitation)
     cause = folded - folded.mean(axis=0)
     if np.std(cause) <= _INPUT_REPEATS_EXACTLY * np.std(folded):
-        return deviations, 0.0
+        return deviations
     columns = [_low_pass(cause, samples) for samples in (0, 1, 4, 16, 64) if samples < folding.samples / 4]
     regressors = np.column_stack([column.ravel() for column in (np.gradient(cause, axis=1), *columns)])
     regressors /= np.maximum(regressors.std(axis=0), 1e-300)
@@ -196,8 +190,8 @@ def _without_input_deviations(
     rest = deviations - fitted
     variance = np.sum(rest**2) / max(deviations.size - folding.samples - regressors.shape[1], 1)
     if variance > 0 and excess(np.sum(fitted**2) / variance, regressors.shape[1]) < 3:
-        return deviations, 0.0
-    return rest, float(np.sqrt(np.mean(fitted**2)))
+        return deviations
+    return rest
 
 
 def _low_pass(rows: np.ndarray, samples: int) -> np.ndarray:

@@ -48,13 +48,14 @@ def time_view(residual: Residual) -> View:
         "deviation": average.deviation,
     }
     numbers = {"level_slope": slope, "level_p": slope_p, "rms_trend_p": rms_p}
-    unit = residual.unit
-    spread = f"RMS from {rms.min():.3g} to {rms.max():.3g} {unit} over {count} {_word(residual, count)}"
+    unit, word = residual.unit, "window" if residual.folding is None else "period"
+    spread = f"RMS from {rms.min():.3g} to {rms.max():.3g} {unit} over {count} {word}{'s' * (count != 1)}"
     trend = f"{'no trend' if rms_p > 0.05 else ('it rises' if rms[-1] > rms[0] else 'it falls')} ({probability(rms_p)})"
     if residual.folding is None:
         significant = average.p_value < SIGNIFICANT
+        share = percent(average.share) if average.share > 0 else "no more than of any smooth error, 0 %"
         level = (
-            f"the mean error changes from window to window by more than noise would: {_share_words(average.share)} of the "
+            f"the mean error changes from window to window by more than noise would: {share} of the "
             f"{residual.base_words}"
             if significant
             else "the mean error of the windows is no more than chance"
@@ -81,15 +82,6 @@ def time_view(residual: Residual) -> View:
             "disturbance at a frequency of its own."
         )
     return View("time", share if p_value < SIGNIFICANT else 0.0, p_value, sentence, table, numbers)
-
-
-def _share_words(share: float) -> str:
-    return percent(share) if share > 0 else "no more than of any smooth error, 0 %"
-
-
-def _word(residual: Residual, count: int) -> str:
-    word = "window" if residual.folding is None else "period"
-    return word if count == 1 else f"{word}s"
 
 
 def time_edges(residual: Residual) -> np.ndarray:

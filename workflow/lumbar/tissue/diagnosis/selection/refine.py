@@ -18,9 +18,14 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_e
 from lumbar.tissue.diagnosis.selection.base_choice import choose_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
-from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits, effects_text, noise_sentence
+from lumbar.tissue.diagnosis.selection.verdict import (
+    distinguishing_digits,
+    effects_text,
+    noise_sentence,
+    times_floor,
+)
 from lumbar.tissue.effects.catalogue import choose, usable_effects
-from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
+from lumbar.tissue.identification.metrics import free_run_errors
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.form import Effect
@@ -45,13 +50,10 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         derived, refused = derived_estimates(fit, training, *units), ""
     except NumericalError as error:
         derived, refused = [], str(error)
-    vaf, fit_percent, residual = _free_run(fit, training)
     scores = Scores(
-        vaf_percent=vaf,
-        fit_percent=fit_percent,
-        mean_residual=residual,
+        **_free_run(fit, training),
         tests=tuple(test.name for test in experiment.tests),
-        vaf_tests_percent=tuple(_free_run(fit, test)[0] for test in experiment.tests),
+        vaf_tests_percent=tuple(_free_run(fit, test)["vaf_percent"] for test in experiment.tests),
         nmse_tests=(None,) * len(experiment.tests),
         train_rms=candidate.train_rms,
         test_rms=candidate.test_rms,
@@ -84,11 +86,10 @@ def refined_document(path: list[Candidate], experiment: Experiment, data: str) -
     return models_document([fitted_model(item, experiment) for item in named], data, floor)
 
 
-def _free_run(fit: Fit, data: FitData) -> tuple[float, float, float]:
-    """VAF, FIT and mean residual of the free run, both signals about their means as for the identified models."""
+def _free_run(fit: Fit, data: FitData) -> dict[str, float]:
+    """`free_run_errors`, both signals about their means as for the identified models."""
     measured, simulated = data.trim(data.force), data.trim(fit.simulate(data.motion))
-    measured, simulated = measured - np.mean(measured), simulated - np.mean(simulated)
-    return tuple(metric(measured, simulated) for metric in (variance_accounted_for, fit_ratio, mean_residual))
+    return free_run_errors(measured - np.mean(measured), simulated - np.mean(simulated))
 
 
 def _largest_relative_uncertainty(parameters: list[FittedParameter]) -> float | None:
@@ -241,8 +242,7 @@ def _left(path: Sequence[Candidate], experiment: Experiment) -> str:
     still = "still " if model.effects else ""
     if floor is None:
         return f"Verdict: whether something is {still}missing cannot be said."
-    times = max(model.train_rms, model.test_rms) / floor.rms
-    left = f"what is left is {times:{'.2f' if times < 10 else '.0f'}} times the noise floor at most"
+    left = f"what is left is {times_floor(max(model.train_rms, model.test_rms), floor)} times the noise floor at most"
     if is_adequate(model, experiment):
         return f"Verdict: {left}, noise as far as can be told."
     return f"Verdict: something is {still}missing: {left}; locate says where it is."
