@@ -16,6 +16,7 @@ from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base
 
 if TYPE_CHECKING:
+    from lumbar.settings.layout import ColumnLayout
     from lumbar.settings.study_settings import StudySettings
 
 
@@ -40,6 +41,8 @@ class DiagnosisSettings:
     """Whether the records were cut from one session, in their order."""
     settling_s: float | None = None
     """Seconds at the start of every record that no error counts; None follows the records."""
+    layout: ColumnLayout | None = None
+    """That the records were read with, for the lines which turn their columns; None is the reference's."""
 
     @property
     def system(self) -> str:
@@ -81,6 +84,7 @@ class DiagnosisSettings:
             load_drives=load_drives,
             session=improvement.session,
             settling_s=settling_s,
+            layout=settings.tissue.layout,
         )
 
     def prepare(self, records: list[Record]) -> Experiment:

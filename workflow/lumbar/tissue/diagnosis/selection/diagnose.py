@@ -53,7 +53,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     if settings.system == "tissue" and not isinstance(settings.base, Base):
         # As recorded: a command that jumps between levels would be taken for a coarse sensor, and smoothed.
         as_recorded = settings.prepare(records) if experiment.faults else experiment
-        turned = direction_or_sign(as_recorded)
+        turned = direction_or_sign(as_recorded, settings.layout)
         if turned is not None:
             return replace(_unexplained(as_recorded, settings, turned), not_tried=not_tried)
     found = _search(experiment, settings)
