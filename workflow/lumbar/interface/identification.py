@@ -178,7 +178,7 @@ class Identification(Result):
         """
         from lumbar.tissue.haptics.passive_models import fit_passive_models
 
-        name = train or self.models[0].trained_on
+        name = train or str(self.models[0].trained_on)
         training = RecordSet(records)[name]
         tests = [record for record in records if record.name != name]
         return fit_passive_models(
