@@ -206,7 +206,7 @@ def check_fmu(
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.check.file_check import check_files
 
-    known = catalogues_with(list(map(Path, effect_files)))
+    known = catalogues_with([Path(item) for item in effect_files])
     paths = [Path(item) for item in ([path] if isinstance(path, str | os.PathLike) else path)]
     cache = cache_folder((settings or RuntimeSettings()).compiler_cache)
     if key is None:

@@ -75,7 +75,7 @@ def write_folder(
 
 def _earlier(folder: Path) -> dict:
     path = folder / PROVENANCE
-    fresh = {"schema": SCHEMA, "data": None, "licence": None, "forward": False, "records": []}
+    fresh: dict = {"schema": SCHEMA, "data": None, "licence": None, "forward": False, "records": []}
     if not path.exists():
         return fresh
     content = read_json(path)

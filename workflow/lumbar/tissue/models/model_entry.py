@@ -173,11 +173,13 @@ def _transfer_function(written: _Written, problems: Problems) -> TransferFunctio
 
 def _structure(base: str, written: _Written, catalogues: Catalogues, problems: Problems) -> Structure | None:
     before = len(problems.entries)
-    bases = {**catalogues.get(OWN_BASES, {}), **BASES}
+    own = {name: item for name, item in catalogues.get(OWN_BASES, {}).items() if isinstance(item, Base)}
+    bases = {**own, **BASES}
     if base not in bases:
         problems.add("base", repr(base), f"bases are {', '.join(bases)}")
         return None
-    catalogue = catalogues.get(bases[base].system, {})
+    effects = catalogues.get(bases[base].system, {})
+    catalogue = {name: item for name, item in effects.items() if isinstance(item, Effect)}
     forms: list[Form] = []
     for item in written.effects or ():
         form = _form(item, catalogue, problems)

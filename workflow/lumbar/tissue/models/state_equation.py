@@ -176,8 +176,8 @@ class StateEquation:
         # Of several states one after the other takes far longer than an iteration: those found last are near.
         near = {} if one or self.is_linear else motion.keep("states found last", dict)
         guesses = [near[self.names], None] if self.names in near else [None]
-        found = (self._newton(known, len(motion) - 1, begin, guess) for guess in guesses if by_newton)
-        states = next((path for path in found if path is not None), None)
+        tried = (self._newton(known, len(motion) - 1, begin, guess) for guess in guesses if by_newton)
+        states = next((path for path in tried if path is not None), None)
         if states is None:
             solve = self._one_by_one if one else self.in_steps
             states = solve(known, len(motion) - 1, begin=begin)
