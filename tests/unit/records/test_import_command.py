@@ -96,6 +96,22 @@ def test_a_folder_grows_by_imports_with_other_options(run, sources, tmp_path):
     assert [entry["name"] for entry in content["records"]] == ["excel_deutsch", "labview"]
 
 
+def test_recordings_side_by_side_in_one_file(run, tmp_path):
+    file = tmp_path / "both.csv"
+    time = 0.01 * np.arange(400)
+    columns = [time, np.sin(time), 2 * np.sin(time), np.cos(time), 3 * np.cos(time)]
+    np.savetxt(file, np.transpose(columns), delimiter=",", header="time_s,z1,F1,z2,F2", comments="")
+    for name, position, force in (("fit", "z1", "F1"), ("unseen", "z2", "F2")):
+        told = ("--position", position, "--position-unit", "mm", "--force", force, "--force-unit", "N")
+        assert run("import", file, *told, "--name", name, "--output", tmp_path / "records")[0] == 0
+    records = lumbar.read(tmp_path / "records")
+    assert records.names == ["fit", "unseen"]
+    np.testing.assert_allclose(records["unseen"]["output"], 3 * np.cos(time), atol=1e-6)
+    status, _, err = run("import", file, file, *told, "--name", "a", "--dry-run")
+    assert status == 1
+    assert "--name names one file, and 2 are given" in err
+
+
 def test_the_force_is_the_input_of_tests_that_their_load_drove(run, sources, tmp_path, project):
     output = tmp_path / "records"
     status, out, _ = run("import", sources / "labview.lvm", "--forward", "--output", output)

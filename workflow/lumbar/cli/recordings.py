@@ -25,7 +25,7 @@ def run_import(options) -> None:
         options.files,
         **{
             name: getattr(options, name)
-            for name in (*names, "trim", "cut", "cut_by", "table", "encoding", "accept_clipped")
+            for name in (*names, "trim", "cut", "cut_by", "table", "encoding", "accept_clipped", "name")
         },
     )
     print(imported)
@@ -120,6 +120,9 @@ IMPORT = Command(
             "--accept-clipped",
             action="store_true",
             help="take records whose force or position lies flat at its extreme",
+        ),
+        option(
+            "--name", metavar="NAME", help="name of the record, where one file is given (default: the file's)"
         ),
         option(
             "--forward",

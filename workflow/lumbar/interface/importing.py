@@ -71,6 +71,7 @@ def import_recordings(
     table: str | int | None = None,
     encoding: str | None = None,
     accept_clipped: bool = False,
+    name: str | None = None,
 ) -> ImportedRecordings:
     """Read recordings of force and position in whatever form a machine wrote them.
 
@@ -102,6 +103,8 @@ def import_recordings(
         Of texts, as Python names it: ``"gbk"``.
     accept_clipped : bool
         Take records whose force or position lies flat at its extreme.
+    name : str, optional
+        Of the record, where one file is given; default that of the file. A file may hold several recordings side by side.
 
     Returns
     -------
@@ -141,15 +144,17 @@ def import_recordings(
     sources = [item if isinstance(item, ForeignFile) else Path(item) for item in given]
     places = [Path(item.table.source) if isinstance(item, ForeignFile) else item for item in sources]
     problems = Problems("import")
-    if choices.cut and len(sources) > 1:
-        problems.add("", f"--cut parts one file, and {len(sources)} are given", "import them one by one")
-        problems.raise_if_any()
+    for option, given_one in (("--cut parts", choices.cut), ("--name names", name)):
+        if given_one and len(sources) > 1:
+            problems.add("", f"{option} one file, and {len(sources)} are given", "import them one by one")
+    problems.raise_if_any()
     recordings: list[ImportedRecording] = []
     told: dict = {}
     for item, path in zip(sources, places, strict=True):
         try:
             found = item if isinstance(item, ForeignFile) else ForeignFile.of_path(item, choices.asked)
-            for recording in to_records(found.table, choices, found.name, found.sha256):
+            called_so = found.name if name is None else file_name(Path(f"{name}.csv"))
+            for recording in to_records(found.table, choices, called_so, found.sha256):
                 recordings.append(_with_sign(recording, flip_force))
         except InputError as error:
             what = str(error).replace(str(path), "").split(COLUMNS_FOLLOW)[0]
