@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from lumbar.study.load_study import load_settings
 from lumbar.tissue.diagnosis.forward import forward_diagnosis
 from lumbar.tissue.diagnosis.forward.forward_base import response_of
 from lumbar.tissue.diagnosis.linear.direction import FORWARD
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.models.bases import BASES
@@ -125,6 +127,14 @@ def test_no_sensor_is_told_where_a_set_of_effects_that_was_not_selected_explains
     assert forward_diagnosis._behind_sensor(nothing, found.settings) is nothing
     alone = replace(nothing, ranking=[])
     assert forward_diagnosis._behind_sensor(alone, found.settings).path == [known.base, after]
+
+
+def test_a_sensor_that_is_not_surely_better_is_no_crash(friction):
+    """Whether its effect accumulates was looked up in a catalogue that does not hold the sensor's effects."""
+    _, found = friction
+    base = found.verdict.base
+    judge = Selection(found.verdict.experiment, base, found.settings, singles=[])
+    assert not judge.surely_better(base, SimpleNamespace(effects=("absolute_value",), fit=base.fit))
 
 
 def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path, capsys):

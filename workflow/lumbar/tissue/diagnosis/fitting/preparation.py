@@ -154,7 +154,10 @@ def prepare(
     whitening = np.ones(1) if floor is None else floor.whitening
     past = with_past(records) if session else {}
     fitted = [_fit_data(item, whitening, settling, past) for item in chosen]
-    tests = [_fit_data(item, _at_rate(whitening, item, first), settling, past) for item in others]
+    alike = {item.name: np.isclose(item.sampling_time, first.sampling_time) for item in others}
+    tests = [
+        _fit_data(item, whitening if alike[item.name] else np.ones(1), settling, past) for item in others
+    ]
     if not others:
         # The last part of every record is held back; what began in the first part goes on there.
         fitted, tests = map(list, zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True))
@@ -236,11 +239,6 @@ def _noise_floor_of(chosen: list[Record]) -> tuple[Record, NoiseFloor | None]:
         if floor is not None:
             return record, floor
     return chosen[0], None
-
-
-def _at_rate(whitening: np.ndarray, record: Record, training: Record) -> np.ndarray:
-    """Whitening filter for a record: the training record's, where both are sampled alike."""
-    return whitening if np.isclose(record.sampling_time, training.sampling_time) else np.ones(1)
 
 
 def _fit_data(

@@ -155,7 +155,7 @@ def _behind_sensor(found: Verdict, settings: DiagnosisSettings) -> Verdict:
     for before, after in sorted(sensor_candidates(experiment, forms), key=lambda pair: pair[1].score):
         judge = Selection(experiment, before, settings, singles=[])
         surely = unseen_improvement(found.model, after, experiment) > UNSEEN
-        if not (judge.passes(before, after) and surely and after.score < best - TIED):
+        if not (surely and after.score < best - TIED and judge.passes(before, after)):
             continue
         judge.tried = [after]
         share = judge.share_removed(after)

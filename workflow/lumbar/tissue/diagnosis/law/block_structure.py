@@ -133,7 +133,9 @@ class Curve:
     @cached_property
     def basis(self):
         """Splines that are 1 at one knot and 0 at the others, as one spline with as many values."""
-        return _spline(self.knots, np.eye(len(self.knots)))
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.knots, np.eye(len(self.knots)), bc_type="natural")
 
     def design(self, signal: np.ndarray, order: int = 0) -> np.ndarray:
         """What each knot's value adds at a signal, shape (samples, knots), or its derivative by the signal."""
@@ -154,12 +156,6 @@ class Curve:
     def slope(self, signal: np.ndarray) -> np.ndarray:
         """Its slope there."""
         return self.design(signal, 1) @ self.values
-
-
-def _spline(knots: np.ndarray, values: np.ndarray):
-    from scipy.interpolate import CubicSpline
-
-    return CubicSpline(knots, values, bc_type="natural")
 
 
 @dataclass(frozen=True, eq=False)

@@ -234,7 +234,8 @@ class Search:
         best = nonlinear.copy()
         for index, factors in product(range(first, len(nonlinear)), _STEPS):
             tried = best[index] * factors
-            errors = np.array([squared_error(_with(best, index, value)) for value in tried])
+            here = np.arange(len(best)) == index
+            errors = np.array([squared_error(np.where(here, value, best)) for value in tried])
             # On a step all values are alike: its middle is the likeliest.
             best[index] = np.median(tried[errors <= errors.min() * (1 + _SAME)])
         return best
@@ -265,13 +266,6 @@ class Search:
             if is_adequate(best[-1].candidate, self.experiment):
                 break
         return best
-
-
-def _with(point: np.ndarray, index: int, value: float) -> np.ndarray:
-    """A point with one of its coordinates changed."""
-    changed = point.copy()
-    changed[index] = value
-    return changed
 
 
 def _at_bound(found: Fit, data: FitData, first: int) -> bool:

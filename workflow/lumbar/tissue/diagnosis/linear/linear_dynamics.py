@@ -311,7 +311,7 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
     floor = experiment.floor
     if floor is None:
         return None
-    data = _record(experiment)
+    data = next(item for item in experiment.training.records if item.name == experiment.floor_from)
     folding = _folding(data, floor)
     error = data.force - fit.simulate(data.motion)
     position, force, error = (
@@ -345,11 +345,6 @@ def distortion_power(inputs: np.ndarray, outputs: np.ndarray, excited: np.ndarra
         fitted = columns @ np.linalg.lstsq(columns, outputs[near], rcond=1e-12)[0]
         power[line] = np.sum(np.abs(outputs[near] - fitted) ** 2) / (_NEIGHBOURHOOD - _DEGREES)
     return power
-
-
-def _record(experiment: Experiment) -> FitData:
-    """Training record that the noise floor was taken from."""
-    return next(item for item in experiment.training.records if item.name == experiment.floor_from)
 
 
 def _folding(data: FitData, floor: NoiseFloor) -> Folding:

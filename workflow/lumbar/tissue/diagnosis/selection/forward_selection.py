@@ -221,7 +221,7 @@ class Selection:
         if unseen_improvement(before, after, self.experiment) > UNSEEN:
             return True
         added = set(after.effects) - set(before.effects)
-        accumulating = any(self.settings.catalogue[name].accumulates for name in added)
+        accumulating = any(self.settings.candidates[name].accumulates for name in added)
         return accumulating and later_improvement(before, after, self.experiment) > UNSEEN
 
     def contradicts_itself(self, candidate: Candidate) -> bool:
@@ -348,7 +348,7 @@ class Selection:
 
     def leaves_noise(self, model: Candidate) -> bool:
         """Whether a refined model leaves noise alone, and periods that differ are explained by an effect of time or path."""
-        if self.periods_differ and not any(self.settings.catalogue[name].changes for name in model.effects):
+        if self.periods_differ and not any(self.settings.candidates[name].changes for name in model.effects):
             return False
         return is_adequate(model, self.experiment, COMPLETE)
 
