@@ -51,16 +51,8 @@ def execute_script(script, path: str, edit: bool = False) -> None:
 def run_forked(server, target, arguments: tuple, bench_record) -> None:
     """Run a function in a process of its own and measure it.
 
-    Parameters
-    ----------
-    server : multiprocessing context
-        That forks.
-    target : callable
-        Takes a connection, from which it receives once before it begins and to which it may send its processor seconds at
-        the end, and the arguments.
-    arguments : tuple
-        The first is the script's path.
-    bench_record : snakemake.benchmark.BenchmarkRecord or None
+    `target` takes a connection, from which it receives once before it begins and to which it may send its processor seconds at
+    the end, and the arguments, the first the script's path.
 
     Raises
     ------

@@ -33,12 +33,7 @@ START_S = 60
 def job_size(peak_mb: float, seconds: float) -> dict:
     """Resources of a rule, ``mem_mb`` and ``runtime`` (min): what was measured with head-room, times the number of tries.
 
-    Parameters
-    ----------
-    peak_mb : float
-        Largest resident memory of the rule's jobs (``max_rss`` of their benchmarks).
-    seconds : float
-        Longest processor time (``cpu_time``).
+    `peak_mb` is the largest ``max_rss`` and `seconds` the longest ``cpu_time`` of the rule's benchmarks.
     """
     memory = SNAKEMAKE_MB + MEMORY_HEAD_ROOM * ceil(peak_mb)
     minutes = ceil((START_S + TIME_HEAD_ROOM * seconds) / 60)

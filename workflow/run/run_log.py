@@ -55,15 +55,7 @@ class Job:
 class RunLog(logging.Handler):
     """Tells the course of a run.
 
-    Parameters
-    ----------
-    jobs : dict of int to Job
-        By Snakemake's number; rules that only collect are left out.
-    cores : int
-    say : callable
-        Takes one line.
-    clock : callable
-        Returns seconds.
+    `jobs` are by Snakemake's number, without rules that only collect; `say` takes one line, `clock` returns seconds.
     """
 
     def __init__(self, jobs: dict[int, Job], cores: int, say, clock=time.monotonic):

@@ -73,15 +73,7 @@ def end_of_run(results: Mapping[str, Path], epoch: str | None) -> datetime:
 
 
 def write_crate(path: str | Path, run: Run, results: Mapping[str, Path], project: Mapping[str, Path]) -> None:
-    """Write the archive, whole or not at all.
-
-    Parameters
-    ----------
-    path : path
-        Of the archive.
-    results, project : mapping of str to Path
-        Outputs of the run, and files of the project, by their names in the archive.
-    """
+    """Write the archive, whole or not at all: outputs of the run and files of the project, by their names in it."""
     contents = {name: Path(file).read_bytes() for name, file in {**project, **results}.items()}
     contents |= dict.fromkeys(_folders(contents), b"")
     contents[METADATA] = (json.dumps(metadata(run, contents), indent=1, ensure_ascii=False) + "\n").encode()

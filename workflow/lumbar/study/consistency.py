@@ -210,17 +210,7 @@ def check_consistency(
     """Check names, references between keys and that every given recording is there and inside the root.
 
     Whether an object store has a recording is asked by Snakemake.
-
-    Parameters
-    ----------
-    root : Path
-        Folder of the project.
-    origins : Origins
-        Files and lines of the keys.
-    sources : mapping of str to Origins
-        The same of every person's file.
-    problems : Problems
-        Takes what is wrong.
+    `root` is the project's folder; `origins` know files and lines of the keys, `sources` those of every person's file.
     """
 
     def add(key: str, found: str, allowed: str) -> None:

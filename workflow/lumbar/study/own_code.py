@@ -23,15 +23,7 @@ def check_code(
     """Check, before anything is run, that Python and every file of settings lie in the project that one works in.
 
     A study that was sent by somebody else could otherwise run what it likes; an effect in YAML is data.
-
-    Parameters
-    ----------
-    files : sequence of Path
-        Of the settings.
-    project : Path or None
-        Its folder; None outside of any.
-    problems : Problems
-        Takes what would be run.
+    `files` are those of the settings, `project` is its folder, None outside of any.
     """
     for number, effect in enumerate(improvement.effect_files):
         if is_data(effect):

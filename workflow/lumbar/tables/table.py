@@ -199,15 +199,7 @@ def escape_latex(text: str) -> str:
 
 
 def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], data: str) -> str:
-    """Return ``booktabs`` table environments; the number in the title is left to LaTeX.
-
-    Parameters
-    ----------
-    remarks : sequence of str
-        What stands below.
-    data : str
-        Where the data come from.
-    """
+    """Return ``booktabs`` table environments; the number in the title is left to LaTeX."""
     wide = sum(column.width for column in columns) > LATEX_WIDTH
     environment = "table*" if wide else "table"
     rows = len(columns[0].cells) if columns else 0

@@ -169,16 +169,9 @@ class Information:
             self.constants[there] += np.einsum("nmi,nm->i", shared, white)
 
     def add_smoothness(self, columns: slice, bend: np.ndarray, precision: float) -> None:
-        """Add that second differences are small: integrated white acceleration.
+        """Add that second differences, at present `bend`, shape (n - 2, k), are small: integrated white acceleration.
 
-        Parameters
-        ----------
-        columns : slice
-            Of the state.
-        bend : ndarray, shape (n - 2, k)
-            Present second differences.
-        precision : float
-            One over the variance of a second difference.
+        `precision` is one over the variance of a second difference.
         """
         coefficient = (1.0, -2.0, 1.0)
         where = np.arange(columns.start, columns.stop)

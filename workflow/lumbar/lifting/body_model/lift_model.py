@@ -82,12 +82,7 @@ def model_of_lift(
 
     Events, axes and pivot are those of the rules; markers are taken from the file as measured, neither screened nor
     filled nor filtered.
-
-    Parameters
-    ----------
-    markers : path
-    lift : AnalysedLift
-        With a start of deposit and a release.
+    The lift has a start of deposit and a release.
 
     Raises
     ------

@@ -73,14 +73,7 @@ class ModelPendulums:
 
 
 def model_pendulums(fit: BodyFit, conditions: Conditions, draws: Sequence[Unknowns]) -> ModelPendulums:
-    """Pendulum states of a fitted body, and of draws from its posterior.
-
-    Parameters
-    ----------
-    conditions : Conditions
-        With a start of deposit and a release.
-    draws : sequence of Unknowns
-        As of `BodyFit.draws`.
+    """Pendulum states of a fitted body, and of draws from its posterior; the conditions have a start of deposit and a release.
 
     Raises
     ------

@@ -256,15 +256,8 @@ class Measurement:
     def noise(self, residual: np.ndarray, kept: np.ndarray, step: float, freedom: float) -> Noise:
         """Noise from residuals and the declared one, weighed by the independent samples there are.
 
-        Parameters
-        ----------
-        residual : ndarray, shape (n, m)
-        kept : ndarray, shape (n,)
-            Frames that count.
-        step : float
-            Seconds.
-        freedom : float
-            Share of the measured values that the poses do not follow.
+        The residual has shape (n, m), `kept` are frames that count, `step` is in seconds, `freedom` the share of the measured
+        values that the poses do not follow.
         """
         declared = self.declared_noise(step)
         if not self.estimated or kept.sum() < 10:

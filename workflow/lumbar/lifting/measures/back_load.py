@@ -31,12 +31,7 @@ def horizontal_axes(right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
     """Angle of a line from straight up in the vertical plane of a horizontal direction, degrees, positive towards it.
 
-    Parameters
-    ----------
-    line : ndarray, shape (n, 3)
-        From below to above, any length.
-    towards : ndarray, shape (n, 3)
-        Horizontal unit vectors.
+    `line`, shape (n, 3), runs from below to above, of any length; `towards` are horizontal unit vectors.
     """
     return np.degrees(np.arctan2(np.einsum("nj,nj->n", line, towards), line[:, 2]))
 
@@ -48,13 +43,8 @@ def lumbar_flexion(
 
     As Plamondon et al. (2010) measure the flexion of the lumbar region. Zero is the mean over the straightest `UPRIGHT_SHARE`
     per cent of the recording.
-
-    Parameters
-    ----------
-    thorax, pelvis, trunk : ndarray, shape (n, 3)
-        Lines T12/L1 to C7/T1, middle of the hips to L5/S1, and the latter to C7/T1.
-    forward : ndarray, shape (n, 3)
-        Horizontal unit vectors.
+    Lines run from T12/L1 to C7/T1, from the middle of the hips to L5/S1, and from there to C7/T1; `forward` are horizontal unit
+    vectors; each has shape (n, 3).
 
     Raises
     ------
@@ -103,16 +93,8 @@ def spin_moment(axis: np.ndarray, rate: float) -> np.ndarray:
 def net_moment(joint: np.ndarray, links: Iterable[Link], rate: float, gravity: float) -> np.ndarray:
     """Moment that acts at a joint upon all links above it, shape (n, 3) in N·m.
 
-    Parameters
-    ----------
-    joint : ndarray, shape (n, 3)
-        Metres; it may move.
-    links : iterable of Link
-        All that the joint carries, z up.
-    rate : float
-        Frames per second; accelerations are central differences of filtered positions.
-    gravity : float
-        m/s².
+    The joint, shape (n, 3) in metres, may move; `links` are all that it carries, z up; accelerations are central differences of
+    filtered positions.
     """
     total = np.zeros_like(joint)
     for link in links:

@@ -135,19 +135,7 @@ def footprint(
 
 
 def ground_contact(marker: np.ndarray, rate: float, height_m: float, speed_m_s: float) -> np.ndarray:
-    """Whether a marker of the foot is on the ground, shape (n,): low and at rest.
-
-    Parameters
-    ----------
-    marker : ndarray, shape (n, 3)
-        Filtered, metres.
-    rate : float
-        Frames per second.
-    height_m : float
-        How far above its lowest level in the recording it still stands.
-    speed_m_s : float
-        Below which it rests.
-    """
+    """Whether a filtered marker of the foot is on the ground, shape (n,): below a height above its lowest level, and slow."""
     height = marker[:, 2]
     if not np.isfinite(height).any():
         return np.zeros(len(marker), dtype=bool)
@@ -164,12 +152,7 @@ def pendulum_rate(length: np.ndarray | float, gravity: float) -> np.ndarray | fl
 def extrapolated_centre(position: np.ndarray, velocity: np.ndarray, rate: np.ndarray | float) -> np.ndarray:
     """Extrapolated centre of mass x + v/ω0 (Hof et al. 2005, Eq. 5), shape as of `position`.
 
-    Parameters
-    ----------
-    position, velocity : ndarray, shape (n, d)
-        Of the whole body's centre of mass with what it carries, metres and m/s: horizontal coordinates.
-    rate : ndarray, shape (n,), or float
-        ω0 in 1/s.
+    Horizontal coordinates of the whole body's centre of mass with what it carries, in m and m/s; `rate` is ω0 in 1/s.
     """
     return position + velocity / np.reshape(rate, (-1, 1))
 
@@ -179,15 +162,7 @@ def smallest_impulse(mass: np.ndarray | float, rate: np.ndarray | float, margin:
 
     A push changes v at once by J/m, and so the extrapolated centre by J/(m·ω0). Negative: it is over the edge already, and
     that impulse would bring it back.
-
-    Parameters
-    ----------
-    mass : ndarray, shape (n,), or float
-        Body with what it carries, kilograms.
-    rate : ndarray, shape (n,), or float
-        ω0 in 1/s.
-    margin : ndarray, shape (n,)
-        Signed distance of the extrapolated centre to the edge of the base, metres.
+    Mass in kg of the body with what it carries, ω0 in 1/s, and the signed distance of the extrapolated centre to the edge in m.
     """
     return mass * rate * margin
 
@@ -222,17 +197,8 @@ def braking_speed(angle: np.ndarray, length: np.ndarray, reach: np.ndarray, grav
 
     The stable manifold of the saddle θ* = asin(r/l) of θ̈ = (g/l)·(sin θ − r/l): with the potential
     V(θ) = cos θ + (r/l)·θ, θ̇ = sign(θ* − θ)·√(2(g/l)(V(θ*) − V(θ))). Beyond θ* it is negative: the pendulum must swing back.
-
-    Parameters
-    ----------
-    angle : ndarray, shape (n,)
-        Radians from straight up.
-    length : ndarray, shape (n,)
-        Metres.
-    reach : ndarray, shape (n,)
-        Largest braking torque over the weight, metres: how far the centre of pressure can go ahead of the pivot.
-    gravity : float
-        m/s².
+    `angle` counts from straight up, `reach` is the largest braking torque over the weight: how far the centre of pressure can go
+    ahead of the pivot; radians and metres, shape (n,).
     """
     share = np.clip(reach / length, -1.0, 1.0)
     saddle = np.arcsin(share)

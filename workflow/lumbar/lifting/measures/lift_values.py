@@ -97,12 +97,7 @@ def _gap(course: Course, column: str, within: np.ndarray) -> str:
 def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[str, str]) -> pd.DataFrame:
     """Join the measures of many lifts under the columns of `COLUMNS`.
 
-    Parameters
-    ----------
-    lifts : iterable of (pandas.DataFrame, mapping)
-        As of `values_of_lift`, with the facts of the lift (``lift, subject, box_mass_kg``).
-    labels : mapping of str to str
-        Group by person.
+    Each lift is its `values_of_lift` and its facts (``lift, subject, box_mass_kg``); `labels` are groups by person.
     """
     import pandas as pd
 
@@ -132,15 +127,7 @@ SENSITIVITY = "Synthetic lifters show that the measures see movement; whether wh
 
 
 def measures_page(values: pd.DataFrame, data: str) -> Table:
-    """Tabulate the mean of every measure over the lifts of a group with one box.
-
-    Parameters
-    ----------
-    values : pandas.DataFrame
-        The long table, as of `lumbar.lifting.measures.lift_values.long_table`.
-    data : str
-        Where the data come from.
-    """
+    """Tabulate the mean of every measure over the lifts of a group with one box, from the values of `long_table`."""
     import pandas as pd
 
     cells = values.assign(column=values["group"] + " " + values["box_mass_kg"].map("{:g} kg".format))

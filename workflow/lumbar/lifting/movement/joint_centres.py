@@ -106,16 +106,7 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
 
     Where a joint's centre cannot be estimated, the marker on the skin stands for it, and its rule says so and how far it
     may be off.
-
-    Parameters
-    ----------
-    recording : MarkerRecording
-        Filtered.
-    ends : {"inner", "skin"}
-        Joint centres, or the thesis's markers on the skin.
-    hips : {"harrington", "hara", "reed"}
-        Regression of the hips.
-    sex : {"female", "male", "unknown"}
+    The recording is filtered; `ends` are inner (joint centres) or skin (the thesis's markers), `hips` one of `HIP_RULES`.
     """
     if ends not in ENDS:
         raise InputError(f"lifting.segment_ends is {ends!r}; allowed: {', '.join(ENDS)}")

@@ -109,15 +109,7 @@ def pendulum_states(
     A cubic spline through the filtered samples of the *whole* recording gives position, velocity and
     acceleration at the same instants on the real clock, so that the ends of the deposit are no ends of the
     spline.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Seconds.
-    relative : ndarray, shape (n, 3)
-        Centre of mass relative to the pivot, metres.
-    what : str
-        File and centre of mass, for messages.
+    `relative`, shape (n, 3) in m, is the centre of mass relative to the pivot; `what`, file and centre of mass, is for messages.
 
     Raises
     ------

@@ -169,18 +169,8 @@ def fill_from_body(markers: Mapping[str, np.ndarray]) -> tuple[Mapping[str, np.n
 class BodyFilling:
     """Fills the rigid bodies of a recording while it is read (`lumbar.records.markers.read_markers`, ``mend``).
 
-    Parameters
-    ----------
-    settings : LiftingSettings
-    static : mapping of str to ndarray, optional
-        Markers of a static trial by label, in metres.
-
-    Attributes
-    ----------
-    gaps : list of Gap
-        What was filled.
-    findings : list of Finding
-        Bodies that the static trial has another shape of.
+    `static` are markers of a static trial by label, in metres. What was filled is in `gaps`; bodies that the static trial has
+    another shape of are in `findings`.
     """
 
     def __init__(self, settings: LiftingSettings, static: Mapping[str, np.ndarray] | None = None):

@@ -107,14 +107,7 @@ def compare_people(
 ) -> Iterator[Comparison]:
     """Compare two groups at every box that both lifted, and the lightest with the heaviest box in each group.
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Columns `NEEDED`; ``unit`` and ``safer`` are optional.
-    groups : tuple of str
-        The first is compared with the second.
-    seed : int
-        Of the bootstrap.
+    The table has the columns `NEEDED`, may have ``unit`` and ``safer``; the first group is compared with the second.
 
     Raises
     ------

@@ -158,17 +158,10 @@ def _squares(mean: np.ndarray, weight: np.ndarray) -> float:
 
 
 def within_persons(first: PersonMeans, second: PersonMeans, name: str = "both") -> Contrast:
-    """Compare two conditions that the same persons went through, every person counted alike.
+    """Compare two conditions in the persons who went through both, every person counted alike; `name` is the group's.
 
     With equal numbers of trials this is the fixed effect of a mixed model with a random intercept and a random effect of
     the condition for each person, with persons − 1 degrees of freedom.
-
-    Parameters
-    ----------
-    first, second : PersonMeans
-        Only persons found in both count.
-    name : str
-        Of the group, for messages.
 
     Raises
     ------

@@ -70,21 +70,9 @@ def read_screened(
     height_m: float | None = None,
     mend: Mend | None = None,
 ) -> tuple[MarkerRecording, QualitySheet]:
-    """Read a marker file, leaving out what cannot be a body.
+    """Read a marker file, leaving out what cannot be a body; with the sheet that says so.
 
-    Parameters
-    ----------
-    path : path
-    height_m : float, optional
-        Stature of the person.
-    mend : callable, optional
-        As of `read_markers`: mends what is left.
-
-    Returns
-    -------
-    recording : MarkerRecording
-        Gaps where a marker was left out; one left out altogether is among `MarkerRecording.dropped`.
-    sheet : QualitySheet
+    There are gaps where a marker was left out; one left out altogether is among `MarkerRecording.dropped`.
 
     Raises
     ------

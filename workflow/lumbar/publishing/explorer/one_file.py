@@ -84,15 +84,7 @@ def embedded_pictures(fill: Callable[[Document], None]) -> Drawn:
 
 
 def one_file(pictures: Drawn, page: str, variables: dict[str, Any]) -> str:
-    """Return the page as HTML.
-
-    Parameters
-    ----------
-    page : str
-        Template, below the library; it extends ``publishing/explorer/shell.html.jinja``.
-    variables : dict
-        What the template shows; with ``title``.
-    """
+    """Return the page as HTML: a template that extends ``publishing/explorer/shell.html.jinja``, with its variables."""
     from bokeh.embed.elements import html_page_for_render_items
 
     text = html_page_for_render_items(

@@ -105,12 +105,7 @@ class ExplorerPage:
     def variables(self, served: bool = False, study: str = "") -> dict[str, Any]:
         """Return what the template shows beside the pictures.
 
-        Parameters
-        ----------
-        served : bool
-            Whether a server stands behind the page.
-        study : str
-            File that chosen effects may be written to; empty without one.
+        `served`: a server stands behind the page; `study`: file that chosen effects may be written to, empty without one.
         """
         verdict, experiment = self.verdict, self.verdict.experiment
         floor = experiment.floor

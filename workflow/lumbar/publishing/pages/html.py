@@ -60,15 +60,7 @@ def figure(svg: str | Path, caption: str) -> Markup:
 
 
 def document(title: str, data: str, blocks: Iterable[Markup]) -> str:
-    """Return a whole page.
-
-    Parameters
-    ----------
-    data : str
-        Where the data come from; empty for pages without data.
-    blocks : iterable of Markup
-        From the functions of this module.
-    """
+    """Return a whole page of blocks; `data` says where the data come from and is empty for pages without any."""
     return template(PAGE).render(title=title, data=data, blocks=blocks)
 
 
