@@ -42,7 +42,8 @@ def new_page(browser):
         page.on("request", lambda request: page.asked.append(request.url))
         page.goto(address)
         page.wait_for_selector(ready)
-        page.wait_for_function(DRAWN)
+        page.drawn = lambda: page.wait_for_function(DRAWN)
+        page.drawn()
         opened.append(page)
         return page
 

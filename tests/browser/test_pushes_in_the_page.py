@@ -83,13 +83,16 @@ def text(page, name: str) -> str:
 def test_a_push_can_be_dragged_and_typed(page):
     assert text(page, "told-certified").startswith("inside the funnel")
     assert "does not leave the funnel, and ends in the goal set" in text(page, "told-simulated")
-    plane = page.locator("#picture-plane canvas").first
-    plane.scroll_into_view_if_needed()
-    box = plane.bounding_box()
+    before = page.locator("#push-angle").input_value()
+    page.locator("#picture-plane").hover()  # in sight, at rest and taking the pointer
+    page.drawn()
+    box = page.locator("#picture-plane canvas").first.bounding_box()
     x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.45 * box["height"]
     page.mouse.move(x, y)
     page.mouse.down()
-    page.mouse.move(x + 0.3 * box["width"], y - 0.3 * box["height"], steps=4)
+    page.mouse.move(x + 0.1 * box["width"], y - 0.1 * box["height"], steps=2)
+    page.wait_for_function("(old) => document.getElementById('push-angle').value !== old", arg=before)
+    page.mouse.move(x + 0.3 * box["width"], y - 0.3 * box["height"], steps=2)
     page.mouse.up()
     page.wait_for_function("document.getElementById('told-certified').textContent.startsWith('outside')")
     assert "It may return all the same" in text(page, "told-certified")
