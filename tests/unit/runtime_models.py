@@ -7,7 +7,7 @@ from c_programs import CModel
 
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.effects.catalogue import CATALOGUES
-from lumbar.tissue.fmu.build.export_model import ExportModel, select_models
+from lumbar.tissue.fmu.build.export_model import ExportModel, export_models, find_models
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.check.fmu_check import check_fmus
 from lumbar.tissue.models.fitted_model import read_models
@@ -69,7 +69,7 @@ def selected(
 ) -> list[ExportModel]:
     """Models of this content that these settings export; its effects are the tissue's unless a catalogue is given."""
     catalogues = CATALOGUES if catalogue is None else {"tissue": catalogue}
-    return select_models(read_models(content, catalogues), settings)
+    return export_models(find_models(read_models(content, catalogues), settings), settings)
 
 
 def put(slave, reference: int, value: float) -> None:

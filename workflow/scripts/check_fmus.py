@@ -13,13 +13,13 @@ def main(input, output, settings: RuntimeSettings, seed: int, data: str):
     from lumbar.publishing.figures.runtime_figures import fmu_force_figure
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.effects.catalogue import catalogues_with
-    from lumbar.tissue.fmu.build.export_model import select_models
+    from lumbar.tissue.fmu.build.export_model import export_models, find_models
     from lumbar.tissue.fmu.check.fmu_check import check_fmus, check_table, push
     from lumbar.tissue.models.fitted_model import read_models
 
     content = read_json(input.models)
     fitted = read_models(content, catalogues_with(input.effects, content))
-    models = select_models(fitted, settings)
+    models = export_models(find_models(fitted, settings), settings)
     folder = Path(input.fmus[0]).parent
     table = check_table(check_fmus(models, folder, settings.check_samples, seed), data, seed)
     write_csv(output.checks, table.frame)

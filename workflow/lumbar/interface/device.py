@@ -204,17 +204,17 @@ def check_fmu(
     """
     from lumbar.tissue.effects.catalogue import catalogues_with
     from lumbar.tissue.fmu.build.compiler import cache_folder
-    from lumbar.tissue.fmu.check.file_check import check_files
+    from lumbar.tissue.fmu.check.file_check import all_sound, check_files
 
     known = catalogues_with([Path(item) for item in effect_files])
     paths = [Path(item) for item in ([path] if isinstance(path, str | os.PathLike) else path)]
     cache = cache_folder((settings or RuntimeSettings()).compiler_cache)
     if key is None:
-        return check_files(paths, cache, known, trust=trust)
+        return all_sound(check_files(paths, cache, known, trust=trust))
     from lumbar.tissue.fmu.signature import verify
 
     signers = verify(paths, Path(key))
-    checks = check_files(paths, cache, known)
+    checks = all_sound(check_files(paths, cache, known))
     return [replace(check, signed_with=signer) for check, signer in zip(checks, signers, strict=True)]
 
 

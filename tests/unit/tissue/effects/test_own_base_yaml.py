@@ -17,7 +17,7 @@ from lumbar.records.record import Channel
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.effects.catalogue import catalogues_with, read_base
-from lumbar.tissue.fmu.build.export_model import select_models
+from lumbar.tissue.fmu.build.export_model import export_models, find_models
 from lumbar.tissue.models.fitted_model import read_models
 from study_settings import changed
 
@@ -107,7 +107,7 @@ def test_it_becomes_an_fmu(refined, zig_cache, tmp_path):
     chosen = changed(
         SETTINGS, models=["two_masses"], trained_on="long", estimator="output_error", moving_average_ms=0
     )
-    (model,) = select_models(read_models(content, catalogues_with([], content)), chosen)
+    (model,) = export_models(find_models(read_models(content, catalogues_with([], content)), chosen), chosen)
     held_to_its_simulation(model, tmp_path, zig_cache)
 
 

@@ -12,7 +12,7 @@ import pytest
 from c_programs import ON_LINUX
 
 from lumbar.tissue.fmu.build.package import write_fmu
-from lumbar.tissue.fmu.check.file_check import check_file
+from lumbar.tissue.fmu.check.file_check import check_files
 from lumbar.tissue.fmu.check.lint import open_fmu
 
 pytestmark = ON_LINUX
@@ -157,7 +157,7 @@ def test_defect_is_caught(name, version, change, fmu_folder, zig_cache, tmp_path
     change(files, version)
     broken = tmp_path / f"KB_fmi{version}.fmu"
     write_fmu(broken, files)
-    check = check_file(broken, zig_cache)
+    check = check_files([broken], zig_cache)[0]
     assert any(SAID.get(name, "") in problem for problem in check.problems), check.problems
     assert not check.played
 

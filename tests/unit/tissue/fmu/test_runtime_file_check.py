@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from c_programs import ON_LINUX
 from effect_entries import entry_of_effects
-from runtime_models import models_json
+from runtime_models import SETTINGS, TARGET, models_json, selected
 from test_runtime_defects import BINARY, binary, contents, edited
 
 import lumbar
@@ -17,15 +17,16 @@ from lumbar.cli.command import main
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.effects.catalogue import catalogue_with
 from lumbar.tissue.fmu.build.compiler import compile_library
-from lumbar.tissue.fmu.build.package import write_fmu
+from lumbar.tissue.fmu.build.package import export_fmus, write_fmu
 from lumbar.tissue.fmu.build.sources import C_FILES, content_token, source_files
 from lumbar.tissue.fmu.check import file_check
 from lumbar.tissue.fmu.check.agreement import Agreement
 from lumbar.tissue.fmu.check.behaviour import first_difference, problems_of
-from lumbar.tissue.fmu.check.file_check import check_file, check_files
+from lumbar.tissue.fmu.check.file_check import all_sound, check_files
 from lumbar.tissue.fmu.check.instance import UnzippedFmu
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.tissue.models.fitted_model import read_models
+from study_settings import changed
 
 pytestmark = ON_LINUX
 PAGE = "documentation/index.html"
@@ -125,6 +126,7 @@ CASES = [(name, version, *case) for name, case in WRITTEN.items() for version in
 CASES += [(name, 3, *case) for name, case in ONLY_FMI3.items()]
 
 CORE = "sampled_force.c"
+ENDS, STRINGS = "    double end = from + step;", "#include <string.h>"
 WIPED = "memset(state, 0, sizeof *state);"
 SAVED = "    memcpy(*saved, &self->state, sizeof(force_state));"
 RESTORED = "    memcpy(state, bytes + sizeof MAGIC + strlen(MODEL.token), sizeof *state);"
@@ -204,8 +206,64 @@ COMPILED = {
         {"    double end = from + step;": "    double end = from + step;\n    __builtin_trap();"},
         "crashes with signal",
     ),
+    "one sample a call, whatever its step": (
+        CORE,
+        {
+            "        if (!(instant <= end + tolerance())) break;": "        if (state->pending) break;",
+            "        if (instant >= end - tolerance()) break;": "        break;",
+        },
+        "in 2 steps a sample from 0 s on",
+    ),
+    "a clock that begins at 0": (
+        CORE,
+        {"state->start_time = start_time;": "state->start_time = 0.0;"},
+        "a sample from 1000 s on",
+    ),
+    "steps back in time": (
+        CORE,
+        {"!(step > 0.0) || ": ""},
+        "a step of -0.01 s at 0.59 s where 0.59 s is reached",
+    ),
+    "steps from elsewhere": (
+        CORE,
+        {"!(fabs(from - state->time) <= tolerance())": "0"},
+        "a step of 0.01 s at 0.595 s where 0.59 s is reached",
+    ),
+    "bytes without a checksum": (
+        CORE,
+        {"if (sum != checksum(bytes, size - sizeof sum)) return false;": ""},
+        "bytes of a state with byte",
+    ),
+    "twice the slope": (
+        CORE,
+        {"by_input = state->gain * output_slope": "by_input = 2.0 * state->gain * output_slope"},
+        "derivative by position",
+    ),
+    "0.1 N more after a while": (
+        CORE,
+        {"y + state->output_offset;": "y + state->output_offset + (state->next_sample > 5000 ? 0.1 : 0.0);"},
+        "of a long motion without event mode, at sample 500",
+    ),
 }
 """Defects of the library alone: file, what is replaced in it, words of the sentence."""
+PASSIVE = {
+    "damping counted twice": (
+        CORE,
+        {"double damped = state->device_damping": "double damped = 2.0 * state->device_damping"},
+        "built from the FMU's own sources",
+    ),
+    "a bound twice as large": (
+        CORE,
+        {"? sqrt(energy / worst_case": "? 2.0 * sqrt(energy / worst_case"},
+        "built from the FMU's own sources",
+    ),
+}
+"""Those of a model that is passive on a device."""
+BY_VERSION = [
+    (name, version)
+    for name, (file, *_) in {**COMPILED, **PASSIVE}.items()
+    for version in ((2, 3) if file == CORE else (3,))
+]
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +309,7 @@ def problems(files: dict[str, bytes], version: int, folder: Path, cache: Path) -
     """What the check says of an FMU of these files."""
     path = folder / f"KB_fmi{version}.fmu"
     write_fmu(path, files)
-    return check_file(path, cache).problems
+    return check_files([path], cache)[0].problems
 
 
 @pytest.mark.parametrize(
@@ -265,18 +323,30 @@ def test_what_is_written_must_be_what_is_done(name, version, change, words, fmu_
     assert any(words in text for text in found), found
 
 
-@pytest.mark.parametrize("name", COMPILED)
+@pytest.fixture(scope="module")
+def passive(tmp_path_factory, zig_cache):
+    """Return a model that is passive on a device, and a folder with its FMUs."""
+    settings = changed(SETTINGS, models=["KB"], rate_Hz=1000.0, moving_average_ms=3.0, device_damping=2.75)
+    (model,) = selected(models_json(), settings)
+    folder = tmp_path_factory.mktemp("passive")
+    export_fmus([model], folder, "test", TARGET, zig_cache)
+    return model, folder
+
+
+@pytest.mark.parametrize(("name", "version"), BY_VERSION)
 def test_what_the_library_does_must_be_what_is_written(
-    name, fmu_models, fmu_folder, zig_cache, workshop, tmp_path, request
+    name, version, fmu_models, fmu_folder, zig_cache, workshop, tmp_path, request
 ):
-    """The sources in the FMU are left as they were; the same library serves FMI 2.0."""
-    file, changes, words = COMPILED[name]
+    """The sources in the FMU are left as they were."""
+    file, changes, words = {**COMPILED, **PASSIVE}[name]
     if "crashes" not in name:
         request.getfixturevalue("played_here")
-    model = next(model for model in fmu_models if model.name == "KB")
+    model, folder = next(model for model in fmu_models if model.name == "KB"), fmu_folder
+    if name in PASSIVE:
+        model, folder = request.getfixturevalue("passive")
     library = defective(model, file, changes, zig_cache, workshop)
-    files = contents(fmu_folder / "KB_fmi3.fmu")
-    found = problems({**files, BINARY[3]: library}, 3, tmp_path, zig_cache)
+    files = contents(folder / f"KB_fmi{version}.fmu")
+    found = problems({**files, BINARY[version]: library}, version, tmp_path, zig_cache)
     assert any(words in text for text in found), found
 
 
@@ -316,7 +386,7 @@ def test_each_defect_is_told_in_one_sentence_with_its_file(fmu_folder, zig_cache
         scaled(REFERENCE[1], factor)(files, version)
         write_fmu(tmp_path / f"KB_fmi{version}.fmu", files)
     with pytest.raises(InputError) as caught:
-        check_files(sorted(tmp_path.glob("*.fmu")), zig_cache)
+        all_sound(check_files(sorted(tmp_path.glob("*.fmu")), zig_cache))
     first, *lines = str(caught.value).splitlines()
     assert first == "FMUs that must not be used: 2 problems"
     for line, file in zip(lines, ("KB_fmi2.fmu", "KB_fmi3.fmu"), strict=True):
@@ -327,7 +397,7 @@ def test_each_defect_is_told_in_one_sentence_with_its_file(fmu_folder, zig_cache
 @pytest.mark.parametrize("name", ["IL", "MW", "KB", "HO", "KB+coulomb_friction"])
 @pytest.mark.parametrize("version", [2, 3])
 def test_an_untouched_export_gives_no_finding(name, version, fmu_folder, zig_cache):
-    check = check_file(fmu_folder / f"{name}_fmi{version}.fmu", zig_cache)
+    check = check_files([fmu_folder / f"{name}_fmi{version}.fmu"], zig_cache)[0]
     assert check.problems == ()
     assert check.played
     assert check.same_bytes
@@ -348,7 +418,7 @@ def test_other_flags_give_other_bytes_and_the_same_forces(
     place = BINARY[3].replace("KB", "HO")
     assert library != files[place]
     write_fmu(tmp_path / "HO_fmi3.fmu", {**files, place: library})
-    check = check_file(tmp_path / "HO_fmi3.fmu", zig_cache)
+    check = check_files([tmp_path / "HO_fmi3.fmu"], zig_cache)[0]
     assert (check.problems, check.played, check.same_bytes) == ((), True, False)
 
 
@@ -356,7 +426,7 @@ def test_without_a_library_for_this_machine_the_file_alone_is_checked(
     fmu_folder, zig_cache, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(file_check, "host_target", lambda: "aarch64-darwin")
-    check = check_file(fmu_folder / "KB_fmi3.fmu", zig_cache)
+    check = check_files([fmu_folder / "KB_fmi3.fmu"], zig_cache)[0]
     assert (check.problems, check.played) == ((), False)
     assert "no library for this machine" in str(check)
 
@@ -448,3 +518,34 @@ def test_a_library_that_nobody_vouches_for_is_not_run(
     write_fmu(outside, {**contents(sound), "modelDescription.xml": described})
     assert main(["render", str(outside), "--trust", *configured]) == 1
     assert "modelIdentifier '../../KB' is no C identifier" in capsys.readouterr().err
+
+
+def test_of_several_libraries_the_right_one_is_to_blame(
+    fmu_models, fmu_folder, zig_cache, workshop, tmp_path
+):
+    """They share a process: one that crashes, or ends it, takes no other with it."""
+    model = next(model for model in fmu_models if model.name == "KB")
+    crashes, ends = (
+        defective(model, CORE, {ENDS: f"{ENDS}\n    {how}", STRINGS: f"#include <stdlib.h>\n{STRINGS}"},
+                  zig_cache, workshop)
+        for how in ("abort();", "exit(0);")
+    )  # fmt: skip
+    sound = fmu_folder / "KB_fmi3.fmu"
+
+    def with_library(library: bytes, name: str) -> Path:
+        (tmp_path / name).mkdir()
+        path = tmp_path / name / sound.name
+        write_fmu(path, {**contents(sound), BINARY[3]: library})
+        return path
+
+    paths = [
+        sound,
+        with_library(crashes, "one"),
+        fmu_folder / "MW_fmi2.fmu",
+        with_library(ends, "two"),
+        fmu_folder / "HO_fmi3.fmu",
+    ]
+    found = [check.problems for check in check_files(paths, zig_cache)]
+    assert [bool(problems) for problems in found] == [False, True, False, True, False]
+    assert "crashes with signal" in found[1][0]
+    assert "ends the program" in found[3][0]

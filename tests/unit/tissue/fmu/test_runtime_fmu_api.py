@@ -1,7 +1,6 @@
 """Values, states, errors, instances and the order of calls of finished FMUs, driven through fmpy."""
 
 import math
-from pathlib import Path
 
 import fmpy
 import pytest
@@ -17,19 +16,9 @@ from runtime_models import (
     GAIN,
     POSITION,
     POSITION_OFFSET,
-    SETTINGS,
-    TARGET,
     get,
-    models_json,
     put,
-    selected,
 )
-from test_runtime_defects import BINARY, contents
-from test_runtime_file_check import CORE, defective, played_here  # noqa: F401 - a fixture
-
-from lumbar.tissue.fmu.build.package import export_fmus, write_fmu
-from lumbar.tissue.fmu.check.file_check import check_each, check_file
-from study_settings import changed
 
 pytestmark = ON_LINUX
 
@@ -247,122 +236,3 @@ def test_derivatives_of_other_variables_are_refused(version, fmu_instance):
         slave.getDirectionalDerivative([GAIN], [POSITION], [1.0])
     with pytest.raises(FMICallException):
         slave.getDirectionalDerivative([FORCE], [FORCE], [1.0])
-
-
-ENDS = "    double end = from + step;"
-LIBRARY = {
-    "one sample a call, whatever its step": (
-        {
-            "        if (!(instant <= end + tolerance())) break;": "        if (state->pending) break;",
-            "        if (instant >= end - tolerance()) break;": "        break;",
-        },
-        "in 2 steps a sample from 0 s on",
-    ),
-    "a clock that begins at 0": ({"state->start_time = start_time;": "state->start_time = 0.0;"}, "a sample from 1000 s on"),
-    "steps back in time": ({"!(step > 0.0) || ": ""}, "a step of -0.01 s at 0.59 s where 0.59 s is reached"),
-    "steps from elsewhere": (
-        {"!(fabs(from - state->time) <= tolerance())": "0"},
-        "a step of 0.01 s at 0.595 s where 0.59 s is reached",
-    ),
-    "bytes without a checksum": (
-        {"if (sum != checksum(bytes, size - sizeof sum)) return false;": ""},
-        "bytes of a state with byte",
-    ),
-    "twice the slope": (
-        {"by_input = state->gain * output_slope": "by_input = 2.0 * state->gain * output_slope"},
-        "derivative by position",
-    ),
-    "0.1 N more after a while": (
-        {"y + state->output_offset;": "y + state->output_offset + (state->next_sample > 5000 ? 0.1 : 0.0);"},
-        "of a long motion without event mode, at sample 500",
-    ),
-}  # fmt: skip
-"""What is replaced in the library's source, words of the sentence."""
-PASSIVE = {
-    "damping counted twice": (
-        {"double damped = state->device_damping": "double damped = 2.0 * state->device_damping"},
-        "built from the FMU's own sources",
-    ),
-    "a bound twice as large": (
-        {"? sqrt(energy / worst_case": "? 2.0 * sqrt(energy / worst_case"},
-        "built from the FMU's own sources",
-    ),
-}
-
-
-@pytest.fixture(scope="module")
-def workshop(tmp_path_factory):
-    """Return a folder for all libraries: the compiler does what they have in common once."""
-    return tmp_path_factory.mktemp("libraries")
-
-
-@pytest.fixture(scope="module")
-def passive_model():
-    """Return a model that is passive on a device."""
-    settings = changed(SETTINGS, models=["KB"], rate_Hz=1000.0, moving_average_ms=3.0, device_damping=2.75)
-    return selected(models_json(), settings)[0]
-
-
-@pytest.fixture(scope="module")
-def passive_folder(passive_model, tmp_path_factory, zig_cache):
-    """Return a folder with its FMUs."""
-    folder = tmp_path_factory.mktemp("passive")
-    export_fmus([passive_model], folder, "test", TARGET, zig_cache)
-    return folder
-
-
-def put_in(path: Path, library: bytes, version: int, folder: Path) -> Path:
-    """FMU with another library."""
-    folder.mkdir(exist_ok=True)
-    changed_file = folder / path.name
-    write_fmu(changed_file, {**contents(path), BINARY[version]: library})
-    return changed_file
-
-
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("name", LIBRARY)
-@pytest.mark.usefixtures("played_here")
-def test_calls_must_mean_what_they_say(name, version, fmu_models, fmu_folder, zig_cache, workshop, tmp_path):
-    changes, words = LIBRARY[name]
-    model = next(model for model in fmu_models if model.name == "KB")
-    library = defective(model, CORE, changes, zig_cache, workshop)
-    path = put_in(fmu_folder / f"KB_fmi{version}.fmu", library, version, tmp_path)
-    found = check_file(path, zig_cache).problems
-    assert any(words in text for text in found), found
-
-
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("name", PASSIVE)
-@pytest.mark.usefixtures("played_here")
-def test_energy_must_be_what_is_taken_in(
-    name, version, passive_model, passive_folder, zig_cache, workshop, tmp_path
-):
-    changes, words = PASSIVE[name]
-    library = defective(passive_model, CORE, changes, zig_cache, workshop)
-    path = put_in(passive_folder / f"KB_fmi{version}.fmu", library, version, tmp_path)
-    found = check_file(path, zig_cache).problems
-    assert any(words in text for text in found), found
-
-
-def test_of_several_libraries_the_right_one_is_to_blame(
-    fmu_models, fmu_folder, zig_cache, workshop, tmp_path
-):
-    """They share a process: one that crashes, or ends it, takes no other with it."""
-    model = next(model for model in fmu_models if model.name == "KB")
-    crashes, ends = (
-        defective(model, CORE, {ENDS: f"{ENDS}\n    {how}", "#include <string.h>": "#include <stdlib.h>\n#include <string.h>"},
-                  zig_cache, workshop)
-        for how in ("abort();", "exit(0);")
-    )  # fmt: skip
-    sound = fmu_folder / "KB_fmi3.fmu"
-    paths = [
-        sound,
-        put_in(sound, crashes, 3, tmp_path / "one"),
-        fmu_folder / "MW_fmi2.fmu",
-        put_in(sound, ends, 3, tmp_path / "two"),
-        fmu_folder / "HO_fmi3.fmu",
-    ]
-    found = [check.problems for check in check_each(paths, zig_cache)]
-    assert [bool(problems) for problems in found] == [False, True, False, True, False]
-    assert "crashes with signal" in found[1][0]
-    assert "ends the program" in found[3][0]

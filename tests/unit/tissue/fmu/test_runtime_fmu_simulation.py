@@ -3,7 +3,6 @@
 import struct
 import sys
 import zipfile
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -217,24 +216,6 @@ def test_a_hundred_thousand_steps_differ_in_no_bit(name, fmu_models, zig_cache, 
     assert compiled.state[: system.nstates] == state
     _, simulated, _ = dlsim((system.A, system.B, system.C, system.D, 0.01), inputs)
     np.testing.assert_allclose(found, simulated[:, 0], atol=1e-12 * np.abs(found).max())
-
-
-def test_fmpys_own_search_finds_the_same_next_events():
-    """The checks let it search by bisection."""
-    from fmpy.simulation import Input
-
-    from lumbar.tissue.fmu.check.fmu_check import _next_events_by_bisection
-
-    events = np.append(np.cumsum(np.random.default_rng(3).choice([0.01, 1e-12, 0.3], 60)), np.inf)
-    inputs = SimpleNamespace(t=events[:-1], t_events=events)
-    times = [-1.0, *events, *(events[:-1] + 1e-11), *(events[:-1] - 1e-11), 1e9]
-    own = Input.nextEvent
-    with _next_events_by_bisection():
-        assert Input.nextEvent is not own
-        found = [Input.nextEvent(inputs, time) for time in times]
-        assert Input.nextEvent(SimpleNamespace(t=None), 0.0) == np.inf
-    assert Input.nextEvent is own
-    assert found == [own(inputs, time) for time in times]
 
 
 def test_table_says_when_the_feedthrough_acts(fmu_models, fmu_folder, tmp_path):

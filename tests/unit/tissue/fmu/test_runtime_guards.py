@@ -102,10 +102,9 @@ def test_guarded_forces_differ_in_no_bit(name, zig_cache, tmp_path):
     outputs = 1.0 * CModel(model, tmp_path, zig_cache).response(touched) + model.output.offset
     limited = np.clip(np.where(model.resistance * outputs < 0, 0.0, outputs), -15.0, 15.0)
     export_fmus([model], tmp_path, "synthetic twin", TARGET, zig_cache)
-    time = np.arange(len(inputs)) * model.sampling_time
     for version in (2, 3):
         expected = guard_forces(model, inputs, limited, event_mode=version == 3).read
-        found = simulate_fmu(tmp_path / f"{name}_fmi{version}.fmu", time, inputs)
+        found = simulate_fmu(tmp_path / f"{name}_fmi{version}.fmu", inputs)
         np.testing.assert_array_equal(found, expected)
         assert np.count_nonzero(expected != limited) > 100
         assert np.abs(expected).max() > 0.5
@@ -117,10 +116,9 @@ def test_a_model_starts_at_rest_where_it_is_first_touched(rate, zig_cache, tmp_p
     settings = changed(DEVICE, rate_Hz=rate, moving_average_ms=30.0)
     chosen = exported(settings, tmp_path, zig_cache, "KB", "HO", EFFECTS["name"])
     for model in chosen:
-        time = np.arange(60) * model.sampling_time
         for version in ("2.0", "3.0"):
             path = tmp_path / f"{model.name}_fmi{version[0]}.fmu"
-            forces = simulate_fmu(path, time, np.full(60, 3.0))
+            forces = simulate_fmu(path, np.full(60, 3.0))
             np.testing.assert_allclose(forces, forces[0], atol=1e-12)
             if model.name in ("KB", "HO"):
                 gain = sum(model.dynamics.numerator) / sum(model.dynamics.denominator)
@@ -160,7 +158,7 @@ def test_the_force_changes_no_faster_than_its_limit(version, zig_cache, tmp_path
     for model in chosen:
         jumps = np.repeat([0.0, 6.0, -6.0, 1.0], 100)
         path = tmp_path / f"{model.name}_fmi{version}.fmu"
-        forces = simulate_fmu(path, np.arange(len(jumps)) * 1e-3, jumps)
+        forces = simulate_fmu(path, jumps)
         assert np.abs(np.diff(forces, prepend=0.0)).max() <= 0.3 * (1 + 1e-12)
     with zipfile.ZipFile(tmp_path / f"KB_fmi{version}.fmu") as archive:
         text = archive.read("modelDescription.xml").decode()

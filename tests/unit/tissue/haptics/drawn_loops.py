@@ -8,6 +8,7 @@ from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.servo import TissueForce
 from lumbar.tissue.haptics.simulation import difference_equation, simulate
+from lumbar.tissue.haptics.ticks.sequence import in_ticks
 
 
 def drawn_device(rng: np.random.Generator) -> DeviceSettings:
@@ -51,3 +52,10 @@ def growth(model: SampledModel, intervals, device, delay: float = 0.0, seconds: 
     moving = run.samples[-int(seconds / np.mean(intervals)) :]
     first, second = np.array_split(np.diff(moving), 2)
     return float(np.ptp(second) / np.ptp(first))
+
+
+def largest_pole(model, device: DeviceSettings, gain: float = 1.0) -> complex:
+    """Pole of the closed loop with the largest magnitude over a period, in the upper half of the plane."""
+    poles = np.linalg.eigvals(in_ticks(model).monodromy(device, gain))
+    largest = poles[np.abs(poles).argmax()]
+    return complex(largest.real, abs(largest.imag))

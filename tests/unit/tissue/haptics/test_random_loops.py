@@ -74,7 +74,7 @@ def disagreement(rng):
     device = changed(RuntimeSettings(), device=values | {"hand_stiffness_N_m": hand}).device
     found, expected = largest_stable_gain(model, device)[0], gain_by_eigenvalues(model, values, hand)
     stiffness = model.numerator.sum() / model.denominator.sum()
-    if stiffness < -1e-6 and np.isfinite(required_damping(model, 200).damping):
+    if stiffness < -1e-6 and np.isfinite(required_damping(model, 200)):
         return f"passive with {stiffness:g} N/m"
     if found == pytest.approx(expected, rel=1e-5, abs=1e-6) or (found > 1e6 and np.isinf(expected)):
         return ""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from c_programs import ON_LINUX
+from drawn_loops import largest_pole
 from effect_entries import effect_entry, entry_of_effects
 from runtime_models import SETTINGS, entry, models_json, selected
 from scipy.signal import lfilter
@@ -22,9 +23,8 @@ from lumbar.tissue.fmu.build.reference_response import reference_push
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
 from lumbar.tissue.haptics.device_table import with_device
 from lumbar.tissue.haptics.judgement import analyse, judge, judge_exported, judge_fmu, run_loop
-from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
+from lumbar.tissue.haptics.passivity import _lowest, lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
-from lumbar.tissue.haptics.ticks.sequence import largest_pole
 from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.model_data import FittedParameter, MotionRange
 from study_settings import changed
@@ -313,7 +313,7 @@ def test_a_spring_that_pushes_is_not_passive_and_held_by_the_hand_alone():
     model = SampledModel("", 1000 * np.array([3.0, -3.2]), np.array([1.0, -0.75]), 0.001)
     assert largest_stable_gain(model, STYLUS) == (pytest.approx(0.375), 0.0)
     assert abs(largest_pole(model, STYLUS)) > 1.0
-    assert required_damping(model).damping == np.inf
+    assert required_damping(model) == np.inf
 
 
 @ON_LINUX
@@ -399,6 +399,13 @@ def test_fits_are_drawn_within_the_intervals_of_their_parameters():
     assert "of the fits and hands" in shares[2].finding
     asked = changed(DEFAULTS, device={"least_stable_share": 0.99})
     assert not judge_exported(exported, asked, unsure).safe and judge_exported(exported, asked, sure).safe
+
+
+def test_rates_above_the_lowest_safe_one_are_safe_too():
+    """Not from 300 Hz on where what lies from 1200 to 1400 Hz is unsafe, between two of the rates that are tried first."""
+    rates = [100.0 * 2**power for power in range(8)]
+    found = _lowest(rates, lambda rate: rate > 300 and not 1200 < rate < 1400, between=True)
+    assert found == pytest.approx(1400.0, rel=0.01)
 
 
 def test_lowest_rates_are_where_damping_and_gain_suffice():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn_loops import drawn_device, drawn_model, growth
+from drawn_loops import drawn_device, drawn_model, growth, largest_pole
 from tissue_fits import fitted
 
 from lumbar.base.errors import InputError, NumericalError
@@ -13,7 +13,7 @@ from lumbar.tissue.haptics.closed_loop import largest_stable_gain
 from lumbar.tissue.haptics.device_table import device_table, with_device
 from lumbar.tissue.haptics.judgement import analyse, judge_exported
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
-from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, largest_pole
+from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
 from lumbar.tissue.haptics.ticks.uneven import longest_wait, spans, worst_timing
 
 DEFAULTS = RuntimeSettings()

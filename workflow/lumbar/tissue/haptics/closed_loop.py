@@ -124,13 +124,6 @@ def propagation(device: DeviceSettings, seconds: float) -> tuple[np.ndarray, np.
     return exact[:2, :2], exact[:2, 2]
 
 
-def period(model: SampledModel, device: DeviceSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Transition of device and hand over a sampling time, and what the new force and the one before it add."""
-    rest, by_new = propagation(device, model.sampling_time - model.delay)
-    first, by_old = propagation(device, model.delay)
-    return rest @ first, by_new, rest @ by_old
-
-
 def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.ndarray], np.ndarray]:
     """Open-loop frequency response: the model times the sampled response of device and hand to its held force.
 
@@ -140,7 +133,10 @@ def loop_response(model: SampledModel, device: DeviceSettings) -> Callable[[np.n
         From angles ωT in radians to complex numbers of the same shape; the closed loop has a pole at exp(jωT) where they
         are −1.
     """
-    transition, by_new, by_old = period(model, device)
+    # Over a sampling time the force before acts first, then the new one.
+    rest, by_new = propagation(device, model.sampling_time - model.delay)
+    first, by_old = propagation(device, model.delay)
+    transition, by_old = rest @ first, rest @ by_old
     # Row (1, 0) · (z − Φ)⁻¹ by Cramer's rule: Φ is two by two.
     trace, determinant = transition[0, 0] + transition[1, 1], np.linalg.det(transition)
 

@@ -51,9 +51,7 @@ class Analysis:
     """At which the model samples the position, in Hz."""
     device: DeviceSettings
     damping: float
-    damping_frequency: float
-    """`damping`, `damping_frequency`: smallest damping of the device for a passive loop in N·s/m, and the frequency in Hz
-    that asks for it."""
+    """Smallest damping of the device for a passive loop in N·s/m."""
     gain: float
     gain_frequency: float
     """`gain`, `gain_frequency`: largest stable factor on the model's force, and the frequency in Hz of the oscillation
@@ -129,12 +127,12 @@ class Analysis:
 
 def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
     """Analyse the loop of a model, or of all its linearisations."""
-    worst = max(map(required_damping, model.loops), key=lambda found: found.damping)
+    damping = max(map(required_damping, model.loops))
     gains = [largest_stable_gain(item, device) for item in model.loops]
     gain = min(gains)
     loop = model.loops[gains.index(gain)].name
     rate = 1.0 / model.sampled[0].sampling_time
-    found = Analysis(model.name, rate, device, worst.damping, worst.frequency, *gain, loop)
+    found = Analysis(model.name, rate, device, damping, *gain, loop)
     found = replace(found, reach=model.reach, rate_limited=model.rate_limited)
     if not model.timings:
         return found
@@ -300,7 +298,7 @@ def judge_fmu(
 ) -> tuple[Judgement, tuple[str, ...]]:
     """Judge an FMU for FMI 3.0 at its own rate; the judgement, and what to know of it.
 
-    Its library is run as `lumbar.tissue.fmu.check.file_check.check_each` runs it; else its record is judged.
+    Its library is run as `lumbar.tissue.fmu.check.file_check.check_files` runs it; else its record is judged.
 
     Raises
     ------
@@ -310,13 +308,12 @@ def judge_fmu(
     from lumbar.tissue.effects.catalogue import catalogues_with
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.build.record import read_record
-    from lumbar.tissue.fmu.check.file_check import UNKNOWN, check_files
+    from lumbar.tissue.fmu.check.file_check import UNKNOWN, all_sound, check_files
     from lumbar.tissue.fmu.check.lint import open_fmu
-    from lumbar.tissue.haptics.fmu_step import UnpackedFmu, check_rendered
+    from lumbar.tissue.haptics.fmu_step import UnpackedFmu
 
-    check_rendered(path)
     known = catalogues_with(list(effect_files))
-    (check,) = check_files([path], cache_folder(settings.compiler_cache), known, False, trust)
+    (check,) = all_sound(check_files([path], cache_folder(settings.compiler_cache), known, False, trust))
     model = None if check.left_out else read_record(parsed_json(open_fmu(path)[0][RECORD], RECORD), known)[0]
     if check.unknown:
         if model is None:
@@ -325,6 +322,10 @@ def judge_fmu(
         return judged, (f"{path.name} was judged by its record: {UNKNOWN}",)
     device = settings.device
     with UnpackedFmu(path) as fmu:
+        if fmu.fmu.version == 2:
+            raise InputError(
+                f"{path}: FMI 2.0; take the file for FMI 3.0 of the same model, <model>_fmi3.fmu"
+            )
         meets = fmu.rendered(device)
         fit = (model.moving_average, model.identified) if model else (1, None)
         hands = stable_share(meets, *fit, device)

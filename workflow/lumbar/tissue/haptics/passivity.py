@@ -33,16 +33,6 @@ from lumbar.tissue.models.fitted_model import FittedModel
 _REFINED, _FEWEST = 101, 12
 
 
-@dataclass(frozen=True)
-class RequiredDamping:
-    """Damping that makes a device passive with a model, and the frequency that asks for it."""
-
-    damping: float
-    """N·s/m; 0 where the model needs none, infinite where none is enough."""
-    frequency: float
-    """Hz; of a loop whose ticks repeat after several up to multiples of the rate at which they do."""
-
-
 def damping_at(model: SampledModel | PeriodicModel, angles: np.ndarray) -> np.ndarray:
     """Damping in N·s/m that the condition asks for at every angle θ in (0, π] over a period; shape (angles,)."""
     model = in_ticks(model)
@@ -58,10 +48,11 @@ def damping_at(model: SampledModel | PeriodicModel, angles: np.ndarray) -> np.nd
     return -np.linalg.eigvalsh(weighted)[:, 0] / 2.0
 
 
-def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) -> RequiredDamping:
-    """Return the smallest damping with which the device is passive with a stable model, whatever passive hand holds it.
+def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) -> float:
+    """Return the smallest damping in N·s/m with which the device is passive with a stable model, whatever passive hand holds it.
 
-    Infinite with a negative static stiffness, which gives out energy however slowly it is moved: no damping pays for that.
+    0 where the model needs none; infinite with a negative static stiffness, which gives out energy however slowly it is moved:
+    no damping pays for that.
 
     Parameters
     ----------
@@ -69,7 +60,7 @@ def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) ->
         Angles at which the condition is looked at before the neighbourhood of the worst is looked at again.
     """
     if model.static_stiffness < 0:
-        return RequiredDamping(float("inf"), 0.0)
+        return float("inf")
     ticking = in_ticks(model)
     intervals = ticking.intervals
     # An angle over a period of several ticks stands for as many frequencies.
@@ -79,15 +70,12 @@ def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) ->
     worst = int(damping_at(model, angles).argmax())
     refined = max(_REFINED // len(intervals), _FEWEST)
     angles = np.linspace(angles[max(worst - 1, 0)], angles[min(worst + 1, len(angles) - 1)], refined)
-    values = damping_at(model, angles)
-    worst = int(values.argmax())
-    return RequiredDamping(
-        max(0.0, float(values[worst])), float(angles[worst] / (2.0 * np.pi * sum(intervals)))
-    )
+    return max(0.0, float(damping_at(model, angles).max()))
 
 
 FASTEST_HZ = 20_000.0
-_SCANNED, _HALVINGS, _POINTS = 8, 8, 400
+_SCANNED, _HALVINGS, _CHECKED, _POINTS = 8, 8, 60, 400
+"""Rates that are tried, halvings between two of them, rates above that are tried at last; angles of the damping needed."""
 
 
 def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float | None, float | None]:
@@ -96,8 +84,8 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
     Returns
     -------
     tuple of (float or None)
-        To about a percent, from the rate of identification up to `FASTEST_HZ`; None where the model is not safe up to
-        there, or has no counterpart at other rates and is not safe at its own. With a limit on the force's rate none is passive.
+        To about a percent, from the rate of identification up to `FASTEST_HZ`; of a model that runs at multiples of that alone
+        one of some of them. None where the model is not safe up to there. With a limit on the force's rate none is passive.
     """
     device, slowest = settings.device, 1.0 / model.sampling_time
 
@@ -107,13 +95,17 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
 
     def passive(rate: float) -> bool:
         loop = None if settings.output_rate_limit else loop_at(rate)
-        return loop is not None and required_damping(loop, _POINTS).damping <= device.damping_N_s_m
+        return loop is not None and required_damping(loop, _POINTS) <= device.damping_N_s_m
 
     def stable(rate: float) -> bool:
         loop = loop_at(rate)
         return loop is not None and largest_stable_gain(loop, device)[0] > 1.0
 
-    return _lowest(slowest, passive), _lowest(slowest, stable)
+    rates = [float(rate) for rate in np.geomspace(slowest, max(FASTEST_HZ, slowest), _SCANNED)]
+    between = loop_at(rates[1]) is not None
+    if not between:  # it runs at multiples of its own rate alone
+        rates = [slowest * count for count in dict.fromkeys(round(rate / slowest) for rate in rates)]
+    return _lowest(rates, passive, between), _lowest(rates, stable, between)
 
 
 def _loop_at(
@@ -126,19 +118,24 @@ def _loop_at(
         return None
 
 
-def _lowest(slowest: float, safe: Callable[[float], bool]) -> float | None:
-    """Go down from the fastest rate to the first that is not safe, then halve the interval."""
-    rates = [float(rate) for rate in np.geomspace(slowest, max(FASTEST_HZ, slowest), _SCANNED)]
-    unsafe = next((rate for rate in reversed(rates) if not safe(rate)), None)
-    if unsafe is None:
-        return slowest
-    if unsafe == rates[-1]:
-        return slowest if safe(slowest) else None
-    safe_from = rates[rates.index(unsafe) + 1]
-    for _ in range(_HALVINGS):
-        middle = float(np.sqrt(unsafe * safe_from))
-        unsafe, safe_from = (unsafe, middle) if safe(middle) else (middle, safe_from)
-    return safe_from
+def _lowest(rates: list[float], safe: Callable[[float], bool], between: bool) -> float | None:
+    """Go down from the fastest of these rates to the first that is not safe, and halve the interval if there are rates in it.
+
+    What is found holds at many rates above, or the search begins anew among these.
+    """
+    first = next((index for index in reversed(range(len(rates))) if not safe(rates[index])), -1)
+    if first == len(rates) - 1:
+        return None
+    safe_from = rates[first + 1]
+    if not between:
+        return safe_from
+    if first >= 0:
+        unsafe = rates[first]
+        for _ in range(_HALVINGS):
+            middle = float(np.sqrt(unsafe * safe_from))
+            unsafe, safe_from = (unsafe, middle) if safe(middle) else (middle, safe_from)
+    above = [float(rate) for rate in np.geomspace(safe_from, rates[-1], _CHECKED)]
+    return safe_from if all(map(safe, above)) else _lowest(above, safe, between)
 
 
 _FASTEST_PLOTTED_HZ = 10_000.0
@@ -167,7 +164,7 @@ def z_width(models: Sequence[FittedModel], settings: RuntimeSettings) -> ZWidth:
     rates = np.geomspace(slowest, max(_FASTEST_PLOTTED_HZ, slowest), _RATES)
     loops = {model.name: [_loop_at(model, rate, settings) for rate in rates] for model in models}
     needed = {
-        name: np.array([required_damping(loop, _POINTS).damping if loop else np.nan for loop in found])
+        name: np.array([required_damping(loop, _POINTS) if loop else np.nan for loop in found])
         for name, found in loops.items()
     }
     own = settings.device.damping_N_s_m
@@ -187,5 +184,5 @@ def _stiffnesses(
     spring = SampledModel("spring", average, np.ones(1), 1.0 / rate).late(1e-3 * device.delay_ms)
     devices = [replace(device, damping_N_s_m=float(value)) for value in damping]
     # The damping needed is proportional to the stiffness.
-    passive = damping / required_damping(spring, _POINTS).damping
+    passive = damping / required_damping(spring, _POINTS)
     return passive, np.array([largest_stable_gain(spring, item)[0] for item in devices])

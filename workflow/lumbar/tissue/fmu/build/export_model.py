@@ -205,27 +205,17 @@ class ExportModel:
         return self.dynamics.largest_pole < 1.0
 
 
-def select_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
-    """Pick the models to export from the identified ones.
+def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[FittedModel]:
+    """Pick the identified models that the settings name, in the order of ``settings.models``.
 
-    Returns
-    -------
-    list of ExportModel
-        In the order of ``settings.models``. A model without a training record (IL is prescribed, not
-        identified) is taken whatever ``trained_on`` and ``estimator`` say.
+    A model without a training record (IL is prescribed, not identified) is taken whatever ``trained_on`` and ``estimator``
+    say.
 
     Raises
     ------
     InputError
-        A model is not there, or cannot be exported: all problems at once.
-    NumericalError
-        A model is unstable and ``unstable`` is ``"refuse"``.
+        A model is not there: all problems at once.
     """
-    return export_models(find_models(fitted, settings), settings)
-
-
-def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[FittedModel]:
-    """Pick the identified models that the settings name; parameters and errors as of `select_models`."""
     problems = Problems("runtime.models")
     for text in _duplicate_identifiers(settings.models):
         problems.add("", text, "rename one: both would have the same name in C")
@@ -235,7 +225,15 @@ def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[Fi
 
 
 def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[ExportModel]:
-    """Make fitted models ready for export; parameters and errors as of `select_models`."""
+    """Make fitted models ready for export.
+
+    Raises
+    ------
+    InputError
+        A model cannot be exported.
+    NumericalError
+        A model is unstable and ``unstable`` is ``"refuse"``.
+    """
     models = [_export_model(model, settings) for model in fitted]
     if settings.unstable == "refuse":
         _refuse_unstable(models)

@@ -97,14 +97,14 @@ def _problems(
     version, token = root.get("fmiVersion", ""), root.get("guid") or root.get("instantiationToken") or ""
     found = {name: content for name, content in files.items() if not name.startswith("binaries/")}
     drawn = tuple(_PICTURE.findall(found.get(PAGE, b"").decode("utf-8", errors="replace")))
-    needed = _written(model, version, data, drawn)
+    needed = written_files(model, version, data, drawn)
     signals = {
         name: found[name].decode()
         for name in needed
         if name.endswith(".csv") and _rounded(found, needed, name)
     }
     if signals:  # the manifest holds the checksums of what that machine wrote
-        needed = _written(model, version, data, drawn, tuple(signals.items()))
+        needed = written_files(model, version, data, drawn, signals)
     needed = {**needed, RECORD: record_text(model, data, pictures).encode("utf-8")}
     needed = _under(token, content_token(model), needed)
     problems = [
@@ -123,16 +123,6 @@ def _problems(
         own = content_token(model, {**sources, NUMBERS: sources[NUMBERS].replace(token, "")})
         if own != token:
             yield f"modelDescription.xml: the token is {token}; that of the model and these sources is {own}"
-
-
-def _written(
-    model: ExportModel,
-    version: str,
-    data: str,
-    drawn: tuple[str, ...],
-    signals: tuple[tuple[str, str], ...] = (),
-) -> dict[str, bytes]:
-    return written_files(model, version, data, drawn, dict(signals))
 
 
 def _rounded(found: Mapping[str, bytes], needed: Mapping[str, bytes], name: str) -> bool:

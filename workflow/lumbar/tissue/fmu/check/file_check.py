@@ -6,7 +6,7 @@ import shutil
 import tempfile
 import xml.etree.ElementTree as ElementTree
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -60,39 +60,30 @@ class FileCheck:
         return f"{self.path.name}: {'; '.join(filter(None, (found, self.left_out, signed)))}"
 
 
-def check_file(path: Path, cache: Path) -> FileCheck:
-    """Check an FMU: each file by itself, then, where these are sound, all that it says, its library and its sources.
-
-    Parameters
-    ----------
-    cache : Path
-        Folder of the compiler's cache.
-
-    Raises
-    ------
-    InputError
-        The file is not there, or there is no compiler.
-    """
-    return check_each([path], cache)[0]
-
-
-def check_each(
-    paths: list[Path],
+def check_files(
+    paths: Sequence[Path],
     cache: Path,
     catalogues: Catalogues = CATALOGUES,
     built_anew: bool = True,
     trust: bool = True,
 ) -> list[FileCheck]:
-    """Check files as `check_file` does; what is slow to start is started once for all.
+    """Check FMUs: each file by itself, then, where these are sound, all that it says, its library and its sources.
 
     Parameters
     ----------
+    cache : Path
+        Folder of the compiler's cache.
     catalogues : mapping
         Effects of every system that the models may have.
     built_anew : bool
         Whether the library is held to the sources beside it: not where it has just been made of them.
     trust : bool
         Whether any library is run; else that alone which is, to the byte, what this machine makes of sources that are known.
+
+    Raises
+    ------
+    InputError
+        A file is not there, or there is no compiler.
     """
     for path in paths:
         if not path.is_file():
@@ -153,15 +144,8 @@ def _built_anew(check: FileCheck, files: Files, library: str, shipped: Path, cac
     return replace(check, problems=tuple(play_libraries([(shipped, folder)], shipped.parent)[0]))
 
 
-def check_files(
-    paths: Iterable[Path],
-    cache: Path,
-    catalogues: Catalogues = CATALOGUES,
-    built_anew: bool = True,
-    trust: bool = True,
-) -> list[FileCheck]:
-    """Check FMUs and raise one error with all problems of all of them; parameters as of `check_each`."""
-    checks = check_each(list(paths), cache, catalogues, built_anew, trust)
+def all_sound(checks: list[FileCheck]) -> list[FileCheck]:
+    """The checks again, or one error with all problems of all files."""
     wrong = [check for check in checks if check.problems]
     problems = Problems(wrong[0].path.name if len(wrong) == 1 else "FMUs that must not be used")
     for check in wrong:
@@ -177,7 +161,7 @@ def check_new_files(paths: list[Path], models: Iterable[ExportModel], cache: Pat
     forms = [form for item in structures if isinstance(item, Structure) for form in item.forms]
     own = {form.effect: Effect(form.effect, "", (form,), "") for form in forms if not form.definition}
     try:
-        check_files(paths, cache, dict.fromkeys(CATALOGUES, own), built_anew=False)
+        all_sound(check_files(paths, cache, dict.fromkeys(CATALOGUES, own), built_anew=False))
     except InputError:
         for path in paths:
             path.unlink()

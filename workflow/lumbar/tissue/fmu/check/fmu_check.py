@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import math
-from collections.abc import Iterator
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +21,7 @@ from lumbar.tissue.fmu.build.reference_response import (
     samples_within_range,
     scale_to,
 )
+from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
 from lumbar.tissue.fmu.check.lint import open_fmu
 
 TOLERANCE = 1e-12
@@ -61,16 +59,11 @@ class Check:
         return found
 
 
-def simulate_fmu(path: Path, time: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    """Simulate an FMU through fmpy and return its output at every sample instant.
-
-    FMI 3.0 FMUs are driven in event mode; of the values recorded at one instant the last, after the event,
-    counts.
+def simulate_fmu(path: Path, inputs: np.ndarray) -> np.ndarray:
+    """Play an FMU through fmpy and return its output at every sample instant, with event mode where there is one.
 
     Parameters
     ----------
-    time : numpy.ndarray, shape (samples,)
-        ``k`` times the sampling time.
     inputs : numpy.ndarray, shape (samples,)
         Set at these instants.
 
@@ -80,52 +73,14 @@ def simulate_fmu(path: Path, time: np.ndarray, inputs: np.ndarray) -> np.ndarray
     """
     import fmpy
 
-    description = fmpy.read_model_description(str(path))
-    # The force is the first output; a passive model has its energy as another.
-    names = {variable.causality: variable.name for variable in reversed(description.modelVariables)}
-    signal = np.zeros(len(time), dtype=[("time", float), (names["input"], float)])
-    signal["time"], signal[names["input"]] = time, inputs
-    step = float(time[1] - time[0])
-    # Messages of the FMU go to fmpy's own logger, which prints. A logger passed to fmpy is no alternative: it
-    # keeps one pointer to it for the whole process, and calls it after Python has freed it.
-    with contextlib.redirect_stdout(io.StringIO()), _next_events_by_bisection():
-        result = fmpy.simulate_fmu(
-            str(path),
-            start_time=0.0,
-            stop_time=float(time[-1]),
-            output_interval=step,
-            input=signal,
-            output=[names["output"]],
-            use_event_mode=description.fmiVersion.startswith("3"),
-        )
-    outputs = np.empty(len(time))
-    # Assignment goes in order: a later row of the same instant replaces an earlier one.
-    for instant, value in zip(
-        np.rint(result["time"] / step).astype(int), result[names["output"]], strict=True
-    ):
-        outputs[instant] = value
+    with tempfile.TemporaryDirectory(prefix="lumbar-play-") as folder:
+        fmpy.extract(str(path), folder)
+        fmu = UnzippedFmu(Path(folder))
+        instance = Instance(fmu, event_mode=fmu.version == 3)
+        outputs = np.array(instance.play(inputs.tolist()))
+        instance.free()
+        fmu.slave.freeLibrary()
     return outputs
-
-
-@contextlib.contextmanager
-def _next_events_by_bisection() -> Iterator[None]:
-    """Let fmpy find the next change of the input by bisection.
-
-    It looks at every change from the first one on, at each of as many steps: most of the time of a simulation.
-    """
-    from fmpy.simulation import Input
-
-    def next_event(self: Input, time: float) -> float:
-        if self.t is None:
-            return math.inf
-        later = self.t_events[np.searchsorted(self.t_events, time, side="right") :]
-        return next((event for event in later if not math.isclose(event, time)), math.inf)
-
-    original, Input.nextEvent = Input.nextEvent, next_event
-    try:
-        yield
-    finally:
-        Input.nextEvent = original
 
 
 def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:
@@ -149,7 +104,7 @@ def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: 
     samples = samples_within_range(model, samples)
     inputs = check_input(model, samples, seed)
     reference = reference_output(model, inputs, version)
-    simulated = simulate_fmu(path, np.arange(samples) * model.sampling_time, inputs)
+    simulated = simulate_fmu(path, inputs)
     largest = float(np.abs(reference).max())
     return Check(
         file=path.name,
@@ -254,7 +209,7 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
             "lint_problems": "Problems found in files, names, token and bounds",
             "largest_output": f"Largest magnitude of the reference output in {unit}",
             "relative_error": (
-                f"Largest difference over {first.samples} samples between the FMU, simulated by fmpy, and "
+                f"Largest difference over {first.samples} samples between the FMU, played through fmpy, and "
                 "the model in Python (scipy's lfilter; with effects, sample by sample) with the same moving average; "
                 "relative to largest_output"
             ),
@@ -309,7 +264,7 @@ def push(models: list[ExportModel], folder: Path) -> Push:
     depth = min(push_depth(model, profile) for model in models)
     outputs = {
         (model.name, version): simulate_fmu(
-            folder / fmu_name(model.name, version), time, model.input.offset + depth * profile
+            folder / fmu_name(model.name, version), model.input.offset + depth * profile
         )
         for model in models
         for version in FMI_VERSIONS

@@ -132,6 +132,11 @@ class Instance:
             self.slave.enterInitializationMode(startTime=self.start)
         self.samples = 0
 
+    def free(self) -> None:
+        """Free the instance; the library stays loaded for others."""
+        slave = self.slave
+        (slave.fmi2FreeInstance if self.fmu.version == 2 else slave.fmi3FreeInstance)(slave.component)
+
     def reset(self) -> None:
         """Reset, and enter initialization mode again."""
         self.slave.reset()

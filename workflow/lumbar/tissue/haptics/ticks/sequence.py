@@ -147,12 +147,9 @@ class PeriodicModel:
         for transition in transitions:
             positions.append(state[0])
             state = transition @ state
-        return self.strongest(np.array(positions), float(np.angle(poles[largest])))
-
-    def strongest(self, values: np.ndarray, angle: float) -> float:
-        """Frequency in Hz of the strongest part of a motion that turns by an angle over a period; values of its ticks."""
-        ticks = len(values)
-        turning = np.abs(np.fft.fft(values * np.exp(-1j * angle * np.arange(ticks) / ticks)))
+        ticks, angle = len(positions), float(np.angle(poles[largest]))
+        turning = np.abs(np.fft.fft(np.array(positions) * np.exp(-1j * angle * np.arange(ticks) / ticks)))
+        # Of the parts of a motion that turns by that angle over a period the strongest.
         angle = (angle + 2.0 * np.pi * turning.argmax()) / ticks
         return float(abs((angle + np.pi) % (2.0 * np.pi) - np.pi) / (2.0 * np.pi * self.sampling_time))
 
@@ -195,10 +192,3 @@ def in_ticks(model: SampledModel | PeriodicModel) -> PeriodicModel:
     if isinstance(model, PeriodicModel):
         return model
     return PeriodicModel(replace(model, delay=0.0), (model.sampling_time,), delay=model.delay)
-
-
-def largest_pole(model: SampledModel | PeriodicModel, device: DeviceSettings, gain: float = 1.0) -> complex:
-    """Pole of the closed loop with the largest magnitude over a period, in the upper half of the plane."""
-    poles = np.linalg.eigvals(in_ticks(model).monodromy(device, gain))
-    largest = poles[np.abs(poles).argmax()]
-    return complex(largest.real, abs(largest.imag))
