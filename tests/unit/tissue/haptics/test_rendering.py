@@ -186,6 +186,29 @@ def test_export_refuses_what_is_unstable_where_the_study_says_so(capsys):
 
 
 @ON_LINUX
+@pytest.mark.parametrize(
+    ("damping", "device", "safe"),
+    [(2.75, {}, True), (5.5, {}, False), (2.75, {"delay_ms": 5.0}, False), (2.75, {"rate_Hz": 50.0}, False)],
+    ids=["bounded", "swings without loss", "late", "slower servo"],
+)
+def test_a_bound_counts_where_forces_act_at_their_own_samples_and_the_loop_rests(
+    damping, device, safe, zig_cache, capsys
+):
+    """With all of the device's damping it swings on by 1.2 N; behind a delay or on a slower servo by 30 N."""
+    settings = changed(
+        SETTINGS,
+        models=["KB"],
+        device_damping=damping,
+        compiler_cache=str(zig_cache),
+        device={"hands": 0, **device},
+    )
+    (model,) = export_models([fitted("KB")], settings)
+    (told,) = with_device([model], settings, [fitted("KB")])
+    assert ("WARNING: not safe" in capsys.readouterr().err) == (not safe)
+    assert any("keeps the device passive" in words for words in told.on_device) == (device == {})
+
+
+@ON_LINUX
 def test_export_of_a_file_of_passive_models(run, tmp_path, zig_cache):
     """From records to an FMU that is passive on the device: what `identify --passive` writes, `export` takes."""
     from lumbar.base.files import write_json

@@ -174,12 +174,13 @@ def with_device(
             continue
         judged = judge_exported(model, settings, source)
         sentences = [device_text(device)]
-        guarded = model.guards.passive and model.guards.device_damping <= device.damping_N_s_m
-        if guarded:
+        damping = model.guards.device_damping
+        bounded = 0.0 < damping <= device.damping_N_s_m and judged.analysis.prompt
+        if bounded:
             sentences.append(
                 "The bound by device_damping, which the analysis leaves out, keeps the device passive whatever it says."
             )
-        if not (judged.safe or guarded):
+        if not (judged.safe or (bounded and judged.run.calm)):
             unsafe.append(judged)
         # A force that does not depend on the position of its own sample is read alike.
         sentences.append(

@@ -82,11 +82,20 @@ class Analysis:
         return self.gain > 1.0
 
     @property
+    def in_step(self) -> bool:
+        """Whether the servo's rate is a whole multiple of the model's."""
+        times = self.device.rate_Hz / self.rate
+        return round(times) >= 1 and abs(times - round(times)) < 1e-9 * times
+
+    @property
+    def prompt(self) -> bool:
+        """Whether each force acts from its own sample to the next one, as a bound by the device's damping counts it."""
+        return self.in_step and not (self.timings or self.device.delay_ms)
+
+    @property
     def clocks(self) -> str:
         """Rate of the model, and of the servo where that is not a whole multiple of it."""
-        times = self.device.rate_Hz / self.rate
-        even = round(times) >= 1 and abs(times - round(times)) < 1e-9 * times
-        return f"{self.rate:.4g} Hz" + ("" if even else f", served at {self.device.rate_Hz:.6g} Hz")
+        return f"{self.rate:.4g} Hz" + ("" if self.in_step else f", served at {self.device.rate_Hz:.6g} Hz")
 
     @property
     def finding(self) -> str:

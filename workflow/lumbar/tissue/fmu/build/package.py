@@ -6,7 +6,6 @@ import csv
 import hashlib
 import io
 import struct
-import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.files import replacing
 from lumbar.base.progress import track
+from lumbar.base.templates import template
 from lumbar.tissue.fmu.build.compiler import TARGETS, library_of, resolve_targets, warm_cache
 from lumbar.tissue.fmu.build.description import FMI_VERSIONS, build_description, model_description
 from lumbar.tissue.fmu.build.documentation import documentation_html, pictures
@@ -63,10 +63,15 @@ def attachments(model: ExportModel, version: str) -> dict[str, bytes]:
     files = {"documentation/licenses/license.txt": licence}
     if version == "2.0":
         return {**files, "model.png": icon}
+    # One terminal, the tool: its position goes in, the force on it comes out.
+    terminals, names = (
+        template("tissue/fmu/build/terminals.xml.jinja"),
+        (model.input.variable, model.output.variable),
+    )
     return {
         **files,
         "terminalsAndIcons/icon.png": icon,
-        "terminalsAndIcons/terminalsAndIcons.xml": _terminals(model).encode("utf-8"),
+        "terminalsAndIcons/terminalsAndIcons.xml": terminals.render(names=names).encode("utf-8"),
     }
 
 
@@ -99,28 +104,6 @@ def _signal(time: np.ndarray, values: np.ndarray, name: str) -> str:
     writer.writerow(("time", name))
     writer.writerows(zip(time.tolist(), values.tolist(), strict=True))
     return text.getvalue()
-
-
-def _terminals(model: ExportModel) -> str:
-    """One terminal, the tool: its position goes in, the force on it comes out."""
-    root = ElementTree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
-    graphics = ElementTree.SubElement(root, "GraphicalRepresentation")
-    box = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
-    ElementTree.SubElement(graphics, "CoordinateSystem", {**box, "suggestedScalingFactorTo_mm": "0.1"})
-    ElementTree.SubElement(graphics, "Icon", box)
-    terminal = ElementTree.SubElement(
-        ElementTree.SubElement(root, "Terminals"),
-        "Terminal",
-        name="tool",
-        matchingRule="bus",
-        description="The tool that touches the model",
-    )
-    for name in (model.input.variable, model.output.variable):
-        ElementTree.SubElement(
-            terminal, "TerminalMemberVariable", variableName=name, memberName=name, variableKind="signal"
-        )
-    ElementTree.indent(root)
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 
 _COMPRESSION = 9
