@@ -73,7 +73,7 @@ class RenderedModel:
     limit: float
     """Largest force in N."""
     reach: tuple[float, float] | None = None
-    """Positions in mm about rest between which a model with effects was linearised; None of a linear one."""
+    """Positions in mm about rest between which it was linearised; None of a model that is linear, effects or not."""
     rate_limited: bool = False
     """Whether a limit on its rate may make a large force late, and nothing bounds what that gives out."""
 
@@ -134,6 +134,7 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
     rendered = in_units(
         found, model.name, model.input, model.output, model.output_limit, device, model.resistance, held=late
     )
+    reach = reach if len(found) > 1 else None
     return replace(rendered, reach=reach, rate_limited=model.guards.rate_limit > 0)
 
 

@@ -1,4 +1,4 @@
-"""modelDescription.xml of FMI 2.0 and 3.0, and buildDescription.xml of FMI 3.0."""
+"""modelDescription.xml of FMI 2.0 and 3.0."""
 
 from __future__ import annotations
 
@@ -178,8 +178,3 @@ def _unknowns(model: ExportModel, initial: bool) -> list[dict]:
 def model_version(model: ExportModel) -> str:
     """Version of the tool and, behind a plus, of the model: another number anywhere makes another one."""
     return f"{__version__}+{content_token(model)[:8]}"
-
-
-def build_description(model: ExportModel) -> str:
-    """Return FMI 3.0's sources/buildDescription.xml."""
-    return template("tissue/fmu/build/buildDescription.xml.jinja").render(model=model, files=C_FILES)

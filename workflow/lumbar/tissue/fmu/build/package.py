@@ -17,7 +17,7 @@ from lumbar.base.files import replacing
 from lumbar.base.progress import track
 from lumbar.base.templates import template
 from lumbar.tissue.fmu.build.compiler import TARGETS, library_of, resolve_targets, warm_cache
-from lumbar.tissue.fmu.build.description import FMI_VERSIONS, build_description, model_description
+from lumbar.tissue.fmu.build.description import FMI_VERSIONS, model_description
 from lumbar.tissue.fmu.build.documentation import documentation_html, pictures
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.record import record_text
@@ -166,7 +166,8 @@ def written_files(
     contents["modelDescription.xml"] = model_description(model, version, data)
     contents["documentation/index.html"] = documentation_html(model, version, data, drawn)
     if version == "3.0":
-        contents["sources/buildDescription.xml"] = build_description(model)
+        build = template("tissue/fmu/build/buildDescription.xml.jinja")
+        contents["sources/buildDescription.xml"] = build.render(model=model, files=C_FILES)
     computed = resources(model, version, push)
     contents.update({**computed, **related_files(model, {**computed, **(signals or {})})})
     files = {path: text.encode("utf-8") for path, text in contents.items()}
