@@ -37,3 +37,14 @@ def test_it_sticks_where_the_spring_is_weaker_than_the_friction():
 
 def test_more_friction_than_any_force_holds_it():
     assert np.abs(moved(friction_N=15.1).position).max() == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_force_that_drifts_does_not_oscillate():
+    """By 50 mN a second; a sine of the same size does."""
+    stylus = DeviceSettings(encoder_um=0)
+    drifting, swinging = (
+        simulate(lambda time, position, shape=shape: 0.05 * shape(time), [1e-3], stylus, 15.0)
+        for shape in (float, lambda time: np.sin(20.0 * time))
+    )
+    assert drifting.peak_to_peak == pytest.approx(0.05, rel=0.01)
+    assert drifting.calm and swinging.oscillates

@@ -386,6 +386,15 @@ def test_a_force_that_may_change_no_faster_is_not_called_passive(zig_cache):
     assert lowest_rates(fitted("KB"), held)[0] is None
 
 
+def test_a_force_that_changes_with_time_alone_is_not_called_passive():
+    document = models_json(entry_of_effects("KB", {"drift/linear": ([0.01], [])}, TISSUE))
+    exported = export_at(read_models(document, CATALOGUES)[0], DEFAULTS, 1000.0)
+    damped = replace(STYLUS, damping_N_s_m=11.0)
+    found = analyse(render_model(exported, damped), damped)
+    assert found.stable and not found.passive
+    assert found.state.endswith("not passive with a force that changes with time alone")
+
+
 def analysed_spring(meets) -> float:
     """What the base adds to the first value of each impulse response: its springs, over the average of three positions."""
     return 1e3 * (0.8 + 6.0) / 3

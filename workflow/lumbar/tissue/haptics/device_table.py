@@ -30,8 +30,8 @@ _DEFINITIONS = {
         "effects the largest of its linearisations; empty with a negative static stiffness H(1), where none is enough"
     ),
     "passive": (
-        "Whether the device has that damping, no limit on its rate makes the force late, and the simulation comes to rest; of a "
-        "model with effects over the motion that it was fitted to"
+        "Whether the device has that damping, the force is not limited in its rate and does not change with time alone, and the "
+        "simulation comes to rest; of a model with effects over the motion that it was fitted to"
     ),
     "largest_stable_gain": (
         "Factor on the model's force below which the loop with device and hand is stable for every factor from 0 on; "

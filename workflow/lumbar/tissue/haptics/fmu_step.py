@@ -14,7 +14,15 @@ import numpy as np
 
 from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
 from lumbar.tissue.fmu.conventions import RATE_LIMIT, slow_push, told_meaning
-from lumbar.tissue.haptics.rendered_model import RenderedModel, in_units, linearisations, reach_mm, scale_of
+from lumbar.tissue.haptics.rendered_model import (
+    RenderedModel,
+    beside,
+    in_units,
+    linearisations,
+    reach_mm,
+    scale_of,
+    watched,
+)
 from lumbar.tissue.haptics.simulation import Step
 from lumbar.tissue.models.model_data import Port
 
@@ -74,7 +82,8 @@ class UnpackedFmu:
         loops = [item.scaled(unit) for item in found]
         rendered = in_units(loops, name, x, y, float(force.max), device, self._resistance(told, start))
         limited = any(item.endswith(RATE_LIMIT) for item in fmu.variables)
-        return replace(rendered, reach=reach if len(found) > 1 else None, rate_limited=limited)
+        still = self.response(np.full(watched(step), start))
+        return replace(rendered, reach=reach if len(found) > 1 else None, beside=beside(limited, still))
 
     def _resistance(self, told: dict | None, start: float) -> float:
         """The sign of `ExportModel.resistance`: what the file tells, of a file without annotation what a push is answered by."""

@@ -64,16 +64,13 @@ class Analysis:
     proved_gain: float = 0.0
     """`even_gain`, `proved_gain`: that of even ticks, and the one up to which every timing is proved to be stable."""
     reach: tuple[float, float] | None = None
-    rate_limited: bool = False
-    """`reach`, `rate_limited`: as of `RenderedModel`."""
+    beside: str = ""
+    """`reach`, `beside`: as of `RenderedModel`."""
 
     @property
     def passive(self) -> bool:
-        """Whether the device is passive with the model, in any passive hand; with uneven ticks that is not known.
-
-        Nor is it where a limit on its rate may make the force late.
-        """
-        unknown = self.timings or self.rate_limited
+        """Whether the device is passive with the model, in any passive hand; with uneven ticks that is not known."""
+        unknown = self.timings or self.beside
         return self.damping <= self.device.damping_N_s_m and self.stable and not unknown
 
     @property
@@ -111,8 +108,8 @@ class Analysis:
         if not self.stable:
             return "UNSTABLE" + (" where ticks are uneven" if self.even_gain > 1.0 else "")
         if not self.timings:
-            late = " with a limit on its rate" if self.damping <= self.device.damping_N_s_m else ""
-            return f"stable in this hand{within}, not passive{late}"
+            why = f" with {self.beside}" if self.damping <= self.device.damping_N_s_m else ""
+            return f"stable in this hand{within}, not passive{why}"
         if self.proved_gain >= 1.0:
             return f"stable in this hand{within} whenever ticks come"
         return f"stable in this hand{within} in the worst of {self.timings} timings, which is no proof"
@@ -124,8 +121,8 @@ class Analysis:
         needs = f"it needs {least}{self.damping:.3g} N·s/m to be passive"
         if np.isinf(self.damping):
             needs = "no damping makes it passive: its static stiffness is negative"
-        elif self.rate_limited:
-            needs += " without the limit on its rate"
+        elif self.beside:
+            needs += f" without {self.beside}"
         if self.timings:
             needs += f"; all timings are proved to be stable up to a gain of {self.proved_gain:.3g}"
         if self.gain == 0 or np.isinf(self.gain):
@@ -142,7 +139,7 @@ def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
     loop = model.loops[gains.index(gain)].name
     rate = 1.0 / model.sampled[0].sampling_time
     found = Analysis(model.name, rate, device, damping, *gain, loop)
-    found = replace(found, reach=model.reach, rate_limited=model.rate_limited)
+    found = replace(found, reach=model.reach, beside=model.beside)
     if not model.timings:
         return found
     return replace(

@@ -74,8 +74,9 @@ class RenderedModel:
     """Largest force in N."""
     reach: tuple[float, float] | None = None
     """Positions in mm about rest between which it was linearised; None of a model that is linear, effects or not."""
-    rate_limited: bool = False
-    """Whether a limit on its rate may make a large force late, and nothing bounds what that gives out."""
+    beside: str = ""
+    """What its linearisations do not hold and may give out energy, in words: a limit on the force's rate, which makes large ones
+    late, or a force that changes with time alone."""
 
     @property
     def of_large_motion(self) -> list[SampledModel | PeriodicModel]:
@@ -114,7 +115,7 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
     NumericalError
         If the force of a model with effects overflows.
     """
-    dynamics, reach = model.dynamics, None
+    dynamics, reach, still = model.dynamics, None, np.zeros(1)
     if isinstance(dynamics, LinearModel):
         whole = SampledModel.of(model.name, dynamics.transfer_function, model.sampling_time)
         found = [_fed_late(whole) if late else whole]
@@ -128,6 +129,7 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
             return np.clip(forces, -model.output_limit, model.output_limit)
 
         found = linearisations(limited, model.name, model.sampling_time, device, reach)
+        still = limited(np.zeros(watched(model.sampling_time)))
         found = [item.scaled(unit).late(model.sampling_time if late else 0.0) for item in found]
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
@@ -135,7 +137,7 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
         found, model.name, model.input, model.output, model.output_limit, device, model.resistance, held=late
     )
     reach = reach if len(found) > 1 else None
-    return replace(rendered, reach=reach, rate_limited=model.guards.rate_limit > 0)
+    return replace(rendered, reach=reach, beside=beside(model.guards.rate_limit > 0, still))
 
 
 def in_units(
@@ -173,6 +175,18 @@ def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
             "device of runtime.device moves along a line and needs a length and a force"
         )
     return units[:2]
+
+
+def watched(sampling_time: float) -> int:
+    """Samples over which a model is followed."""
+    return min(_MOST_SAMPLES, round(_WATCHED_S / sampling_time))
+
+
+def beside(rate_limited: bool, still: np.ndarray) -> str:
+    """Words for `RenderedModel`, of the forces at a position that stays."""
+    alone = np.ptp(still) > _ENDED * max(np.abs(still).max(), 1.0)
+    found = ["a limit on its rate"] * rate_limited + ["a force that changes with time alone"] * bool(alone)
+    return " and ".join(found)
 
 
 def reach_mm(known: tuple[float, float] | None, rest: float, unit: float) -> tuple[float, float]:
@@ -231,7 +245,7 @@ def linearisations(
     list of SampledModel
         In the model's unit of force per mm; one where all are the same, as those of a linear model are.
     """
-    samples = min(_MOST_SAMPLES, round(_WATCHED_S / sampling_time))
+    samples = watched(sampling_time)
     steps = sorted({*STEPS_MM, 1e-3 * device.encoder_um} - {0.0})
     places = [(depth, step) for depth in (0.0, DEPTH_MM) for step in steps]
     places += [(depth, STEPS_MM[1]) for end in reach if end for depth in _steepest(response, end, samples)]

@@ -68,8 +68,10 @@ class LoopRun:
             return f"it oscillates at {self.frequency:.3g} Hz with {self.peak_to_peak:.3g} N peak to peak"
         if self.runs_away:
             return f"it runs away, until {self.limit:g} N are the limit"
-        left = f" but for {self.peak_to_peak:.2g} N that the encoder's steps keep up"
-        return f"it comes to rest{left if self.peak_to_peak >= _TOLD_N else ''}"
+        if self.peak_to_peak < _TOLD_N:
+            return "it comes to rest"
+        why = "the encoder's steps keep up" if self.ripple >= self.peak_to_peak else "it still changes by"
+        return f"it comes to rest but for {self.peak_to_peak:.2g} N that {why}"
 
     @property
     def peak_to_peak(self) -> float:
@@ -78,10 +80,15 @@ class LoopRun:
 
     @property
     def oscillates(self) -> bool:
-        """Whether the force keeps moving, more than the encoder's steps account for, though the hand rests."""
+        """Whether the force keeps moving to and fro, more than the encoder's steps account for, though the hand rests."""
         quarter = len(self.samples) // 4
-        before = float(np.ptp(self.samples[-2 * quarter : -quarter]))
-        return self.peak_to_peak > max(_PERSISTS * before, self.ripple, _TOLD_N)
+        before, last = self.samples[-2 * quarter : -quarter], self.samples[-quarter:]
+        if self.peak_to_peak <= _PERSISTS * float(np.ptp(before)):
+            return False
+        time = np.linspace(-1.0, 1.0, quarter)
+        # A force that drifts, as one with time alone, goes along a line.
+        swing = float(np.ptp(last - time * (time @ last) / (time @ time)))
+        return min(swing, self.peak_to_peak) > max(self.ripple, _TOLD_N)
 
     @property
     def frequency(self) -> float | None:
