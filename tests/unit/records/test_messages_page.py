@@ -91,7 +91,7 @@ FILES = {
     "cells;": trc(lose=True),
     "NumFrames:": trc(frames=40),
     "line 4 names": trc(markers=4, names="\tC7\t\tSACRUM"),
-    "the clock and the rate disagree": trc(rate=60),
+    "the clock is not even": trc(rate=60),
     "no column of times": table(TABLE.replace("time_s", "frame")),
     "C7: has the columns": table(TABLE.replace("C7_z", "height")),
     "no markers (": matlab(force=np.zeros((50, 6))),

@@ -9,6 +9,7 @@ force over position tells.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -166,13 +167,22 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _resisted(force: np.ndarray, position: np.ndarray, speed: np.ndarray) -> float:
-    """Share of a force that a spring, a damper and a mass explain, none of them negative."""
-    from scipy.optimize import nnls
+    """Share of a force that a spring, a damper and a mass explain, none of them negative: the best of their combinations.
 
+    As `scipy.optimize.nnls` would, whose import takes longer than the rest of an import of recordings.
+    """
     columns = [signal - signal.mean() for signal in (position, speed, np.gradient(speed))]
     columns = np.column_stack([signal / max(float(np.std(signal)), 1e-300) for signal in columns])
     size = float(np.linalg.norm(force))
-    return 1 - (nnls(columns, force / size)[1]) ** 2 if size > 0 else 0.0
+    if not size > 0:
+        return 0.0
+    products, along = columns.T @ columns, columns.T @ (force / size)
+    best = 0.0
+    for chosen in chain.from_iterable(combinations(range(3), count) for count in (1, 2, 3)):
+        factors = np.linalg.lstsq(products[np.ix_(chosen, chosen)], along[list(chosen)], rcond=None)[0]
+        if factors.min() >= 0:
+            best = max(best, float(along[list(chosen)] @ factors))
+    return best
 
 
 def _in_blocks(power: np.ndarray) -> np.ndarray:
