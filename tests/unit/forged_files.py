@@ -7,6 +7,7 @@ figures of its children are those of the readers alone.
 import gzip
 import io
 import json
+import os
 import resource
 import struct
 import sys
@@ -35,6 +36,7 @@ def attacks(canary: Path, marker: Path) -> dict[str, Callable[[], bytes]]:
     lines = b"0.00,1.000,2.000\n" * 60_000
     return {
         "external.h5": lambda: _hdf5(lambda file: _external(file, canary)),
+        "pipe.h5": lambda: _hdf5(lambda file: _external(file, canary.with_name("pipe"))),
         "virtual.h5": lambda: _hdf5(lambda file: _virtual(file, canary)),
         "linked.h5": lambda: _hdf5(lambda file: file.update({"x": h5py.ExternalLink(str(canary), "/")})),
         "deep_link.h5": lambda: _hdf5(lambda file: file.update({"a/b/c": h5py.ExternalLink(str(canary), "/")})),
@@ -243,6 +245,7 @@ def shows(found: object, canary: bytes) -> bool:
 def write_forged(folder: Path, drawn_too: int, seed: int, without: Collection[str] = ()) -> list[str]:
     """Write what attacks, and so many files that are changed at random; return their names."""
     (folder / "canary").write_bytes(SECRET)
+    os.mkfifo(folder / "pipe")
     files = folder / "files"
     files.mkdir()
     for name, make in attacks(folder / "canary", folder / "marker").items():
