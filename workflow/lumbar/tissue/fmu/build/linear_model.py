@@ -250,14 +250,17 @@ def _several_times_over(model: LinearModel, ratio: float, sampling_time: float) 
 @lru_cache(maxsize=64)
 def _continuous(model: LinearModel, sampling_time: float) -> tuple[np.ndarray, ...]:
     """Continuous state space whose ramp-invariant discretisation at this sampling time is the model."""
-    from scipy.linalg import logm
-    from scipy.signal import cont2discrete
+    from scipy.linalg import expm, logm
 
-    system, identity = model.state_space, np.eye(model.states)
+    system, order = model.state_space, model.states
     a = np.real(logm(system.A)) / sampling_time
-    # What the hold makes of an input matrix is linear in it: shown by that of the identity.
-    _, hold, _, through, _ = cont2discrete((a, identity, identity, 0 * identity), sampling_time, method="foh")
-    b = np.linalg.solve(hold, system.B)
+    # What the hold makes of an input matrix is linear in it: shown by that of the identity. As `scipy.signal.cont2discrete`
+    # has it, whose import takes longer than the check of a file.
+    block = np.zeros((3 * order, 3 * order))
+    block[:order, : 2 * order] = np.hstack([a, np.eye(order)]) * sampling_time
+    block[order : 2 * order, 2 * order :] = np.eye(order)
+    whole, first, through = np.split(expm(block)[:order], 3, axis=1)
+    b = np.linalg.solve(first - through + whole @ through, system.B)
     return a, b, system.C, system.D - system.C @ through @ b
 
 
@@ -267,7 +270,6 @@ def _discretised(continuous: tuple, sampling_time: float, late: float, name: str
     The late input is a straight line with a corner at `late` within every sample: two holds, one after the other.
     """
     from scipy.linalg import expm
-    from scipy.signal import ss2tf
 
     a, b, c, d = continuous
     _, at_start, at_corner = _ramp(a, b, late * sampling_time)
@@ -283,10 +285,11 @@ def _discretised(continuous: tuple, sampling_time: float, late: float, name: str
     matrix[:order, :order], matrix[:order, order:] = whole, old
     column = np.vstack([new + whole @ newest, [[1.0]]])
     row = np.hstack([c, d * late])
-    numerator, denominator = ss2tf(matrix, column, row, d * (1 - late) + c @ newest)
+    denominator = np.poly(matrix)
+    numerator = np.poly(matrix - column @ row) + ((d * (1 - late) + c @ newest).item() - 1) * denominator
     if late == 0.0:  # the input before is without effect: both polynomials end in the zero of its state
-        numerator, denominator = numerator[:, :-1], denominator[:-1]
-    values = (tuple(map(float, numerator[0])), tuple(map(float, denominator)))
+        numerator, denominator = numerator[:-1], denominator[:-1]
+    values = (tuple(map(float, numerator)), tuple(map(float, denominator)))
     if not all(map(math.isfinite, (*values[0], *values[1]))):
         raise NumericalError(f"{name}: it cannot be discretised anew at {sampling_time:g} s")
     return values
