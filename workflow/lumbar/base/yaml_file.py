@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -49,6 +51,17 @@ def dotted_path(way: tuple) -> str:
 def way_of(key: str) -> tuple:
     """Way to a key that is named as by `dotted_path`."""
     return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+
+
+_BARE = re.compile(r"[A-Za-z][\w.-]*( [\w.-]+)*")
+
+
+def quoted(text: str) -> str:
+    """A YAML scalar that reads as this text: as it stands where it is words that are no constant, else in quotes."""
+    import yaml
+
+    bare = _BARE.fullmatch(text) and yaml.safe_load(text) == text
+    return text if bare else json.dumps(text, ensure_ascii=False)
 
 
 class _TooMuch(Exception):

@@ -13,9 +13,9 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import read_json, require_file
-from lumbar.records.importing.choices import Choices
 from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, Asked, RawTable
 from lumbar.records.importing.recording import ImportedRecording, to_records
+from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.source_file import file_name, read_content
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
 from lumbar.records.record import RecordSet, same_units

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import is_device
-from lumbar.records.importing.choices import Choices
+from lumbar.records.importing.roles import Choices
 from lumbar.settings.key import NAME
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ import yaml
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
+from lumbar.base.yaml_file import quoted
 
 
 @dataclass(frozen=True)
@@ -97,11 +98,7 @@ def flow(value: Any) -> str:
         return "{" + ", ".join(f"{flow(key)}: {flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(flow, value)) + "]"
-    if isinstance(value, str):
-        bare = value.replace("_", "").replace("-", "").replace(".", "")
-        plain = bare.isascii() and bare.isalnum() and yaml.safe_load(value) == value
-        return value if plain else json.dumps(value, ensure_ascii=True)
-    return json.dumps(value)
+    return quoted(value) if isinstance(value, str) else json.dumps(value)
 
 
 def _merged(content: Any, way: Sequence[str | int], value: Any) -> Any:

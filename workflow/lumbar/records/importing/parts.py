@@ -9,9 +9,8 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import as_name
-from lumbar.records.importing.choices import Choices
 from lumbar.records.importing.raw_table import RawTable
-from lumbar.records.importing.roles import wished
+from lumbar.records.importing.roles import Choices, wished
 from lumbar.records.record import FEWEST_SAMPLES, samples_between
 
 _MOST_PARTS = 200

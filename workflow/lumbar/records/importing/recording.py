@@ -8,19 +8,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.importing.choices import Choices
 from lumbar.records.importing.clock import (
     check_forward,
     contradictions,
     even_clock,
     longest,
+    position_of,
     stated_time,
     unrounded,
 )
 from lumbar.records.importing.parts import Part, parts_of
 from lumbar.records.importing.raw_table import RawTable
-from lumbar.records.importing.roles import NONE, Role, find_roles, named_velocity
-from lumbar.records.importing.velocity import position_of
+from lumbar.records.importing.roles import NONE, Choices, Role, find_roles, named_velocity
 from lumbar.records.record import LARGEST, Channel, Record, check_record, place_of
 from lumbar.records.stretches import check_clipping
 

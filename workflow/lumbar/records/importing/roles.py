@@ -1,4 +1,4 @@
-"""Which column is time, which position, which force: by names in several languages, by units, by the numbers."""
+"""Which column is time, which position, which force: as a person says, by names in several languages, by units and numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.importing.raw_table import RawColumn, RawTable
+from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable
 from lumbar.records.importing.units import SPEEDS, Unit, find_unit, told_unit
 
 ROLES = ("time", "position", "force")
@@ -45,6 +45,44 @@ _SMOOTHER = 5.0
 """How many times smoother one of two nameless columns must be to pass for the position."""
 _COARSE = 1e-4
 """Smallest step between values, as a share of their range, from which a column tells nothing by its smoothness."""
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What a person says instead of what would be guessed, as of `lumbar.import_recordings`; None leaves it to the guess."""
+
+    time: str | None = None
+    position: str | None = None
+    force: str | None = None
+    time_unit: str | None = None
+    position_unit: str | None = None
+    force_unit: str | None = None
+    rate: float | None = None
+    flip_force: bool = False
+    trim: tuple[float, float] | None = None
+    cut: tuple[tuple[str, tuple[float, float]], ...] = ()
+    cut_by: str | None = None
+    table: str | None = None
+    encoding: str | None = None
+    clipped: bool = False
+
+    def __post_init__(self):
+        if bool(self.cut) + (self.cut_by is not None) + (self.trim is not None) > 1:
+            raise InputError("give one of --cut, --cut-by and --trim")
+        if self.rate is not None and not 0 < self.rate < np.inf:
+            raise InputError(f"--rate {self.rate:g}: a positive number of hertz is needed")
+        if self.trim is not None and not self.trim[0] < self.trim[1]:
+            raise InputError(f"--trim {self.trim[0]:g}:{self.trim[1]:g}: the start must lie before the stop")
+
+    @property
+    def asked(self) -> Asked:
+        """What is said of how a file is read."""
+        columns = (column for column, _ in self.wishes().values() if column not in (None, NONE))
+        return Asked(self.table, self.encoding, tuple(columns))
+
+    def wishes(self) -> dict[str, tuple[str | None, str | None]]:
+        """Column and unit that were said of each role."""
+        return {role: (getattr(self, role), getattr(self, f"{role}_unit")) for role in ROLES}
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import re
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import as_name, read_json, write_csv, write_json, write_text
+from lumbar.base.yaml_file import quoted
 from lumbar.records.importing.recording import ImportedRecording
 
 SCHEMA = "lumbar.import/1"
@@ -152,21 +151,21 @@ def study_text(content: dict, folder: Path) -> str:
     lines = [
         f"# Made by lumbar import; {PROVENANCE} holds the same for programs. In the project's folder:",
         f"#   snakemake --cores 2 --configfile {shlex.quote(str(folder / STUDY))}",
-        f"study: {_quoted(name)}",
-        f"title: {_quoted(label)}",
+        f"study: {quoted(name)}",
+        f"title: {quoted(label)}",
         "data: recordings",
-        f"data_root: {_quoted(str(folder))}   # or LUMBAR_DATA",
+        f"data_root: {quoted(str(folder))}   # or LUMBAR_DATA",
         "data_source:",
-        f"  name: {_quoted(label)}",
-        f"  licence: {_quoted(content['licence'] or 'not stated')}",
-        f"  obtain: {_quoted(f'lumbar import made them of {sources}')}",
+        f"  name: {quoted(label)}",
+        f"  licence: {quoted(content['licence'] or 'not stated')}",
+        f"  obtain: {quoted(f'lumbar import made them of {sources}')}",
         "chapters: [tissue, improvement]",
         "",
         "tissue:",
         *_layout_lines(content),
         "  records:",
         *(line for entry in records for line in _record_lines(entry)),
-        f"  training: [{_quoted(longest['name'])}]   # the longest",
+        f"  training: [{quoted(longest['name'])}]   # the longest",
         "",
         f"improvement: {{{'forward: true, ' if content['forward'] else ''}record_sets: [{{name: tissue}}]}}",
     ]
@@ -177,7 +176,7 @@ def _layout_lines(content: dict) -> list[str]:
     columns = content["records"][0]["columns"]
     lines = ["  layout:", "    columns:"]
     lines += [
-        f"      {role}: {{{', '.join(f'{key}: {_quoted(value)}' for key, value in column.items())}}}"
+        f"      {role}: {{{', '.join(f'{key}: {quoted(value)}' for key, value in column.items())}}}"
         for role, column in columns.items()
     ]
     if any(entry["clipped"] for entry in content["records"]):
@@ -194,15 +193,4 @@ def _record_lines(entry: dict) -> list[str]:
     told += [f"  {role}: {words}" for role, words in entry["grounds"].items()]
     told += [f"  {note}" for note in entry["notes"]]
     comment = [f"    # {''.join(sign if sign.isprintable() else '?' for sign in line)}" for line in told]
-    return [*comment, f"    - {{name: {_quoted(entry['name'])}, file: {_quoted(entry['file'])}}}"]
-
-
-_PLAIN = re.compile(r"[A-Za-z][\w.-]*( [\w.-]+)*")
-
-
-def _quoted(text: str) -> str:
-    """A YAML scalar that reads as this text: as it stands where it is words that are no constant, else in quotes."""
-    import yaml
-
-    plain = _PLAIN.fullmatch(text) and yaml.safe_load(text) == text
-    return text if plain else json.dumps(text, ensure_ascii=False)
+    return [*comment, f"    - {{name: {quoted(entry['name'])}, file: {quoted(entry['file'])}}}"]
