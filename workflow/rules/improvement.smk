@@ -1,13 +1,13 @@
 # Improvement: what the base model is missing on each record set, the model with it, and the error ladder.
 
-from lumbar.study.study import record_set, set_layout, settings_of_set
+from lumbar.study.study import record_set, settings_of_set
 
 RECORD_SET_CHAPTERS = ("tissue", "improvement")
 DIAGNOSED = (
     *(f"improvement.{key}" for key in ("base", "train", "forward", "session")),
     *(f"improvement.{key}" for key in ("effect_files", "most_effects", "propose_law")),
     # The thesis's models stand beside.
-    *(f"tissue.{key}" for key in ("settling_s", "search", "ridge", "bootstrap", "inverted_linear")),
+    *(f"tissue.{key}" for key in ("layout", "rate_Hz", "settling_s", "search", "ridge", "bootstrap", "inverted_linear")),
     "signals.machine",
     "stability.pendulum.gravity_m_s2",
     "seed",
@@ -52,8 +52,6 @@ rule diagnose_records:
         code=library_code("diagnose_records.py"),
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
         effects=lambda wildcards: plain(record_set(settings, wildcards.record_set).effects),
-        layout=lambda wildcards: plain(set_layout(settings, wildcards.record_set)[0]),
-        rate=lambda wildcards: set_layout(settings, wildcards.record_set)[1],
         settings=lambda wildcards: part(settings_of_set(settings, wildcards.record_set), *DIAGNOSED),
         data=DATA,
     message:

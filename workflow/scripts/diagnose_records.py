@@ -2,7 +2,7 @@
 
 from job import run
 
-from lumbar.settings.layout import ColumnLayout, RecordSettings
+from lumbar.settings.layout import RecordSettings
 from lumbar.settings.study_settings import StudySettings
 
 
@@ -10,8 +10,6 @@ def main(
     input,
     output,
     records: tuple[RecordSettings, ...],
-    layout: ColumnLayout,
-    rate: float | None,
     settings: StudySettings,
     effects: tuple[str, ...] | None,
     data: str,
@@ -22,7 +20,7 @@ def main(
     from lumbar.interface.diagnosis import diagnose
     from lumbar.interface.reading import read_listed
 
-    read = read_listed(input.recordings, records, layout, rate)
+    read = read_listed(input.recordings, records, settings.tissue.layout, settings.tissue.rate_Hz)
     diagnose(read, settings=settings, data=data).save(Path(output.refined).parent, effects=effects)
 
 

@@ -151,11 +151,12 @@ def record_set(settings: StudySettings, name: str) -> RecordSetSettings:
 
 
 def settings_of_set(settings: StudySettings, name: str) -> StudySettings:
-    """Settings of a study with a record set's own base, training records and session in the place of the study's."""
+    """Settings of a study with a record set's own base, training records, session and layout in the place of the study's."""
     chapter, entry = settings.improvement, record_set(settings, name)
     session = chapter.session if entry.session is None else entry.session
     own = replace(chapter, base=entry.base, train=entry.train or chapter.train, session=session)
-    return replace(settings, improvement=own)
+    layout, rate = set_layout(settings, name)
+    return replace(settings, improvement=own, tissue=replace(settings.tissue, layout=layout, rate_Hz=rate))
 
 
 def is_tissue_chapter(settings: StudySettings, entry: RecordSetSettings) -> bool:

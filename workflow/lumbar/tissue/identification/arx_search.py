@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
-from lumbar.tissue.identification.metrics import free_run_errors, normalized_mean_squared_error
+from lumbar.tissue.identification.metrics import FreeRunErrors, normalized_mean_squared_error
 from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
 from lumbar.tissue.signals.settling import settling_time
@@ -68,11 +68,11 @@ class IdentificationData:
         )
 
 
-def free_run(model: TransferFunction, data: IdentificationData) -> dict[str, float] | None:
-    """`free_run_errors` after the settling time (Eqs 3.10–3.12); None for an unstable model, which has no free run."""
+def free_run(model: TransferFunction, data: IdentificationData) -> FreeRunErrors | None:
+    """Errors after the settling time (Eqs 3.10–3.12); None for an unstable model, which has no free run."""
     if not model.stable:
         return None
-    return free_run_errors(data.outputs[data.skip :], model.simulate(data.inputs)[data.skip :])
+    return FreeRunErrors.of(data.outputs[data.skip :], model.simulate(data.inputs)[data.skip :])
 
 
 def one_step_nmse(model: TransferFunction, data: IdentificationData) -> float:
@@ -99,7 +99,7 @@ class ArxCandidate:
     tests: Sequence[IdentificationData]
 
     @cached_property
-    def training(self) -> dict[str, float] | None:
+    def training(self) -> FreeRunErrors | None:
         """Errors on what it is fitted to; None for an unstable model."""
         return free_run(self.transfer_function, self.data)
 
@@ -108,7 +108,7 @@ class ArxCandidate:
         """Mean %VAF of the free runs on the other records; None where there are none."""
         if not self.stable or not self.tests:
             return None
-        return float(np.mean([free_run(self.transfer_function, test)["vaf_percent"] for test in self.tests]))
+        return float(np.mean([free_run(self.transfer_function, test).vaf_percent for test in self.tests]))
 
     @property
     def stable(self) -> bool:
@@ -126,7 +126,7 @@ class ArxCandidate:
         if self.training is None:
             return -np.inf
         if selection == "training":
-            return self.training["vaf_percent"]
+            return self.training.vaf_percent
         return -np.inf if self.test_vaf_percent is None else self.test_vaf_percent
 
 
@@ -254,7 +254,7 @@ def _grid_row(
         "rank": candidate.path.rank,
         "condition_number": candidate.path.condition_number,
         "stable": candidate.stable,
-        **(run or dict.fromkeys(("vaf_percent", "fit_percent", "mean_residual"))),
+        **(asdict(run) if run else dict.fromkeys(("vaf_percent", "fit_percent", "mean_residual"))),
         "test_vaf_percent": candidate.test_vaf_percent if tested else None,
         "nmse_train": candidate.path.residual_sum_of_squares(candidate.alpha) / candidate.path.rows,
         "selected": selected,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -154,10 +154,10 @@ def scores_of(
     """Errors of a free run and of the prediction one step ahead, on training and test records."""
     trained, tested = free_run(structure, data), [free_run(structure, test) for test in tests]
     return Scores(
-        **(trained or {}),
+        **(asdict(trained) if trained else {}),
         nmse_train=one_step_nmse(structure, data),
         tests=tuple(test.name for test in tests),
-        vaf_tests_percent=tuple(run and run["vaf_percent"] for run in tested),
+        vaf_tests_percent=tuple(run and run.vaf_percent for run in tested),
         nmse_tests=tuple(one_step_nmse(structure, test) for test in tests),
     )
 

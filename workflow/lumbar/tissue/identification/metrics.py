@@ -9,6 +9,8 @@ where the truth lies.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
@@ -44,13 +46,22 @@ def fit_ratio(measured: np.ndarray, modelled: np.ndarray) -> float:
     return float(100.0 * (1.0 - rms / np.sqrt(_variance(measured))))
 
 
-def free_run_errors(measured: np.ndarray, modelled: np.ndarray) -> dict[str, float]:
-    """%VAF, FIT and mean residual of a free run, as `lumbar.tissue.models.model_data.Scores` names them."""
-    return {
-        "vaf_percent": variance_accounted_for(measured, modelled),
-        "fit_percent": fit_ratio(measured, modelled),
-        "mean_residual": mean_residual(measured, modelled),
-    }
+@dataclass(frozen=True)
+class FreeRunErrors:
+    """%VAF, FIT and mean residual of a free run, Eqs 3.10–3.12, as `lumbar.tissue.models.model_data.Scores` names them."""
+
+    vaf_percent: float
+    fit_percent: float
+    mean_residual: float
+
+    @classmethod
+    def of(cls, measured: np.ndarray, modelled: np.ndarray) -> FreeRunErrors:
+        """Errors of what a model makes of the motion."""
+        return cls(
+            variance_accounted_for(measured, modelled),
+            fit_ratio(measured, modelled),
+            mean_residual(measured, modelled),
+        )
 
 
 def _variance(measured: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +26,7 @@ from lumbar.tissue.diagnosis.selection.verdict import (
     times_floor,
 )
 from lumbar.tissue.effects.catalogue import choose, usable_effects
-from lumbar.tissue.identification.metrics import free_run_errors
+from lumbar.tissue.identification.metrics import FreeRunErrors
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.form import Effect
@@ -51,9 +52,9 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
     except NumericalError as error:
         derived, refused = [], str(error)
     scores = Scores(
-        **_free_run(fit, training),
+        **asdict(_free_run(fit, training)),
         tests=tuple(test.name for test in experiment.tests),
-        vaf_tests_percent=tuple(_free_run(fit, test)["vaf_percent"] for test in experiment.tests),
+        vaf_tests_percent=tuple(_free_run(fit, test).vaf_percent for test in experiment.tests),
         nmse_tests=(None,) * len(experiment.tests),
         train_rms=candidate.train_rms,
         test_rms=candidate.test_rms,
@@ -86,10 +87,10 @@ def refined_document(path: list[Candidate], experiment: Experiment, data: str) -
     return models_document([fitted_model(item, experiment) for item in named], data, floor)
 
 
-def _free_run(fit: Fit, data: FitData) -> dict[str, float]:
-    """`free_run_errors`, both signals about their means as for the identified models."""
+def _free_run(fit: Fit, data: FitData) -> FreeRunErrors:
+    """Errors, both signals about their means as for the identified models."""
     measured, simulated = data.trim(data.force), data.trim(fit.simulate(data.motion))
-    return free_run_errors(measured - np.mean(measured), simulated - np.mean(simulated))
+    return FreeRunErrors.of(measured - np.mean(measured), simulated - np.mean(simulated))
 
 
 def _largest_relative_uncertainty(parameters: list[FittedParameter]) -> float | None:
