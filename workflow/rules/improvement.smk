@@ -7,7 +7,10 @@ DIAGNOSED = (
     *(f"improvement.{key}" for key in ("base", "train", "forward", "session")),
     *(f"improvement.{key}" for key in ("effect_files", "most_effects", "propose_law")),
     # The thesis's models stand beside.
-    *(f"tissue.{key}" for key in ("layout", "rate_Hz", "settling_s", "search", "ridge", "bootstrap", "inverted_linear")),
+    *(
+        f"tissue.{key}"
+        for key in ("layout", "rate_Hz", "settling_s", "search", "ridge", "bootstrap", "inverted_linear")
+    ),
     "signals.machine",
     "stability.pendulum.gravity_m_s2",
     "seed",

@@ -60,12 +60,19 @@ def test_many_tabs_may_hold_little(tabs):
 
 
 @pytest.fixture
-def visitors(monkeypatch, tmp_path):
-    """Of a server that waits half a second for a request, and holds 40 MB."""
-    monkeypatch.setattr(server, "SLOWEST_S", 0.5)
+def small_server(monkeypatch, tmp_path):
+    """Start a server that holds 40 MB and waits so long for the rest of a request."""
     monkeypatch.setattr(own_tabs, "MOST_HELD", 40_000_000)
-    with serving(lambda: server.new_server([], 0, OwnDiagnosis(None, tmp_path))) as visitors:
-        yield visitors
+
+    def start(slowest_s: float):
+        monkeypatch.setattr(server, "SLOWEST_S", slowest_s)
+        return serving(lambda: server.new_server([], 0, OwnDiagnosis(None, tmp_path)))
+
+    return start
+
+
+def new_tab(visitors) -> str:
+    return ask(visitors, "GET", "/_own")[1]["Location"].partition("tab=")[2]
 
 
 def begun(visitors, tab: str, name: str, size: int) -> socket.socket:
@@ -76,17 +83,26 @@ def begun(visitors, tab: str, name: str, size: int) -> socket.socket:
     return line
 
 
-def test_stalled_files_count_and_are_ended(visitors):
-    tab = ask(visitors, "GET", "/_own")[1]["Location"].partition("tab=")[2]
-    stalled = [begun(visitors, tab, f"{number}.csv", 19_000_000) for number in range(2)]
-    refused = begun(visitors, tab, "c.csv", 19_000_000)
-    assert b"413" in refused.recv(100)
-    assert [line.recv(100) for line in stalled] == [b"", b""]
+def test_stalled_files_count(small_server):
+    with small_server(PATIENCE_S) as visitors:
+        tab = new_tab(visitors)
+        stalled = [begun(visitors, tab, f"{number}.csv", 19_000_000) for number in range(2)]
+        refused = begun(visitors, tab, "c.csv", 19_000_000)
+        assert b"413" in refused.recv(100)
+        for line in (*stalled, refused):
+            line.close()
 
-    def taken():
-        return ask(visitors, "POST", "/_own/file?name=c.csv", b"1,2\n" * 10, X_Lumbar_Tab=tab)[0] == 200
 
-    assert seen(taken)
+def test_stalled_files_are_ended_and_leave_their_room(small_server):
+    with small_server(0.5) as visitors:
+        tab = new_tab(visitors)
+        assert begun(visitors, tab, "a.csv", 39_000_000).recv(100) == b""
+
+        def taken():
+            name, file = "/_own/file?name=c.csv", b"1,2\n" * 500_000
+            return ask(visitors, "POST", name, file, X_Lumbar_Tab=tab)[0] == 200
+
+        assert seen(taken)
 
 
 def test_a_large_file_is_refused_before_it_is_read(served, own_tab):
