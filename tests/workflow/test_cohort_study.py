@@ -9,7 +9,7 @@ from running import FORKING, copy_project, snakemake
 
 SMALL = """
 stability: {limits: {knots: 84}}
-pushes: {push: {per_lift: 16}, outcome: {horizon_s: 0.8}}
+pushes: {push: {per_lift: 16}, outcome: {horizon_s: 1.5}}
 twin:
   lifting:
     rate_Hz: 50

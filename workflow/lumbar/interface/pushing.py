@@ -19,6 +19,7 @@ from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
     from lumbar.lifting.pushes.contest import Contest
@@ -102,12 +103,12 @@ def push_prediction(
 
     >>> from dataclasses import replace
     >>> import lumbar
-    >>> from lumbar.settings.pushes import PushesSettings, PushSettings, ScoringSettings
+    >>> from lumbar.settings.pushes import PushesSettings, PushSettings
     >>> from lumbar.twin.examples import example_lift
     >>> ann = example_lift("lift.c3d")
     >>> people = [ann, replace(ann, name="bob")]
     >>> lifts = [lumbar.lift("lift.c3d", person, box_mass_kg=15) for person in people]
-    >>> settings = PushesSettings(push=PushSettings(per_lift=24), scoring=ScoringSettings(resamples=100))
+    >>> settings = PushesSettings(push=PushSettings(per_lift=24))
     >>> found = lumbar.push_prediction(lifts, settings=settings)
     >>> len(found.pushes)
     48
@@ -221,18 +222,25 @@ class PushPrediction(Result):
         return self.contest.frame
 
     @cached_property
+    def chances(self) -> dict[tuple[str, str], np.ndarray]:
+        """Log odds of a step of every push, shape (pushes,), by measure, alone or added to push, mass and direction."""
+        from lumbar.lifting.pushes.prediction import chances
+
+        return chances(self.contest, self.settings.scoring, self.seed)
+
+    @cached_property
     def frame(self) -> pd.DataFrame:
         """One row per contest, direction and measure, the best first."""
         from lumbar.lifting.pushes.prediction import prediction_frame
 
-        return prediction_frame(self.contest, self.settings.scoring, self.seed)
+        return prediction_frame(self.contest, self.chances, self.settings.scoring, self.seed)
 
     @cached_property
     def winner(self) -> Verdict:
-        """The measure that told best, with its interval and what it rests on."""
+        """The measure that adds most, with its interval and what it rests on."""
         from lumbar.lifting.pushes.prediction import verdict_of
 
-        return verdict_of(self.contest, self.frame, self.settings.scoring, self.seed)
+        return verdict_of(self.contest, self.frame, self.chances, self.settings.scoring)
 
     @property
     def table(self) -> Table:
@@ -253,7 +261,7 @@ class PushPrediction(Result):
         """Draw the ROC curves."""
         from lumbar.publishing.figures.push_figures import push_figure
 
-        return push_figure(self.contest.frame, self.frame)
+        return push_figure(self.contest.frame, self.frame, self.chances)
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``pushes.csv``, ``winner.json`` and the tables ``push_prediction`` and ``push_sensitivity``."""

@@ -166,7 +166,9 @@ class OutcomeSettings:
         "Step of the integration; a whole number of them make a command.", default=0.01, within="(0, 0.02]"
     )
     horizon_s: float = key(
-        "How long a body is followed after the push has begun.", default=2.5, within="[0.5, 20]"
+        "How long a body is followed after the push has begun; who falls later counts as standing.",
+        default=4.0,
+        within="[0.5, 20]",
     )
     return_s: float = key(
         "Who is pushed stops the deposit after the controller's delay and takes the box back to where it began, in this time.",
@@ -174,7 +176,7 @@ class OutcomeSettings:
         within="(0, 5]",
     )
     lean_deg: float = key(
-        "A leg that leans by so much more or less than the lift asks for has no way back without a step.",
+        "A leg that leans by so much more or less than the lift asks for has no way back without a step: the body falls.",
         default=35.0,
         within="(0, 90]",
     )
@@ -184,9 +186,8 @@ class OutcomeSettings:
 class ScoringSettings:
     """How predictions are scored."""
 
-    resamples: int = key("Bootstrap samples of persons.", default=1000, within="[100, 100000]")
     folds: int = key(
-        "Groups of persons; each group's pushes are told by the threshold of the others.",
+        "Groups of persons; each group's pushes are told by what was learnt on the others.",
         default=5,
         within="[2, 100]",
     )

@@ -16,8 +16,15 @@ from lumbar.lifting.measures.course import Lifter
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.pushes import prediction
 from lumbar.lifting.pushes.body import centre_of_mass
-from lumbar.lifting.pushes.contest import draw_pushes, scene_of
-from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, KNOTS, from_states, states_frame
+from lumbar.lifting.pushes.contest import Contest, draw_pushes, scene_of
+from lumbar.lifting.pushes.levels import (
+    BASELINES,
+    DIRECTIONS,
+    KNOTS,
+    PREDICTORS,
+    from_states,
+    states_frame,
+)
 from lumbar.lifting.pushes.motion import bodies_of, deposit_motion
 from lumbar.lifting.pushes.prediction import verdict_json
 from lumbar.lifting.pushes.simulation import Traits
@@ -111,19 +118,16 @@ def test_a_push_of_the_level_takes_the_pendulum_to_the_edge_of_its_basin(lifts, 
 
 def test_areas_of_the_table_are_those_of_the_pushes(found):
     pushes = found.pushes
-    main = found.frame[(found.frame["contest"] == "all sizes") & (found.frame["direction"] == "both")]
-    rows = main.set_index("measure")
-    scores = {
-        "smallest_impulse": pushes["impulse_N_s"] - pushes["level_smallest_impulse"],
-        "margin_of_stability": pushes["impulse_N_s"] * pushes["shift_m_per_N_s"]
-        - pushes["level_margin_of_stability"],
-        "basin_abdomen_hanging": pushes["impulse_N_s"] / pushes["level_basin_abdomen_hanging"],
-        "push_alone": pushes["impulse_N_s"],
-    }
-    steps = pushes["steps"].to_numpy(bool)
-    for name, score in scores.items():
-        pairs = mannwhitneyu(score[steps], score[~steps]).statistic / (steps.sum() * (~steps).sum())
-        assert rows.loc[name, "auc"] == pytest.approx(pairs, rel=1e-12)
+    rows = found.frame[(found.frame["contest"] == "all sizes") & (found.frame["direction"] == "both")]
+    rows, steps = rows.set_index("measure"), pushes["steps"].to_numpy(bool)
+    for (name, kind), odds in found.chances.items():
+        pairs = mannwhitneyu(odds[steps], odds[~steps]).statistic / (steps.sum() * (~steps).sum())
+        added = kind == "added"
+        expected = (
+            rows.loc["push_and_mass", "auc"] + rows.loc[name, "increment"] if added else rows.loc[name, "auc"]
+        )
+        if not np.isnan(expected):
+            assert pairs == pytest.approx(expected, rel=1e-12)
     backward = pushes[pushes["direction"] == "backward"]
     equal = found.frame[(found.frame["contest"] == "equal pushes") & (found.frame["direction"] == "backward")]
     if len(equal):
@@ -133,11 +137,68 @@ def test_areas_of_the_table_are_those_of_the_pushes(found):
         assert equal.set_index("measure").loc["viability_margin", "auc"] == pytest.approx(pairs, rel=1e-12)
 
 
+def invented(persons: int, tells: float, seed: int = 0) -> Contest:
+    """A contest whose steps go by push over mass, for each direction otherwise, and by the static margin as far as it `tells`."""
+    rng = np.random.default_rng(seed)
+    person = np.repeat(np.arange(persons), 60)
+    forward = np.arange(len(person)) % 2 == 0
+    mass = rng.uniform(60, 110, persons)[person]
+    size = np.where(forward, rng.uniform(0.5, 20, person.size), rng.uniform(10, 60, person.size))
+    names = {f"level_{name}": rng.normal(size=person.size) for name in PREDICTORS if name != "push_over_mass"}
+    names |= {name: np.exp(level) for name, level in names.items() if "basin" in name}
+    centre = np.where(forward, 0.12, 0.42)
+    odds = 30 * (size / mass - centre) - tells * names["level_static_margin"]
+    steps = rng.random(person.size) < 1 / (1 + np.exp(-odds))
+    frame = pd.DataFrame(
+        {
+            "subject": [f"person {number:02}" for number in person],
+            "direction": np.where(forward, "forward", "backward"),
+            "impulse_N_s": size,
+            "shift_m_per_N_s": 1 / (3 * mass),
+            "steps": steps,
+            "equal_steps": steps,
+            "level_push_over_mass": mass,
+            **names,
+        }
+    )
+    return Contest(frame, len(frame), 0)
+
+
+def judged(contest: Contest):
+    scoring = SETTINGS.scoring
+    told = prediction.chances(contest, scoring, 1)
+    table = prediction.prediction_frame(contest, told, scoring, 1)
+    return prediction.verdict_of(contest, table, told, scoring), table
+
+
+def test_a_measure_that_tells_something_is_named_and_one_that_tells_nothing_is_not():
+    verdict, table = judged(invented(16, 2.0))
+    assert verdict.measure == "static_margin" and verdict.low > 0.01 and not verdict.tied
+    assert verdict_json(verdict, "synthetic")["adds"]
+    rows = table[(table["contest"] == "all sizes") & (table["direction"] == "both")].set_index("measure")
+    assert (rows["increment_low"].drop("static_margin").dropna() < 0.002).all()
+    nothing, _ = judged(invented(16, 0.0))
+    assert "no measure is shown to add to that" in nothing.sentence
+    assert not verdict_json(nothing, "synthetic")["adds"]
+
+
+def test_baselines_lose_nothing_by_the_direction_and_can_be_best():
+    verdict, table = judged(invented(16, 0.0))
+    rows = table[table["contest"] == "all sizes"].set_index(["direction", "measure"])["auc"]
+    assert verdict.best_alone in ("push_over_mass", "push_and_mass")
+    within = [rows[direction, "push_over_mass"] for direction in DIRECTIONS]
+    assert rows["both", "push_over_mass"] > min(within) - 0.01
+    pooled = invented(16, 0.0).frame
+    one = prediction.area(
+        (pooled["impulse_N_s"] / pooled["level_push_over_mass"]).to_numpy(), pooled["steps"].to_numpy(bool)
+    )
+    assert one < rows["both", "push_over_mass"] - 0.1
+
+
 def test_the_winner_says_what_it_rests_on_and_has_no_interval_of_two_persons(found):
     winner = found.winner
-    assert winner.measure not in BASELINES
     main = found.frame[(found.frame["contest"] == "all sizes") & (found.frame["direction"] == "both")]
-    assert winner.auc == main[~main["measure"].isin(BASELINES)]["auc"].max()
+    assert winner.measure not in BASELINES and winner.increment == main["increment"].max()
     assert winner.low is None and "no interval: 2 persons, at least 8 are needed" in winner.sentence
     assert "simulated bodies under an assumed controller, not people" in winner.sentence
     assert "people best" not in winner.sentence  # which of two persons steps first is chance
@@ -185,7 +246,7 @@ def test_longer_feet_let_fewer_step_and_the_measures_are_not_told(states, found,
     rows = found.sensitivity.frame
     assert rows["changed"].tolist() == ["nothing", "foot length"]
     assert rows["steps"].tolist() == sorted(rows["steps"], reverse=True)
-    assert rows["winner_auc"].between(0.5, 1.0).all()
+    assert rows["known_auc"].between(0.5, 1.0).all()
     assert rows.loc[0, "steps"] == pytest.approx(found.pushes["steps"].mean())
 
 

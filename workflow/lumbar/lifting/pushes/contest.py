@@ -32,16 +32,16 @@ if TYPE_CHECKING:
 
     from lumbar.settings.pushes import PushesSettings
 
-UNSTEADY = "unsteady"
-"""Outcome of a push at an instant at which the body would step without it."""
+STANDS, FALLS, UNSTEADY = "stands", "falls", "unsteady"
+"""Outcomes of a push; the last at an instant at which the body would fall without it."""
 COLUMNS = {
     "subject": "who is pushed",
     "lift": "during which lift",
     "time_s": "when, on the clock of the lift",
     "direction": "forward or backward",
     "impulse_N_s": "size of the push in N·s, drawn at random",
-    "outcome": "stands: back within the feet at the end; leans: a leg leant too far; unbalanced: not within the feet at the end",
-    "steps": "whether the simulated person must step: leans or is unbalanced",
+    "outcome": "what the simulated body does: it stands to the end, or falls",
+    "steps": "whether the simulated person must step: falls",
     "equal_impulse_N_s": "size in N·s of the push at the same instant in the contest of equal pushes, as declared",
     "equal_steps": "whether the person must step after that push",
     "shift_m_per_N_s": "1/(m·ω0): how far a push moves the extrapolated centre of mass",
@@ -126,8 +126,8 @@ def push_bodies(
     ends = simulate(
         scene, Pushes(np.tile(drawn.lift, count), np.tile(drawn.instant, count), np.concatenate(sizes))
     )
-    outcomes, steps = np.split(ends.outcome, count), np.split(ends.steps, count)
-    outcome = np.where(steps[0], UNSTEADY, outcomes[1])
+    steps = np.split(ends.falls, count)
+    outcome = np.where(steps[0], UNSTEADY, np.where(steps[1], FALLS, STANDS))
     return _frame(motions, levels, scene, drawn, outcome, steps[1], sizes[-1], steps[-1])
 
 

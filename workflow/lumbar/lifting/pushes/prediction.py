@@ -1,24 +1,29 @@
-"""Which measure told best who would step: areas under the ROC, thresholds of other persons, the winner and what it rests on."""
+"""Which measure tells who must step, and what it adds to what anybody knows: the push, its direction and the mass.
+
+Every measure is told the same and takes part under the same rule (`chances`), baselines and ablations too. They are ranked by the
+increment: how much larger the area under the ROC becomes where a measure joins the push's size and direction and the mass.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.lifting.pushes.chances import ADDED, ALONE, KNOWN, KNOWN_WORDS, chances_of
 from lumbar.lifting.pushes.contest import Contest, contest_of, push_bodies
-from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, NOTHING, PREDICTORS, Levels, score
+from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, PREDICTORS, Levels
 from lumbar.lifting.pushes.motion import DepositMotion
 from lumbar.lifting.pushes.roc import (
     SPECIFICITY,
     area,
     areas,
     cross_validated_rates,
-    interval,
-    person_weights,
+    jackknife_interval,
+    left_out,
     sensitivity_at,
     sort_scores,
 )
@@ -32,15 +37,19 @@ if TYPE_CHECKING:
 ALL_SIZES, EQUAL = "all sizes", "equal pushes"
 BOTH = "both"
 COLUMNS = {
-    "contest": "all sizes: random pushes, the measure may use the size; equal pushes: one size per direction, the measure ranks "
-    "persons and postures",
+    "contest": "all sizes: random pushes, of which every measure is told size and direction; equal pushes: one size per "
+    "direction, the measure ranks persons and postures",
     "direction": "of the pushes",
     "measure": "its name; the note says what each is",
-    "auc": "area under the ROC: share of pairs, one who steps and one who stands, that the measure orders rightly; below 0.5 it "
-    "tells the wrong way round",
-    "auc_low": "lower end of its 95 % interval over persons (cluster bootstrap)",
+    "auc": "area under the ROC of the measure alone: share of pairs, one who steps and one who stands, that it orders "
+    "rightly; with all sizes by chances learnt on other persons for each direction, with equal pushes by its level (below 0.5 "
+    "it tells the wrong way round)",
+    "auc_low": "lower end of its 95 % interval over persons (jackknife, on the scale of log odds)",
     "auc_high": "upper end",
-    "sensitivity_95": "share of those who step that it tells while it is right about 95 % of those who stand",
+    "increment": f"area of {KNOWN_WORDS} with the measure less the area without",
+    "increment_low": "lower end of its 95 % interval over persons (jackknife)",
+    "increment_high": "upper end",
+    "sensitivity_95": "share of those who step that the measure alone tells while it is right about 95 % of those who stand",
     "failures_right": "share of those who step told right by the best threshold of other persons (cross-validated)",
     "successes_right": "share of those who stand told right by it",
     "pushes": "pushes in this row",
@@ -62,9 +71,10 @@ SENSITIVITY_COLUMNS = {
     "factor": "by this factor",
     "pushes": "pushes that were a test",
     "steps": "share of them after which the simulated person must step",
-    "winner": "measure with the largest area under the ROC, all sizes, both directions",
-    "winner_auc": "its area",
-    "headline_auc": "area of the measure that wins without the change",
+    "known_auc": f"area under the ROC of {KNOWN_WORDS}",
+    "winner": "measure that adds most to them, all sizes, both directions",
+    "winner_increment": "what it adds",
+    "headline_increment": "what the measure adds that adds most without the change",
     "headline_rank": "its rank",
 }
 HOLMES = (
@@ -78,73 +88,82 @@ BASIS = "simulated bodies under an assumed controller, not people"
 
 @dataclass(frozen=True)
 class Verdict:
-    """The winner and what it rests on."""
+    """The measure that adds most, and what that rests on."""
 
     measure: str
-    auc: float
+    increment: float
     low: float | None
     high: float | None
-    """`low`, `high`: 95 % interval over persons; None with too few of them."""
+    """`low`, `high`: 95 % interval over persons of the increment; None with too few of them."""
+    known_auc: float
+    """Area of the push's size, the mass and the direction without any measure."""
+    auc: float
+    """Area of the measure alone."""
+    best_alone: str
+    """What has the largest area alone; a baseline can be it."""
     tied: tuple[str, ...]
-    """Measures than which it is not shown to be better by `NEGLIGIBLE`."""
+    """Measures than which it is not shown to add more."""
     equal: dict[str, str]
-    """Winner by direction under equal pushes."""
+    """Best by direction under equal pushes."""
     sentence: str
 
 
-def scores_of(frame: pd.DataFrame, name: str, contest: str) -> tuple[np.ndarray, np.ndarray]:
-    """Scores of one measure, higher meaning a step, and who stepped, shape (pushes,) each."""
-    level = frame[f"level_{name}"].to_numpy(float)
+def scores_of(
+    frame: pd.DataFrame, name: str, contest: str, chances: Mapping[tuple[str, str], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Scores of one measure alone, higher meaning a step, and who stepped, shape (pushes,) each."""
     if contest == EQUAL:
-        return -level, frame["equal_steps"].to_numpy(bool)
-    size, shift = frame["impulse_N_s"].to_numpy(float), frame["shift_m_per_N_s"].to_numpy(float)
-    return score(name, level, size, shift), frame["steps"].to_numpy(bool)
+        return -frame[f"level_{name}"].to_numpy(float), frame["equal_steps"].to_numpy(bool)
+    return chances[name, ALONE], frame["steps"].to_numpy(bool)
 
 
-def contestants(contest: str) -> list[str]:
-    """Measures that can take part: pushes of all sizes need one that a push can enter."""
-    if contest == EQUAL:
-        return [name for name in PREDICTORS if name != "push_alone"]
-    return [name for name, item in PREDICTORS.items() if item.push != NOTHING]
+def pushes_of(frame: pd.DataFrame, direction: str) -> np.ndarray:
+    """Which pushes are those of one direction, or of both; shape (pushes,)."""
+    return np.full(len(frame), True) if direction == BOTH else (frame["direction"] == direction).to_numpy()
 
 
-def rows_of(frame: pd.DataFrame, direction: str) -> pd.DataFrame:
-    """Pushes of one direction, or of both."""
-    return frame if direction == BOTH else frame[frame["direction"] == direction]
+def chances(contest: Contest, scoring: ScoringSettings, seed: int) -> dict[tuple[str, str], np.ndarray]:
+    """Log odds of a step of every push by every measure, alone and added (`chances_of`)."""
+    return chances_of(contest.frame, list(PREDICTORS), scoring.folds, [seed, 4])
 
 
-def prediction_frame(contest: Contest, scoring: ScoringSettings, seed: int) -> pd.DataFrame:
+def prediction_frame(contest: Contest, told: Mapping, scoring: ScoringSettings, seed: int) -> pd.DataFrame:
     """Score all measures; one row per contest, direction and measure, columns `COLUMNS`, the best first.
 
-    A measure without a level at every push (no basin) is left out.
+    A measure without a level at every push (no basin) is left out. `told` is of `chances`.
     """
     import pandas as pd
 
     frame, rows = contest.frame, []
-    names = sorted(frame["subject"].unique())
-    weights = person_weights(len(names), scoring.resamples, [seed, 3])
+    person = np.unique(frame["subject"].to_numpy(str), return_inverse=True)[1]
     for kind, direction in ((ALL_SIZES, BOTH), *((k, d) for k in (ALL_SIZES, EQUAL) for d in DIRECTIONS)):
-        part = rows_of(frame, direction)
-        person = np.searchsorted(names, part["subject"].to_numpy(str))
-        found = []
-        for name in contestants(kind):
-            values, steps = scores_of(part, name, kind)
-            if np.isfinite(values).all() and steps.any() and not steps.all():
-                found.append(_row(kind, direction, name, values, steps, person, weights, scoring, seed))
-        rows += sorted(found, key=lambda row: -row["auc"])
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+        here = pushes_of(frame, direction)
+        for name in (KNOWN, *PREDICTORS):
+            if (name, ALONE) not in told or (kind == EQUAL and name in (KNOWN, "push_alone")):
+                continue
+            values, steps = (item[here] for item in scores_of(frame, name, kind, told))
+            if not steps.any() or steps.all():
+                continue
+            row = {"contest": kind, "direction": direction, "measure": name}
+            row |= _alone(values, steps, person[here], scoring, seed)
+            if kind == ALL_SIZES and name not in (KNOWN, *BASELINES):
+                row |= _increment(
+                    told[name, ADDED][here], told[KNOWN, ALONE][here], steps, person[here], scoring
+                )
+            rows.append(row)
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    by = ["contest", "direction", "increment", "auc"]
+    order = table[by].assign(contest=[kind == EQUAL for kind in table["contest"]])
+    order["direction"] = [[BOTH, *DIRECTIONS].index(item) for item in table["direction"]]
+    return table.loc[order.sort_values(by, ascending=[True, True, False, False]).index].reset_index(drop=True)
 
 
-def _row(kind, direction, name, values, steps, person, weights, scoring, seed) -> dict:
-    low = high = None
-    if weights.shape[1] >= scoring.fewest_persons:
-        low, high = interval(areas(sort_scores(values, steps, person), weights))
+def _alone(values, steps, person, scoring: ScoringSettings, seed: int) -> dict:
+    whole = area(values, steps)
+    low, high = _interval(whole, sort_scores(values, steps, person), None, person, scoring)
     failures, successes = cross_validated_rates(values, steps, person, scoring.folds, [seed, 4])
     return {
-        "contest": kind,
-        "direction": direction,
-        "measure": name,
-        "auc": area(values, steps),
+        "auc": whole,
         "auc_low": low,
         "auc_high": high,
         "sensitivity_95": sensitivity_at(values, steps, SPECIFICITY),
@@ -156,35 +175,75 @@ def _row(kind, direction, name, values, steps, person, weights, scoring, seed) -
     }
 
 
-def verdict_of(contest: Contest, table: pd.DataFrame, scoring: ScoringSettings, seed: int) -> Verdict:
-    """Name the winner: largest area with pushes of all sizes, both directions; baselines cannot win."""
-    main = table[(table["contest"] == ALL_SIZES) & (table["direction"] == BOTH)]
-    best = main[~main["measure"].isin(BASELINES)].iloc[0]
-    enough = bool(best["persons"] >= scoring.fewest_persons)
-    tied = _tied(contest.frame, best["measure"], list(main["measure"]), scoring, seed) if enough else ()
-    ranked = table[table["contest"] == EQUAL].drop_duplicates("direction").set_index("direction")
-    low, high = (float(best[name]) if enough else None for name in ("auc_low", "auc_high"))
-    found = Verdict(best["measure"], float(best["auc"]), low, high, tied, dict(ranked["measure"]), "")
-    return replace(found, sentence=_sentence(found, best, main, ranked, scoring))
-
-
-def _sentence(
-    found: Verdict, best, main: pd.DataFrame, ranked: pd.DataFrame, scoring: ScoringSettings
-) -> str:
-    alone = main[main["measure"] == "push_alone"].iloc[0]["auc"]
-    span = (
-        f"{found.low:.3f} to {found.high:.3f} over {best['persons']} simulated persons"
-        if found.low is not None
-        else f"no interval: {best['persons']} persons, at least {scoring.fewest_persons} are needed"
+def _increment(added, known, steps, person, scoring: ScoringSettings) -> dict:
+    whole = area(added, steps) - area(known, steps)
+    low, high = _interval(
+        whole, sort_scores(added, steps, person), sort_scores(known, steps, person), person, scoring
     )
+    return {"increment": whole, "increment_low": low, "increment_high": high}
+
+
+def _interval(whole, scores, less, person, scoring: ScoringSettings) -> tuple[float | None, float | None]:
+    """Interval over persons of an area, or of its difference from that of other scores; None twice where there is none."""
+    persons = np.unique(person)
+    if len(persons) < scoring.fewest_persons:
+        return None, None
+    weights = left_out(int(person.max()) + 1)[persons]
+    parts = areas(scores, weights) - (areas(less, weights) if less else 0.0)
+    return jackknife_interval(whole, parts, share=less is None) or (None, None)
+
+
+def verdict_of(contest: Contest, table: pd.DataFrame, told: Mapping, scoring: ScoringSettings) -> Verdict:
+    """Name the measure with the largest increment, pushes of all sizes, both directions."""
+    main = table[(table["contest"] == ALL_SIZES) & (table["direction"] == BOTH)].set_index("measure")
+    best = main.iloc[0]
+    name = str(best.name)
+    tied = _tied(
+        contest.frame, name, [item for item in main.index if main["increment"].notna()[item]], told, scoring
+    )
+    ranked = table[table["contest"] == EQUAL].drop_duplicates("direction").set_index("direction")
+    low, high = (
+        None if best[end] is None or np.isnan(best[end]) else float(best[end])
+        for end in ("increment_low", "increment_high")
+    )
+    found = Verdict(
+        name,
+        float(best["increment"]),
+        low,
+        high,
+        float(main.loc[KNOWN, "auc"]),
+        float(best["auc"]),
+        str(main["auc"].idxmax()),
+        tied,
+        dict(ranked["measure"]),
+        "",
+    )
+    return replace(found, sentence=_sentence(found, main, ranked, scoring))
+
+
+def _sentence(found: Verdict, main: pd.DataFrame, ranked: pd.DataFrame, scoring: ScoringSettings) -> str:
+    best, persons, points = main.loc[found.measure], int(main["persons"].max()), 100 * found.increment
+    if found.low is None:
+        span = f"no interval: {persons} persons, at least {scoring.fewest_persons} are needed"
+    else:
+        span = (
+            f"95 % interval {100 * found.low:.1f} to {100 * found.high:.1f} over {persons} simulated persons"
+        )
+    adds = f"{found.measure} adds most, {points:+.1f} percentage points ({span})"
+    if found.low is not None and found.low <= 0:
+        adds = f"no measure is shown to add to that: {adds}"
     parts = [
-        f"{found.measure} told best who would step: of all pairs, one who steps and one who stands, it ordered "
-        f"{100 * found.auc:.1f} % rightly (area under the ROC {found.auc:.3f}, {span}; the push alone {alone:.3f}), and by a "
-        f"threshold of other persons it was right about {100 * best['failures_right']:.0f} % of those who had to step and "
-        f"{100 * best['successes_right']:.0f} % of those who stood ({HOLMES})."
+        f"Of all pairs, one who steps and one who stands, {KNOWN_WORDS} order {100 * found.known_auc:.1f} % rightly without any "
+        f"measure; {adds}."
     ]
     if found.tied:
-        parts.append(f"It is not shown to be better by {NEGLIGIBLE:g} or more than {', '.join(found.tied)}.")
+        parts.append(f"It is not shown to add {100 * NEGLIGIBLE:g} point more than {', '.join(found.tied)}.")
+    aucs = "; ".join(f"{name} {100 * main.loc[name, 'auc']:.1f} %" for name in (found.measure, *BASELINES))
+    parts.append(
+        f"Alone and told the direction, they order: {aucs}. By a threshold of other persons {found.measure} is right about "
+        f"{100 * best['failures_right']:.0f} % of those who had to step and {100 * best['successes_right']:.0f} % of those who "
+        f"stood ({HOLMES})."
+    )
     enough = ranked.iterrows() if found.low is not None else ()  # of a few persons the order is chance
     for direction, row in enough:
         parts.append(f"Under equal pushes {direction} {row['measure']} ranks people best ({row['auc']:.3f}).")
@@ -192,19 +251,20 @@ def _sentence(
 
 
 def _tied(
-    frame: pd.DataFrame, best: str, names: list[str], scoring: ScoringSettings, seed: int
+    frame: pd.DataFrame, best: str, names: list[str], told: Mapping, scoring: ScoringSettings
 ) -> tuple[str, ...]:
-    """Measures than which the best one is not shown better by `NEGLIGIBLE`, by an interval over persons."""
-    subjects = sorted(frame["subject"].unique())
-    person = np.searchsorted(subjects, frame["subject"].to_numpy(str))
-    weights = person_weights(len(subjects), scoring.resamples, [seed, 3])
-
-    def resampled(name: str) -> np.ndarray:
-        return areas(sort_scores(*scores_of(frame, name, ALL_SIZES), person), weights)
-
-    reference = resampled(best)
-    differences = {name: interval(reference - resampled(name)) for name in names if name != best}
-    return tuple(name for name, (low, _) in differences.items() if low < NEGLIGIBLE)
+    """Measures than which the best one is not shown to add `NEGLIGIBLE` more, by an interval over persons."""
+    steps = frame["steps"].to_numpy(bool)
+    person = np.unique(frame["subject"].to_numpy(str), return_inverse=True)[1]
+    own = sort_scores(told[best, ADDED], steps, person)
+    tied = []
+    for name in names:
+        other = sort_scores(told[name, ADDED], steps, person)
+        whole = area(told[best, ADDED], steps) - area(told[name, ADDED], steps)
+        low, _ = _interval(whole, own, other, person, scoring)
+        if name != best and low is not None and low < NEGLIGIBLE:
+            tied.append(name)
+    return tuple(tied)
 
 
 def prediction_table(contest: Contest, table: pd.DataFrame, verdict: Verdict, data: str) -> Table:
@@ -213,24 +273,25 @@ def prediction_table(contest: Contest, table: pd.DataFrame, verdict: Verdict, da
         verdict.sentence,
         f"{contest.drawn} pushes were drawn; {contest.unsteady} of them at instants at which the simulated body would step "
         "without any push, which tests nothing: they are left out",
-        "Pushes backward are larger than those forward, as the body can take more of them: a measure that knows no direction "
-        "cannot tell both together, and its rows for one direction are the fair ones. Equal pushes are equal in N·s, which suits "
-        "measures in N·s better than those in m",
+        "With pushes of all sizes every measure is told the size and the direction of the push: its chances of a step are those "
+        "of a logistic regression per direction, learnt on other persons. Alone a measure enters with the push as its definition "
+        "says, or, where a push cannot enter, with the size beside it. Equal pushes are equal in N·s, which suits measures in "
+        "N·s better than those in m",
         "The bodies have three links, a delayed controller and pushes that last; the measures know one pendulum or a posture. "
         "They share the recorded movement, masses and the markers of the feet; what the bodies can do with them (reach of the "
-        "foot, strength, delay, gains, and how persons differ in these) no measure is told",
+        "foot, strength, delay, gains, and how persons differ in these) no measure is told; who steps is who falls",
+        f"{KNOWN}: {KNOWN_WORDS}, each with a weight of its own",
         *(f"{name}: {item.meaning}" for name, item in PREDICTORS.items() if (table["measure"] == name).any()),
     ]
+    empty = ("auc_low", "auc_high", "increment", "increment_low", "increment_high")
     return Table(
-        title="Who must step after a push: how well each measure, computed before the push, tells it.",
+        title="Who must step after a push: how well each measure, computed before the push, tells it, and what it adds.",
         frame=table,
         definitions=COLUMNS,
         data=data,
         notes=tuple(notes),
-        decimals=dict.fromkeys(
-            ("auc", "auc_low", "auc_high", "sensitivity_95", "failures_right", "successes_right"), 3
-        ),
-        may_be_empty=frozenset({"auc_low", "auc_high"}),
+        decimals=dict.fromkeys(("auc", "sensitivity_95", "failures_right", "successes_right", *empty), 3),
+        may_be_empty=frozenset(empty),
     )
 
 
@@ -285,21 +346,21 @@ def sensitivity_frame(
             # Nobody steps any more, or everybody: there is nothing to tell.
             rows.append({"changed": what, "factor": factor, "pushes": 0})
             continue
-        found = {}
-        for name in contestants(ALL_SIZES):
-            values, steps = scores_of(frame, name, ALL_SIZES)
-            if name not in BASELINES and np.isfinite(values).all():
-                found[name] = area(values, steps)
-        ranking = sorted(found, key=lambda name: -found[name])
+        told = chances_of(frame, list(PREDICTORS), settings.scoring.folds, [seed, 4])
+        steps = frame["steps"].to_numpy(bool)
+        known = area(told[KNOWN, ALONE], steps)
+        found = {name: area(told[name, ADDED], steps) - known for name, kind in told if kind == ADDED}
+        ranking = sorted(found.keys() - BASELINES, key=lambda name: -found[name])
         rows.append(
             {
                 "changed": what,
                 "factor": factor,
                 "pushes": len(frame),
                 "steps": float(frame["steps"].mean()),
+                "known_auc": known,
                 "winner": ranking[0],
-                "winner_auc": found[ranking[0]],
-                "headline_auc": found.get(verdict.measure),
+                "winner_increment": found[ranking[0]],
+                "headline_increment": found.get(verdict.measure),
                 "headline_rank": ranking.index(verdict.measure) + 1 if verdict.measure in found else None,
             }
         )
@@ -310,7 +371,7 @@ def sensitivity_table(frame: pd.DataFrame, verdict: Verdict, data: str) -> Table
     """Return the contests with other bodies and controllers as a published table."""
     same = int((frame["winner"] == verdict.measure).sum())
     note = (
-        f"{verdict.measure} wins in {same} of {len(frame)} contests; the measures are told of none of the changes. "
+        f"{verdict.measure} adds most in {same} of {len(frame)} contests; the measures are told of none of the changes. "
         f"Only some {FOLLOWED} of the contest's pushes are followed, so that the first row differs a little from it; empty "
         "where all of them end alike"
     )
@@ -320,19 +381,24 @@ def sensitivity_table(frame: pd.DataFrame, verdict: Verdict, data: str) -> Table
         definitions=SENSITIVITY_COLUMNS,
         data=data,
         notes=(note,),
-        decimals=dict.fromkeys(("steps", "winner_auc", "headline_auc"), 3),
-        may_be_empty=frozenset({"steps", "winner", "winner_auc", "headline_auc", "headline_rank"}),
+        decimals=dict.fromkeys(("steps", "known_auc", "winner_increment", "headline_increment"), 3),
+        may_be_empty=frozenset(SENSITIVITY_COLUMNS.keys() - {"changed", "factor", "pushes"}),
     )
 
 
 def verdict_json(verdict: Verdict, data: str) -> dict:
-    """Return the winner as other pages read it: ``pushes/winner.json``."""
+    """Return the measure that adds most as other pages read it: ``pushes/winner.json``."""
     return {
-        "schema": "lumbar.push_prediction/1",
+        "schema": "lumbar.push_prediction/2",
         "measure": verdict.measure,
+        "adds": verdict.low is not None and verdict.low > 0,
+        "increment": verdict.increment,
+        "increment_low": verdict.low,
+        "increment_high": verdict.high,
+        "known": KNOWN_WORDS,
+        "known_auc": verdict.known_auc,
         "auc": verdict.auc,
-        "auc_low": verdict.low,
-        "auc_high": verdict.high,
+        "best_alone": verdict.best_alone,
         "not_shown_better_than": list(verdict.tied),
         "equal_pushes": verdict.equal,
         "sentence": verdict.sentence,

@@ -1,7 +1,7 @@
 """Receiver operating characteristic of scores of events that come in clusters: one person gives many.
 
 An area is the share of pairs (one event, one not) that the score orders rightly, ties counted half (Mann and Whitney 1947;
-Hanley and McNeil 1982). Its interval comes from drawing persons with replacement, each with all of theirs.
+Hanley and McNeil 1982). Its interval comes from leaving out one person after the other, with all of theirs.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 SPECIFICITY = 0.95
 """At which the sensitivity is told."""
-COVERAGE = (2.5, 97.5)
+COVERAGE = 0.95
 AT_ONCE = 2**17
 """Weights of scores that are held at once: memory does not grow with samples times scores."""
 
@@ -61,14 +61,36 @@ def areas(scores: SortedScores, weights: np.ndarray) -> np.ndarray:
     return found
 
 
-def person_weights(persons: int, samples: int, seed: list[int]) -> np.ndarray:
-    """Draw persons with replacement: how often each is drawn, shape (samples, persons)."""
-    return np.random.default_rng(seed).multinomial(persons, np.full(persons, 1 / persons), samples)
+def left_out(persons: int) -> np.ndarray:
+    """Weights of persons that leave out one after the other, shape (persons, persons)."""
+    return 1.0 - np.eye(persons)
 
 
-def interval(values: np.ndarray) -> tuple[float, float]:
-    """Percentiles of bootstrap values, those that exist."""
-    low, high = np.nanpercentile(values, COVERAGE)
+def jackknife_interval(whole: float, parts: np.ndarray, share: bool) -> tuple[float, float] | None:
+    """95 % interval of a statistic from its values with one person left out; None where they do not allow one.
+
+    Student's t with one degree of freedom less than persons; that of a share (an area) on the scale of log odds, within 0 and 1.
+    Percentiles of a bootstrap of 6 to 20 persons cover 78 to 94 % instead (``benchmarks/population.py``).
+
+    Parameters
+    ----------
+    whole : float
+        The statistic of all persons.
+    parts : numpy.ndarray
+        Shape (persons,): without each of them.
+    """
+    from scipy.special import expit, logit
+    from scipy.stats import t
+
+    count = len(parts)
+    values = np.r_[whole, parts]
+    values = logit(values) if share else values
+    if not np.isfinite(values).all():
+        return None
+    error = np.sqrt((count - 1) * np.var(values[1:]))
+    reach = t.ppf(0.5 + COVERAGE / 2, count - 1) * error
+    ends = values[0] + reach * np.array([-1.0, 1.0])
+    low, high = expit(ends) if share else ends
     return float(low), float(high)
 
 
@@ -101,19 +123,23 @@ def best_threshold(score: np.ndarray, event: np.ndarray) -> float:
     return float((values[best - 1] + following) / 2)
 
 
+def groups_of(person: np.ndarray, folds: int, seed: list[int]) -> np.ndarray:
+    """Draw groups of persons, shape (n,) as `person`; as many as persons where there are fewer than `folds`."""
+    persons, index = np.unique(person, return_inverse=True)
+    drawn = np.random.default_rng(seed).permutation(len(persons)) % min(folds, len(persons))
+    return drawn[index]
+
+
 def cross_validated_rates(
     score: np.ndarray, event: np.ndarray, person: np.ndarray, folds: int, seed: list[int]
 ) -> tuple[float, float]:
     """Shares of events and of the others told right, each person by the best threshold of other persons.
 
-    Arrays have shape (n,). `folds` groups of persons are drawn by `seed`; as many as persons where there are fewer.
+    Arrays have shape (n,); groups as of `groups_of`.
     """
-    persons = np.unique(person)
-    count = min(folds, len(persons))
-    group = np.empty(int(persons.max()) + 1, dtype=int)
-    group[persons] = np.random.default_rng(seed).permutation(len(persons)) % count
+    group = groups_of(person, folds, seed)
     told = np.zeros(len(score), dtype=bool)
-    for fold in range(count):
-        held = group[person] == fold
+    for fold in range(group.max() + 1):
+        held = group == fold
         told[held] = score[held] > best_threshold(score[~held], event[~held])
     return float(told[event].mean()), float((~told[~event]).mean())

@@ -25,7 +25,6 @@ from lumbar.lifting.pushes.body import (
     GRAVITY,
     JOINT_ANGLES,
     Bodies,
-    centre_of_mass,
     centrifugal,
     ground_force,
     mass_matrix,
@@ -179,10 +178,6 @@ def _gains(matrix, torques, tolerated, delay: int, longest: int, controller: Con
     return gain @ power, queue
 
 
-STANDS, LEANS, UNBALANCED = "stands", "leans", "unbalanced"
-"""Outcomes: back within the feet at the end; a leg leant too far; not within the feet at the end. The last two step."""
-
-
 @dataclass(frozen=True)
 class Pushes:
     """Pushes; arrays of shape (pushes,)."""
@@ -211,16 +206,11 @@ class Scene:
 class Ends:
     """How pushes ended."""
 
-    outcome: np.ndarray
-    """Shape (pushes,)."""
+    falls: np.ndarray
+    """Shape (pushes,): who has leant too far to come back without a step."""
     angle: np.ndarray
     rate: np.ndarray
     """`angle`, `rate`: shape (3, pushes): at the end, or when the body fell."""
-
-    @property
-    def steps(self) -> np.ndarray:
-        """Who must step, shape (pushes,)."""
-        return self.outcome != STANDS
 
 
 def simulate(scene: Scene, pushes: Pushes, watch: Callable | None = None) -> Ends:
@@ -259,10 +249,7 @@ def simulate(scene: Scene, pushes: Pushes, watch: Callable | None = None) -> End
             angle, rate = (np.where(fallen, old, item) for old, item in zip((angle, rate), new, strict=True))
             wanted = targets[2]
         fallen |= np.abs(angle[0] - wanted[0][0]) > np.deg2rad(outcome.lean_deg)
-    x, z, vx, _ = centre_of_mass(bodies, angle, rate)
-    extrapolated = x + vx * np.sqrt(np.maximum(z, 0.1) / GRAVITY)
-    balanced = (extrapolated > persons.heel) & (extrapolated < persons.toe)
-    return Ends(np.where(fallen, LEANS, np.where(balanced, STANDS, UNBALANCED)), angle, rate)
+    return Ends(fallen, angle, rate)
 
 
 def _command(bodies: Bodies, persons: Persons, wanted, angle, rate, queue) -> np.ndarray:

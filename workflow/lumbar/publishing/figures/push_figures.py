@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from lumbar.lifting.pushes.chances import KNOWN
 from lumbar.lifting.pushes.levels import BACKWARD, FORWARD
-from lumbar.lifting.pushes.prediction import ALL_SIZES, BOTH, EQUAL, rows_of, scores_of
+from lumbar.lifting.pushes.prediction import ALL_SIZES, BOTH, EQUAL, pushes_of, scores_of
 from lumbar.lifting.pushes.roc import curve
 from lumbar.lifting.stability.comparison.perturbed_trials import (
     PHASE_POINTS,
@@ -40,7 +42,7 @@ DRAWN = (
     "l5s1_moment",
     "basin_abdomen_inverted",
     "basin_area_abdomen_hanging",
-    "push_alone",
+    KNOWN,
 )
 """Measures that a picture can hold; all stand in the table. The smallest impulse lies on the margin of stability's curve."""
 POINTS = 1000
@@ -58,8 +60,8 @@ _STYLES = (
 
 
 @house_style
-def push_figure(frame: pd.DataFrame, table: pd.DataFrame) -> Figure:
-    """Draw the curves of some measures in three panels, and below them their areas with intervals.
+def push_figure(frame: pd.DataFrame, table: pd.DataFrame, told: Mapping) -> Figure:
+    """Draw the curves of some measures in three panels; below them what each adds, and areas, with intervals.
 
     Parameters
     ----------
@@ -67,14 +69,26 @@ def push_figure(frame: pd.DataFrame, table: pd.DataFrame) -> Figure:
         Pushes, columns `lumbar.lifting.pushes.contest.COLUMNS`.
     table : pandas.DataFrame
         Columns `lumbar.lifting.pushes.prediction.COLUMNS`.
+    told : mapping
+        Log odds of `lumbar.lifting.pushes.prediction.chances`.
     """
     figure, axes = new_figure(
         DOUBLE_COLUMN, 4.6, nrows=2, ncols=len(PANELS), sharey="row", gridspec_kw={"height_ratios": [1.5, 1]}
     )
     for column, (contest, direction, title) in enumerate(PANELS):
         rows = table[(table["contest"] == contest) & (table["direction"] == direction)].set_index("measure")
-        _curves(axes[0, column], rows_of(frame, direction), contest, rows)
-        _areas(axes[1, column], rows)
+        here = pushes_of(frame, direction)
+        drawn = [name for name in DRAWN if name in rows.index]
+        _curves(
+            axes[0, column],
+            {name: [item[here] for item in scores_of(frame, name, contest, told)] for name in drawn},
+        )
+        if contest == EQUAL:
+            _values(axes[1, column], rows, "auc", 0.5)
+            axes[1, column].set(xlim=(-0.03, 1.03), xticks=[0.0, 0.5, 1.0], xlabel="Area under the curve")
+        else:
+            _values(axes[1, column], rows, "increment", 0.0)
+            axes[1, column].set(xlabel="Area added to " + KNOWN.replace("_", " "))
         axes[0, column].set_title(title)
     axes[0, 0].set_ylabel("Told of those who step")
     return figure
@@ -82,16 +96,16 @@ def push_figure(frame: pd.DataFrame, table: pd.DataFrame) -> Figure:
 
 def _look(number: int) -> dict:
     """Colour and line style of a measure; the baseline is thin and grey."""
-    if DRAWN[number] == "push_alone":
+    if DRAWN[number] == KNOWN:
         return {"color": "#888888", "linestyle": "-", "linewidth": 0.9}
     return {"color": SERIES[number % len(SERIES)], "linestyle": _STYLES[number % len(_STYLES)]}
 
 
-def _curves(axis, part: pd.DataFrame, contest: str, rows: pd.DataFrame) -> None:
+def _curves(axis, scores: Mapping) -> None:
     axis.plot([0, 1], [0, 1], color="#bbbbbb", linewidth=0.8, zorder=0)
     for number, name in enumerate(DRAWN):
-        if name in rows.index:
-            alarms, hits = curve(*scores_of(part, name, contest))
+        if name in scores:
+            alarms, hits = curve(*scores[name])
             shown = np.unique(np.linspace(0, len(alarms) - 1, POINTS).astype(int))
             alarms, hits = alarms[shown], hits[shown]
             last = max(1, len(alarms) // 6)
@@ -100,23 +114,20 @@ def _curves(axis, part: pd.DataFrame, contest: str, rows: pd.DataFrame) -> None:
     axis.set(xlabel="Told of those who stand", aspect="equal")
 
 
-def _areas(axis, rows: pd.DataFrame) -> None:
-    """Areas under the curves with their intervals, one line per measure; the name stands at the left alone."""
-    axis.axvline(0.5, color="#bbbbbb", linewidth=0.8, zorder=0)
-    for number, name in enumerate(DRAWN):
+def _values(axis, rows: pd.DataFrame, column: str, nothing: float) -> None:
+    """Values of a column with their intervals, one line per measure; `nothing` is what says nothing."""
+    axis.axvline(nothing, color="#bbbbbb", linewidth=0.8, zorder=0)
+    names = [name for name in DRAWN if name != KNOWN]
+    for number, name in enumerate(names):
         if name not in rows.index:
             continue
         row, colour = rows.loc[name], _look(number)["color"]
-        if row["auc_low"] == row["auc_low"] and row["auc_low"] is not None:
-            axis.plot([row["auc_low"], row["auc_high"]], [number] * 2, color=colour, linewidth=1.2)
-        axis.plot(row["auc"], number, marker=_MARKERS[number] or "|", color=colour, markersize=4.5)
-    axis.set_yticks(range(len(DRAWN)), [name.replace("_", " ") for name in DRAWN])
-    axis.set(
-        ylim=(len(DRAWN) - 0.5, -0.5),
-        xlim=(-0.03, 1.03),
-        xticks=[0.0, 0.5, 1.0],
-        xlabel="Area under the curve",
-    )
+        axis.plot(
+            row[[f"{column}_low", f"{column}_high"]].astype(float), [number] * 2, color=colour, linewidth=1.2
+        )
+        axis.plot(row[column], number, marker=_MARKERS[number] or "|", color=colour, markersize=4.5)
+    axis.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    axis.set(ylim=(len(names) - 0.5, -0.5))
 
 
 COLOURS = {"unperturbed": SEGMENTS["thorax"], "perturbed": SEGMENTS["pelvis"]}
