@@ -160,8 +160,13 @@ def sample_size(
     paired: bool = False,
     power: float = 0.8,
     significance: float = 0.05,
+    pilot_df: float | None = None,
+    assurance: float = 0.8,
 ) -> int:
     """Return how many persons (of each group; altogether if paired) a study needs to see a difference.
+
+    Standard deviations from a pilot are uncertain: planned with them as they are, fewer than half of all studies have the power
+    wanted. With `pilot_df` the size is the one that has it in a share `assurance` of pilots.
 
     Parameters
     ----------
@@ -180,6 +185,9 @@ def sample_size(
         Probability to see the difference.
     significance : float
         Level of the two-sided t test on the persons' means.
+    pilot_df : float, optional
+        Degrees of freedom with which the standard deviations were estimated (``df`` in the table ``measure_comparison``: the
+        pilot's persons less its groups); without them they count as known.
 
     Raises
     ------
@@ -191,8 +199,10 @@ def sample_size(
     >>> import lumbar
     >>> lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=1), lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=5)
     (27, 19)
+    >>> lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=5, pilot_df=18)  # a pilot of 10 + 10 persons
+    26
     """
-    from lumbar.lifting.population.sample_size import MOST_PERSONS, person_mean_sd, persons_needed
+    from lumbar.lifting.population.sample_size import MOST_PERSONS, assured_sd, person_mean_sd, persons_needed
 
     if min(person_sd, trial_sd) < 0 or trials < 1 or not 0 < significance < power < 1:
         raise InputError(
@@ -201,6 +211,12 @@ def sample_size(
         )
     # A paired difference has the trials' scatter of both conditions.
     sd = person_mean_sd(person_sd, trial_sd, trials / 2 if paired else trials)
+    if pilot_df is not None:
+        if not (pilot_df > 0 and 0.5 <= assurance < 1):
+            raise InputError(
+                f"pilot_df {pilot_df:g}, assurance {assurance:g}: pilot_df above 0, assurance from 0.5 to below 1"
+            )
+        sd = assured_sd(sd, pilot_df, assurance)
     found = persons_needed(difference, sd, paired=paired, power_wanted=power, significance=significance)
     if found is None:
         raise InputError(f"difference {difference:g}: more than {MOST_PERSONS} persons would be needed")

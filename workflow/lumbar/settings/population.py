@@ -23,6 +23,12 @@ class PopulationSettings:
         "The same by measure, in the measure's unit, e.g. {margin_of_stability: 0.01}.", default={}
     )
     power: float = key("Probability to see it.", default=0.8, within="(0.05, 1)")
+    assurance: float = key(
+        "Probability that a study of the assured size has that power, over how the standard deviations of the people here may be "
+        "off.",
+        default=0.8,
+        within="[0.5, 1)",
+    )
     significance: float = key(
         "Level of the two-sided test that a study is planned for.", default=0.05, within="(0, 0.5)"
     )

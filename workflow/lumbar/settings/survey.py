@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from lumbar.settings.key import NAME, UNIQUE, Word, key, required, section, settings
 
@@ -81,10 +81,6 @@ class SurveySettings:
     )
     baseline: str = key(
         "Static model of layout.models; the best picks are also compared without it.", default="IL"
-    )
-    zeros: Literal["pratt", "wilcox"] = key(
-        "Zero differences in Wilcoxon's test: ranked and then dropped (pratt), or dropped first (wilcox).",
-        default="pratt",
     )
     confidence: float = key("Confidence of all intervals.", default=0.95, within="[0.5, 0.999]")
     resamples: int = key(

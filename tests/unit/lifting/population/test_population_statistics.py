@@ -14,7 +14,12 @@ from lumbar.lifting.population.contrast import (
     percent_interval,
     within_persons,
 )
-from lumbar.lifting.population.sample_size import detectable_difference, persons_needed, power
+from lumbar.lifting.population.sample_size import (
+    assured_sd,
+    detectable_difference,
+    persons_needed,
+    power,
+)
 from lumbar.lifting.population.variance_components import PersonMeans, change_components, variance_components
 from lumbar.settings.population import PopulationSettings
 from simulated_people import UNEQUAL, draw_group, draw_pair
@@ -222,10 +227,32 @@ def test_planning_says_how_many_persons(table, compared):
     for trials in (1, 3, 5):
         name = f"persons_with_{trials}_trial{'s' * (trials > 1)}"
         assert margin[name] == lumbar.sample_size(margin["sought"], trials=trials, **scatter)
+        freedom = (
+            compared.table.frame.set_index(["measure", "comparison"])
+            .loc[("margin", "expert_vs_novice"), "df"]
+            .iloc[0]
+        )
+        assured = lumbar.sample_size(margin["sought"], trials=trials, pilot_df=freedom, **scatter)
+        assert margin[f"{name}_assured"] == assured
+        assert margin[f"{name}_low"] <= margin[name] <= assured <= margin[f"{name}_high"]
     wanted = PopulationSettings(detect={"margin": 3.0})
     assert lumbar.compare_groups(table, settings=wanted).planning.frame["sought"].iloc[0] == 3.0
     with pytest.raises(InputError, match="no measure gait; measures: margin, moment, sway"):
         _ = lumbar.compare_groups(table, settings=PopulationSettings(detect={"gait": 1.0})).planning
+
+
+def test_studies_of_the_assured_size_have_the_power_in_the_share_asked_for():
+    """Pilots of 10 + 10 persons, a true difference of 1 and scatter of 1: 80 % of the assured, fewer than half of the others."""
+    rng, held = np.random.default_rng(3), {"as found": 0, "assured": 0}
+    for _ in range(300):
+        pilot = rng.normal(size=(2, 10))
+        found = np.sqrt(pilot.var(axis=1, ddof=1).mean())
+        sizes = persons_needed(1.0, found), persons_needed(1.0, assured_sd(found, 18, 0.8))
+        for name, persons in zip(held, sizes, strict=True):
+            held[name] += power(1.0, 1.0, persons) >= 0.8
+    assert held["as found"] < 0.5 * 300 and 0.74 * 300 <= held["assured"] <= 0.86 * 300
+    # Against the quantile written out, and the interval's share of true values.
+    assert assured_sd(1.0, 18, 0.8) == pytest.approx(np.sqrt(18 / stats.chi2.ppf(0.2, 18)))
 
 
 def test_picture_has_the_safer_group_on_its_side(compared):

@@ -11,6 +11,7 @@ from scipy import stats
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings, read_ratings
 from lumbar.settings.survey import SurveySettings
+from lumbar.tissue.survey import paired_analysis
 from lumbar.tissue.survey.best_picks import equal_shares_test, pick_shares
 from lumbar.tissue.survey.paired_analysis import (
     EXACT_LIMIT,
@@ -229,7 +230,7 @@ def test_superiority_counts_all_pairs_of_ratings(ratings):
 
 
 def test_bootstrap_interval_agrees_with_resampling_rows_one_by_one(ratings):
-    result = compare_pairs(ratings, "pratt", 0.95, 20_000, 1)[-1]
+    result = compare_pairs(ratings, 0.95, 20_000, 1)[-1]
     random = np.random.default_rng(99)
     values = []
     for _ in range(3000):
@@ -251,12 +252,12 @@ def test_equal_models_are_shown_equivalent_only_with_enough_participants():
     random = np.random.default_rng(4)
     for number, equivalent in ((20, False), (6000, True)):
         scores = random.integers(1, 6, (number, 3))
-        assert compare_pairs(made(scores), "pratt", 0.95, 2000, 1)[0].equivalent(0.06) is equivalent
+        assert compare_pairs(made(scores), 0.95, 2000, 1)[0].equivalent(0.06) is equivalent
 
 
 def test_equivalence_is_two_one_sided_tests():
     # Both tests at 0.05 pass where the interval of 90 % lies inside; that of 95 % may reach out.
-    result = compare_pairs(made([[1, 2, 3], [3, 2, 1]]), "pratt", 0.95, 1000, 1)[0]
+    result = compare_pairs(made([[1, 2, 3], [3, 2, 1]]), 0.95, 1000, 1)[0]
     inside = replace(result, low=0.43, narrow_low=0.45, narrow_high=0.55, high=0.57)
     assert inside.equivalent(0.06)
     assert not replace(inside, narrow_high=0.57).equivalent(0.06)
@@ -336,6 +337,21 @@ def test_equivalence_is_not_claimed_from_a_large_p(ratings, settings):
     assert any(note.startswith("KB and HO") and "is not equivalence" in note for note in table.notes)
 
 
+def test_what_hangs_on_the_treatment_of_zeros_is_said_to():
+    # Fifteen alike; of the others fifteen up and five down.
+    first = np.r_[[3] * 15, [4] * 13, [5] * 2, [2] * 4, [1]]
+    scores = np.column_stack([first, [3] * 35, [1, 2, 3, 4, 5] * 7])
+    pair = compare_pairs(made(scores), 0.95, 1000, 1)[0]
+    difference = first - 3
+    assert pair.test.p_value == signed_rank_test(difference, "pratt").p_value
+    assert pair.test_without_zeros.p_value == signed_rank_test(difference, "wilcox").p_value
+    assert pair.test.p_value != pytest.approx(pair.test_without_zeros.p_value, rel=0.05)
+    told = replace(pair, p_holm=0.034, p_holm_without_zeros=0.054)
+    assert any("not decided" in note for note in paired_analysis._notes(made(scores), [told], 0.06))
+    told = replace(pair, p_holm=0.034, p_holm_without_zeros=0.044)
+    assert not any("not decided" in note for note in paired_analysis._notes(made(scores), [told], 0.06))
+
+
 def test_answers_that_do_not_differ_are_refused():
     same = made([[3, 3, 3]] * 10)
     with pytest.raises(NumericalError, match="nothing to rank"):
@@ -349,7 +365,7 @@ def test_answers_that_do_not_differ_are_refused():
 def test_two_constant_models_among_others_do_not_break_the_tests():
     ratings = made(np.column_stack([np.full(9, 3), np.full(9, 3), np.tile([1, 2, 5], 3)]))
     assert mann_whitney(ratings)[0] == 1.0
-    assert compare_pairs(ratings, "pratt", 0.95, 1000, 1)[0].test.p_value == 1.0
+    assert compare_pairs(ratings, 0.95, 1000, 1)[0].test.p_value == 1.0
 
 
 @pytest.mark.parametrize("participants", [2, 4500])

@@ -9,7 +9,12 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.population.comparison import Comparison
-from lumbar.lifting.population.sample_size import detectable_difference, persons_needed
+from lumbar.lifting.population.sample_size import (
+    assured_sd,
+    detectable_difference,
+    persons_needed,
+    sd_interval,
+)
 from lumbar.lifting.population.variance_components import FEWEST_PERSONS
 from lumbar.tables.table import Table
 
@@ -34,7 +39,7 @@ _COMPARISON = {
     "df": "degrees of freedom: persons − 2 with groups of equal size, otherwise Satterthwaite's with a scatter for each; "
     "persons − 1 within persons",
     "p": "two-sided p value of no difference",
-    "p_holm": "the same adjusted after Holm for all measures of this comparison and box",
+    "p_holm": "the same adjusted after Holm over all measures and planes of this comparison and box (the note says how many)",
     "percent": "100(first − second)/second, where the second mean is positive",
     "percent_low": "lower end of its 95 % interval (Fieller)",
     "percent_high": "upper end",
@@ -65,7 +70,8 @@ def comparison_table(comparisons: Sequence[Comparison], data: str) -> Table:
     frame = pd.DataFrame([_row(item) for item in comparisons], columns=list(_COMPARISON))
     numbers = frame.columns[frame.columns.get_loc("low") : frame.columns.get_loc("safer")]
     frame = frame.astype(dict.fromkeys(numbers, float))
-    adjusted = frame.groupby(["comparison", "box_mass_kg"], sort=False)["p"].transform(_holm)
+    families = frame.groupby(["comparison", "box_mass_kg"], sort=False)["p"]
+    adjusted, sizes = families.transform(_holm), sorted(set(families.count()))
     return Table(
         title="What differs between groups of people and between their boxes.",
         frame=frame.assign(p_holm=adjusted),
@@ -74,6 +80,8 @@ def comparison_table(comparisons: Sequence[Comparison], data: str) -> Table:
         notes=(
             f"No interval rests on fewer than {FEWEST_PERSONS} persons of a group. Trials of one person are no people: they "
             "make the person's mean more certain and nothing else",
+            f"Holm's adjustment is made within families of {' or '.join(map(str, sizes))} tests, one family for each comparison "
+            "and box; over several families together chance has more to choose from",
         ),
         decimals={"df": 1, "p": 4, "p_holm": 4}
         | dict.fromkeys(("percent", "percent_low", "percent_high"), 1),
@@ -149,21 +157,33 @@ def planning_table(comparisons: Sequence[Comparison], settings: PopulationSettin
     }
     text = (
         f"persons (of each group; altogether within persons) with {{}} trials each, at each box, that see the difference "
-        f"sought with a power of {settings.power:g} at the level {settings.significance:g} (noncentral t on person means)"
+        f"sought with a power of {settings.power:g} at the level {settings.significance:g} (noncentral t on person means), were "
+        "the standard deviation known"
     )
-    columns = [*list(_PLANNING)[:-1], *needed, "remark"]
+    further = {
+        "_low": "the same with the standard deviation's lower 95 % limit",
+        "_high": "with its upper one",
+        "_assured": f"with what it stays below with a probability of {settings.assurance:g}: the size to plan with",
+    }
+    texts = {
+        name + end: said
+        for name, count in needed.items()
+        for end, said in {"": text.format(count), **further}.items()
+    }
+    columns = [*list(_PLANNING)[:-1], *texts, "remark"]
     frame = pd.DataFrame([_planning_row(item, settings, needed) for item in comparisons], columns=columns)
     numbers = frozenset(columns[columns.index("person_sd") : -1])
     # Counts with empty cells: as objects they print as whole numbers.
-    frame = frame.astype(dict.fromkeys(numbers - set(needed), float) | dict.fromkeys(needed, object))
+    frame = frame.astype(dict.fromkeys(numbers - set(texts), float) | dict.fromkeys(texts, object))
     return Table(
         title="How many people, with how many trials each, a study needs to see a difference.",
         frame=frame,
-        definitions=_PLANNING | {name: text.format(count) for name, count in needed.items()},
+        definitions=_PLANNING | texts,
         data=data,
         notes=(
-            "Standard deviations estimated from few persons are themselves uncertain: with 10 + 10 persons the numbers "
-            "needed may be off by a factor of two",
+            "Standard deviations estimated from few persons are themselves uncertain, and with them the numbers needed: planned "
+            "with the standard deviation as found, fewer than half of all studies have the power wanted. "
+            "Uncertainty of the sought difference, where it is a share of a mean, is left out",
         ),
         may_be_empty=numbers,
     )
@@ -187,7 +207,13 @@ def _planning_row(item: Comparison, settings: PopulationSettings, needed: dict[s
     }
     for name, trials in needed.items():
         planned = _planned_sd(item, trials)
-        row[name] = persons_needed(sought, planned, **options) if planned and sought > 0 else None
+        if planned and sought > 0:
+            row[name] = persons_needed(sought, planned, **options)
+        if row.get(name) and known:
+            freedom = item.contrast.freedom
+            low, high = sd_interval(planned, freedom)
+            sds = {"_low": low, "_high": high, "_assured": assured_sd(planned, freedom, settings.assurance)}
+            row |= {name + end: persons_needed(sought, value, **options) for end, value in sds.items()}
     return row
 
 

@@ -9,6 +9,7 @@ from lumbar.lifting.population.variance_components import FEWEST_PERSONS
 
 MOST_PERSONS = 100_000
 """Persons (of each group) beyond which a study is called out of reach."""
+CONFIDENCE = 0.95
 
 
 def person_mean_sd(person_sd: float, trial_sd: float, trials: float) -> float:
@@ -83,6 +84,30 @@ def persons_needed(
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
     return high
+
+
+def sd_interval(sd: float, freedom: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return the interval of a standard deviation that was estimated with some degrees of freedom (chi-square).
+
+    Examples
+    --------
+    >>> [round(end, 2) for end in sd_interval(1.0, 18)]  # a pilot of 10 + 10 persons
+    [0.76, 1.48]
+    """
+    from scipy.stats import chi2
+
+    tails = (1 + confidence) / 2, (1 - confidence) / 2
+    low, high = (float(sd * np.sqrt(freedom / chi2.ppf(tail, freedom))) for tail in tails)
+    return low, high
+
+
+def assured_sd(sd: float, freedom: float, assurance: float) -> float:
+    """Return what the true standard deviation stays below with a probability of `assurance`, by a pilot with `freedom`.
+
+    A study planned with it has the power wanted in so many of the pilots; planned with the pilot's own, in fewer than half
+    (Browne, *Statistics in Medicine* 14, 1995, 1933-1940).
+    """
+    return sd_interval(sd, freedom, 2 * assurance - 1)[1]
 
 
 def detectable_difference(

@@ -215,9 +215,12 @@ class PairedComparison:
     lower: int
     """`higher`, `equal`, `lower`: participants who rated the first model higher than, like, or lower than the second."""
     test: SignedRank
-    """Wilcoxon's test of the differences."""
+    """Wilcoxon's test of the differences, the zeros among them ranked (Pratt)."""
     p_holm: float
     """Its p-value after Holm's correction over all pairs."""
+    test_without_zeros: SignedRank
+    """The same with zero differences dropped first (Wilcoxon)."""
+    p_holm_without_zeros: float
     superiority: float
     """Vargha and Delaney's Â of the first model over the second."""
     low: float
@@ -233,18 +236,21 @@ class PairedComparison:
         return 0.5 - margin <= self.narrow_low and self.narrow_high <= 0.5 + margin
 
 
-def compare_pairs(
-    ratings: Ratings, zeros: str, confidence: float, resamples: int, seed: int
-) -> list[PairedComparison]:
-    """Compare every pair of models within participants, in the order of `lumbar.tissue.survey.table_3_2.pairs`."""
+def compare_pairs(ratings: Ratings, confidence: float, resamples: int, seed: int) -> list[PairedComparison]:
+    """Compare every pair of models within participants, in the order of `lumbar.tissue.survey.table_3_2.pairs`.
+
+    Both ways to treat zero differences are computed: none is wrong, and a result that hangs on one is none.
+    """
     differences = {pair: ratings.of(pair[0]) - ratings.of(pair[1]) for pair in pairs(ratings)}
-    tests = {pair: signed_rank_test(difference, zeros) for pair, difference in differences.items()}
-    adjusted = holm(np.array([test.p_value for test in tests.values()]))
+    ranked, dropped = ([signed_rank_test(item, zeros) for item in differences.values()] for zeros in ZEROS)
+    adjusted, adjusted_dropped = (
+        holm(np.array([test.p_value for test in tests])) for tests in (ranked, dropped)
+    )
     counts = dict(zip(ratings.models, ratings.counts(), strict=True))
     drawn = np.moveaxis(resampled_counts(ratings, resamples, [seed, 1]), 1, 0)
     samples = dict(zip(ratings.models, drawn, strict=True))
     comparisons = []
-    for (pair, difference), p_holm in zip(differences.items(), adjusted, strict=True):
+    for number, (pair, difference) in enumerate(differences.items()):
         low, narrow_low, narrow_high, high = superiority_interval(
             samples[pair[0]], samples[pair[1]], confidence
         )
@@ -255,8 +261,10 @@ def compare_pairs(
                 higher=int((difference > 0).sum()),
                 equal=int((difference == 0).sum()),
                 lower=int((difference < 0).sum()),
-                test=tests[pair],
-                p_holm=float(p_holm),
+                test=ranked[number],
+                p_holm=float(adjusted[number]),
+                test_without_zeros=dropped[number],
+                p_holm_without_zeros=float(adjusted_dropped[number]),
                 superiority=float(vargha_delaney(counts[pair[0]], counts[pair[1]])),
                 low=float(low),
                 high=float(high),
@@ -285,6 +293,8 @@ def paired_table(
             "rank_sum_expected": [item.test.expected for item in comparisons],
             "p_wilcoxon": [item.test.p_value for item in comparisons],
             "p_holm": [item.p_holm for item in comparisons],
+            "p_without_zeros": [item.test_without_zeros.p_value for item in comparisons],
+            "p_holm_without_zeros": [item.p_holm_without_zeros for item in comparisons],
             "distribution": ["exact" if item.test.exact else "normal" for item in comparisons],
             "A": [item.superiority for item in comparisons],
             "A_low": [item.low for item in comparisons],
@@ -304,10 +314,6 @@ def paired_table(
 
 def _definitions(settings: SurveySettings) -> dict[str, str]:
     percent = f"{100 * settings.confidence:g} %"
-    zeros = {
-        "pratt": "zero differences are ranked with the others and their ranks dropped (Pratt)",
-        "wilcox": "zero differences are dropped before ranking (Wilcoxon)",
-    }[settings.zeros]
     bound = f"{percent} percentile bootstrap interval of A, {settings.resamples} samples of participants"
     margin = settings.negligible_A
     return {
@@ -318,8 +324,11 @@ def _definitions(settings: SurveySettings) -> dict[str, str]:
         "a_lower": "Participants who rated the first model lower",
         "rank_sum": "Wilcoxon's signed-rank statistic: sum of the ranks of the positive differences",
         "rank_sum_expected": "Its mean if the two models were rated alike",
-        "p_wilcoxon": f"Two-sided p-value of Wilcoxon's signed-rank test; {zeros}",
+        "p_wilcoxon": "Two-sided p-value of Wilcoxon's signed-rank test; zero differences are ranked with the others and their "
+        "ranks dropped (Pratt)",
         "p_holm": "The same after Holm's correction over all pairs",
+        "p_without_zeros": "As p_wilcoxon, with zero differences dropped before ranking (Wilcoxon): neither way is wrong",
+        "p_holm_without_zeros": "The same after Holm's correction over all pairs",
         "distribution": "exact: distribution counted over all signs of the tied ranks; normal: approximation",
         "A": "Vargha and Delaney's A: probability that a rating of the first model exceeds one of the second, ties half; 0.5 "
         "is no difference",
@@ -337,6 +346,11 @@ def _notes(ratings: Ratings, comparisons: list[PairedComparison], margin: float)
         f"freedom, p = {overall.p_value:#.2g}; Kendall's W = {concordance:.3f}; {len(ratings)} participants."
     ]
     for item in comparisons:
+        if (item.p_holm < 0.05) != (item.p_holm_without_zeros < 0.05):
+            notes.append(
+                f"{item.first} and {item.second}: whether they differ hangs on how zero differences are treated (adjusted p "
+                f"{item.p_holm:#.2g} with their ranks, {item.p_holm_without_zeros:#.2g} without): not decided."
+            )
         if item.test.p_value >= 0.05 and not item.equivalent(margin):
             notes.append(
                 f"{item.first} and {item.second}: p = {item.test.p_value:#.2g} is not equivalence; A may lie anywhere from "

@@ -43,7 +43,7 @@ def analyse_survey(ratings: Ratings, settings: SurveySettings, seed: int, data: 
     """
     label = ratings.label(data, settings.note)
     confidence, baseline = settings.confidence, settings.baseline
-    comparisons = compare_pairs(ratings, settings.zeros, confidence, settings.resamples, seed)
+    comparisons = compare_pairs(ratings, confidence, settings.resamples, seed)
     shares = pick_shares(ratings, confidence)
     tables = {
         "table_3_2": table_3_2(ratings, label),
