@@ -48,7 +48,15 @@ RATE = 50.0
 """Instants of the model per second."""
 STATURE = 1.72
 """Where a recording's README states none."""
-CONDITIONS = ("complete", "gaps", "exchanged", "no_T12")
+CONDITIONS = {
+    "complete": ("complete", 0.001),
+    "complete, noise of 2 mm": ("complete", 0.002),
+    "complete, noise of 3 mm": ("complete", 0.003),
+    "gaps": ("gaps", 0.001),
+    "exchanged": ("exchanged", 0.001),
+    "neither T12 nor L5": ("no_T12", 0.001),
+}
+"""What is wrong with the markers, and the noise of each of them in m."""
 HIDDEN_S = 1.0
 
 
@@ -100,8 +108,8 @@ def people(seeds: int) -> None:
     print(f"| markers | {columns} | in 95 %: centre | θ | θ̇ |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     settings, start = study_settings().twin.lifting, time.process_time()
-    for condition in CONDITIONS:
-        rows = np.concatenate([one_person(settings, seed, condition) for seed in range(seeds)])
+    for condition, how in CONDITIONS.items():
+        rows = np.concatenate([one_person(settings, seed, how) for seed in range(seeds)])
         off, inside = np.sqrt(np.mean(rows[:, :6] ** 2, axis=0)), 100 * rows[:, 6:].mean(axis=0)
         shown = ["no result" if np.isnan(value) else f"{value:.1f}" for value in off]
         print(
@@ -111,9 +119,9 @@ def people(seeds: int) -> None:
     print(f"{(time.process_time() - start) / seeds / len(CONDITIONS):.1f} CPU-seconds per person", flush=True)
 
 
-def one_person(settings, seed: int, condition: str) -> np.ndarray:
+def one_person(settings, seed: int, condition: tuple[str, float]) -> np.ndarray:
     """Errors of model and rules in turn, and coverage; one row per centre of mass, over the deposit."""
-    trial = virtual_trial(settings, seed, condition)
+    trial = virtual_trial(settings, seed, *condition)
     recording = MarkerRecording("virtual", trial.time, trial.rate, trial.markers)
     times, nodes = at_nodes(recording, RATE)
     held = (times > trial.events.lift_off) & (times < trial.events.release)

@@ -41,7 +41,7 @@ class VirtualTrial:
     corrupted: slice
 
 
-def virtual_trial(settings, seed: int, what: str = "complete") -> VirtualTrial:
+def virtual_trial(settings, seed: int, what: str = "complete", noise_sd: float = NOISE_SD_M) -> VirtualTrial:
     """One lift of one virtual person; `what` is complete, gaps, exchanged or no_T12."""
     rng = np.random.default_rng([seed, 12])
     name = sorted(settings.lifts)[seed % len(settings.lifts)]
@@ -55,7 +55,7 @@ def virtual_trial(settings, seed: int, what: str = "complete") -> VirtualTrial:
     markers = {}
     for label, values in movement.markers.items():
         part = "pelvis" if label in (*PELVIS, "L5") else "thorax" if label in (*THORAX, "T12") else None
-        noise = rng.normal(0, NOISE_SD_M, values.shape)
+        noise = rng.normal(0, noise_sd, values.shape)
         if part:
             loose = next((sd for word, sd in LOOSE_SD_M.items() if label.endswith(word)), SKIN_SD_M)
             noise += axes[part] @ rng.normal(0, PLACEMENT_SD_M, 3) + loose * _skin(rng, len(values), rate)

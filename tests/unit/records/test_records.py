@@ -1,6 +1,7 @@
 """Column files become validated records, or an error that says where and why."""
 
 import gzip
+import shlex
 
 import numpy as np
 import pytest
@@ -169,6 +170,16 @@ def test_a_hopeless_file_stops_after_some_problems(tmp_path):
 def test_files_without_the_data_needed(tmp_path, text, message):
     with pytest.raises(InputError, match=message):
         read_record(written(tmp_path, text), LAYOUT)
+
+
+@pytest.mark.parametrize("text", ["Zeit;Weg;Kraft\n0,0;1,0;2,0\n", "t,z,f\n0,eins,2\n", "t;z;f\n0;\xb5;2\n"])
+def test_a_file_that_is_laid_out_otherwise_is_led_to_its_import(tmp_path, text):
+    file = tmp_path / "a file's.csv"
+    file.write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError) as caught:
+        read_record(file, LAYOUT)
+    (command,) = (line for line in str(caught.value).splitlines() if "lumbar import" in line)
+    assert shlex.split(command.partition("lumbar import ")[2])[0] == str(file)
 
 
 def test_a_file_that_is_absent(tmp_path):

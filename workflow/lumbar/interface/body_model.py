@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_csv
 from lumbar.interface.verb import Result
@@ -68,10 +70,19 @@ class LiftModel(Result):
                 self.modelled.pendulums.states[row.com, row.plane],
                 self.modelled.pendulums.sd(row.com, row.plane),
             )
-            lost = f"; {row.draws_without_basin} draws without a basin" if row.draws_without_basin else ""
+            area = (
+                f"area {row.mean_area:.4g} rad²/s (95 %: {row.mean_area_low:.4g} to {row.mean_area_high:.4g}"
+            )
+            if np.isnan(row.mean_area):
+                area = f"no basin ({100 * row.no_basin_share:.0f} % of what is possible has none)"
+            elif row.draws_without_basin:
+                area += (
+                    f" where there is a basin; none with a probability of {100 * row.no_basin_share:.0f} %)"
+                )
+            else:
+                area += ")"
             lines.append(
-                f"{row.com}, {row.plane}, {row.sign}: θ {best.angle.mean():+.3f} ± {sd.angle.mean():.3f} rad on average, "
-                f"area {row.mean_area:.4g} rad²/s (95 %: {row.mean_area_low:.4g} to {row.mean_area_high:.4g}{lost})"
+                f"{row.com}, {row.plane}, {row.sign}: θ {best.angle.mean():+.3f} ± {sd.angle.mean():.3f} rad on average, {area}"
             )
         for row in self.markers[self.markers.share_left_out.between(0, 1, inclusive="neither")].itertuples():
             lines.append(f"{row.marker}: {100 * row.share_left_out:.0f} % of its frames are outliers")

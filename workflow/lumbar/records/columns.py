@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import csv
 import os
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -132,7 +133,11 @@ def read_record(
         With file, line or column, what was found and what is allowed; all problems of a file at once.
     """
     path = Path(path)
-    raw, lines = _read_columns(path, layout)
+    size = require_file(path)
+    try:
+        raw, lines = _read_columns(path, layout, size)
+    except InputError as error:
+        raise InputError(f"{error}\n{_ELSEWHERE.format(shlex.quote(str(path)))}") from error
     columns = {role: column for role, column in layout.columns.items() if role in raw}
     with np.errstate(over="ignore"):  # what overflows is refused below, with its place
         scaled = {
@@ -164,9 +169,13 @@ def read_record(
     return record
 
 
-def _read_columns(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int] | None]:
+_ELSEWHERE = "  files of other columns, units, separators, decimal marks or encodings: lumbar import {} --output FOLDER"
+
+
+def _read_columns(
+    path: Path, layout: ColumnLayout, size: int
+) -> tuple[dict[str, np.ndarray], Sequence[int] | None]:
     """Columns by role, and the line of each sample where the format has lines."""
-    size = require_file(path)
     if layout.format == "mat":
         from lumbar.records.matlab_file import load_matlab
 

@@ -6,6 +6,7 @@ from scipy.stats import mannwhitneyu, norm, sem, t
 
 from lumbar.lifting.pushes import roc
 from lumbar.lifting.pushes.roc import (
+    area_interval,
     areas,
     best_threshold,
     cross_validated_rates,
@@ -72,13 +73,11 @@ def test_thresholds_of_other_persons_tell_what_normal_scores_allow():
 def test_the_interval_is_students_for_a_mean_and_within_0_and_1_for_a_share():
     values = np.random.default_rng(2).normal(size=9)
     parts = (values.sum() - values) / 8
-    low, high = jackknife_interval(values.mean(), parts, share=False)
+    low, high = jackknife_interval(values.mean(), parts)
     assert (low, high) == pytest.approx(t.interval(0.95, 8, values.mean(), sem(values)))
-    low, high = jackknife_interval(0.95, np.linspace(0.9, 0.99, 9), share=True)
+    low, high = area_interval(0.95, np.linspace(0.9, 0.99, 9))
     assert 0 < low < 0.95 < high < 1
-    assert (
-        jackknife_interval(1.0, np.ones(9), share=True) is None
-    )  # all pairs ordered rightly: how surely is not known
+    assert area_interval(1.0, np.ones(9)) is None  # all pairs ordered rightly: how surely is not known
 
 
 @pytest.mark.statistical
@@ -97,6 +96,6 @@ def test_intervals_over_persons_cover_the_true_area(persons):
     for seed in range(400):
         scores = sort_scores(*cohort(np.random.default_rng([1, seed]), persons))
         whole = areas(scores, np.ones((1, persons)))[0]
-        low, high = jackknife_interval(whole, areas(scores, left_out(persons)), share=True)
+        low, high = area_interval(whole, areas(scores, left_out(persons)))
         held += low <= true <= high
     assert 368 <= held <= 392

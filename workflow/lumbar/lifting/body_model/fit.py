@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import fftconvolve
 
 from lumbar.lifting.body_model import anatomy
 from lumbar.lifting.body_model.build import LEVEL, TrialModel
@@ -24,6 +25,7 @@ SMALLEST_STEP = 1e-4
 """Metres and radians: smaller steps change nothing."""
 ACCELERATION_S = 0.05
 """Time over which accelerations of a body are alike: their intensity is twice the variance times this."""
+AVERAGED_S = 0.1
 LEAST_INTENSITY = {"m": 0.02, "rad": 0.2}
 FIRST_INTENSITY = {"m": 2.0, "rad": 10.0}
 """Intensity of white acceleration in m²/s³ and rad²/s³: least, and before the trial tells."""
@@ -115,8 +117,16 @@ def _bends(structure: Structure, unknowns: Unknowns) -> dict[str, np.ndarray]:
 
 
 def _intensities(model: TrialModel, unknowns: Unknowns) -> dict[str, float]:
-    """Intensity of white acceleration from the accelerations that the present estimate has."""
-    bends = _bends(model.structure, unknowns)
+    """Intensity of white acceleration from the accelerations that the present estimate has.
+
+    They are means over `AVERAGED_S`: what an estimate that began too lively follows of the markers' noise would confirm itself.
+    """
+    width = max(1, round(AVERAGED_S / model.step))
+    window = np.full((width, 1), 1 / width)
+    bends = {
+        name: fftconvolve(bend, window, mode="valid", axes=0) if len(bend) > width else bend
+        for name, bend in _bends(model.structure, unknowns).items()
+    }
     return {
         name: max(
             LEAST_INTENSITY[unit], 2 * ACCELERATION_S * float(np.mean(bends[name] ** 2)) / model.step**4

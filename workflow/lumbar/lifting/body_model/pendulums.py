@@ -105,7 +105,7 @@ def _states(
 
 COLUMNS = (
     *("com", "plane", "sign", "mean_area", "mean_area_low", "mean_area_high", "mean_area_sd"),
-    *("draws", "draws_without_basin"),
+    *("draws", "draws_without_basin", "no_basin_share"),
 )
 COVERAGE = 0.95
 """Share of the draws that an interval holds."""
@@ -118,8 +118,9 @@ def basin_intervals(
 ) -> pd.DataFrame:
     """Mean basin area of each pendulum with the interval that the body model leaves it: columns `COLUMNS`.
 
-    Draws whose pendulum has no basin (too short, or one that reaches beyond any body) are counted and belong to no interval;
-    NaN where the most probable pendulum has none. `sign` is that of gravity, hanging or inverted.
+    A draw's pendulum may have no basin (too short, or one that reaches beyond any body): ``no_basin_share`` is how probable that
+    is. The interval is one of the area where there is a basin; area and interval are NaN where the most probable pendulum has
+    none. `sign` is that of gravity, hanging or inverted.
     """
     import pandas as pd
 
@@ -136,11 +137,12 @@ def basin_intervals(
     for key, trajectory in best.items():
         found = [areas[id(one)] for one in drawn[key] if id(one) in areas]
         low, high, sd = np.nan, np.nan, np.nan
-        if len(found) > 1:
+        if id(trajectory) in areas and len(found) > 1:
             low, high = np.percentile(found, [50 * (1 - COVERAGE), 50 * (1 + COVERAGE)])
             sd = np.std(found, ddof=1)
         area = areas.get(id(trajectory), np.nan)
-        rows.append((*key, sign, area, low, high, sd, len(found), len(drawn[key]) - len(found)))
+        lost = len(drawn[key]) - len(found)
+        rows.append((*key, sign, area, low, high, sd, len(found), lost, lost / max(1, len(drawn[key]))))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 

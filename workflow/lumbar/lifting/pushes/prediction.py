@@ -20,6 +20,7 @@ from lumbar.lifting.pushes.motion import DepositMotion
 from lumbar.lifting.pushes.roc import (
     SPECIFICITY,
     area,
+    area_interval,
     areas,
     cross_validated_rates,
     jackknife_interval,
@@ -189,8 +190,11 @@ def _interval(whole, scores, less, person, scoring: ScoringSettings) -> tuple[fl
     if len(persons) < scoring.fewest_persons:
         return None, None
     weights = left_out(int(person.max()) + 1)[persons]
-    parts = areas(scores, weights) - (areas(less, weights) if less else 0.0)
-    return jackknife_interval(whole, parts, share=less is None) or (None, None)
+    parts = areas(scores, weights)
+    if less is None:
+        return area_interval(whole, parts) or (None, None)
+    low, high = jackknife_interval(whole, parts - areas(less, weights))
+    return float(low), float(high)
 
 
 def verdict_of(contest: Contest, table: pd.DataFrame, told: Mapping, scoring: ScoringSettings) -> Verdict:

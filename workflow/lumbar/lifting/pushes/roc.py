@@ -66,32 +66,28 @@ def left_out(persons: int) -> np.ndarray:
     return 1.0 - np.eye(persons)
 
 
-def jackknife_interval(whole: float, parts: np.ndarray, share: bool) -> tuple[float, float] | None:
-    """95 % interval of a statistic from its values with one person left out; None where they do not allow one.
+def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Student's 95 % interval of an estimate from those without each person or trial, shape (persons, ...).
 
-    Student's t with one degree of freedom less than persons; that of a share (an area) on the scale of log odds, within 0 and 1.
     Percentiles of a bootstrap of 6 to 20 persons cover 78 to 94 % instead (``benchmarks/population.py``).
-
-    Parameters
-    ----------
-    whole : float
-        The statistic of all persons.
-    parts : numpy.ndarray
-        Shape (persons,): without each of them.
     """
-    from scipy.special import expit, logit
     from scipy.stats import t
 
-    count = len(parts)
-    values = np.r_[whole, parts]
-    values = logit(values) if share else values
+    count = len(left_out)
+    error = np.sqrt((count - 1) * np.var(left_out, axis=0))
+    reach = t.ppf(0.5 + COVERAGE / 2, count - 1) * error
+    return value - reach, value + reach
+
+
+def area_interval(whole: float, parts: np.ndarray) -> tuple[float, float] | None:
+    """Return the same of an area from those without each person, on the scale of log odds; None where one is 0 or 1."""
+    from scipy.special import expit, logit
+
+    values = logit(np.r_[whole, parts])
     if not np.isfinite(values).all():
         return None
-    error = np.sqrt((count - 1) * np.var(values[1:]))
-    reach = t.ppf(0.5 + COVERAGE / 2, count - 1) * error
-    ends = values[0] + reach * np.array([-1.0, 1.0])
-    low, high = expit(ends) if share else ends
-    return float(low), float(high)
+    low, high = (float(expit(end)) for end in jackknife_interval(values[0], values[1:]))
+    return low, high
 
 
 def curve(score: np.ndarray, event: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
