@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
+from lumbar.base.yaml_file import YamlFile, read_yaml, shipped_yaml, way_of
 from lumbar.settings.improvement import is_data
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.expression import parse
@@ -149,15 +149,12 @@ def _carried(
 def shipped_effect(path: Path) -> Effect:
     """Read an effect of the catalogue, which may name hooks.
 
-    What a user's file is searched for (keys that stand twice, equations that cannot be used) is left to the tests: libyaml reads
-    these files in a tenth of the time.
+    What a user's file is searched for (keys that stand twice, equations that cannot be used) is left to the tests.
     """
-    import yaml
-
     from lumbar.tissue.effects.hooks import HOOKS
 
-    content = yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    return _Reading(Problems(f"effect {path.name}"), YamlFile(path.name, content), HOOKS).effect()
+    file = YamlFile(path.name, shipped_yaml(path))
+    return _Reading(Problems(f"effect {path.name}"), file, HOOKS).effect()
 
 
 def check_name(name: str, taken: Collection[str] = ()) -> None:
