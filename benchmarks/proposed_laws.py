@@ -26,10 +26,10 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.law import proposal as law_proposal
 from lumbar.tissue.diagnosis.law.terms import library
 from lumbar.tissue.diagnosis.selection.candidate import evaluate
+from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
-from lumbar.tissue.signals.settling import settling_time
 from tissue_laws import LAWS, UNEVEN, motions, simulate, sines, swept
 
 OVER_NOISE = 10.0

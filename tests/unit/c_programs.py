@@ -15,7 +15,7 @@ import lumbar.tissue.fmu.c
 from lumbar.tissue.fmu.build.compiler import TARGETS, compile_library
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.sources import C_FILES, source_files
-from lumbar.tissue.models.evaluation import NUMPY
+from lumbar.tissue.models.algebra import NUMPY
 
 ON_LINUX = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="runs x86_64 Linux code: use such a machine"

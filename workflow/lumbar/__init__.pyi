@@ -1,7 +1,5 @@
 """What ``import lumbar`` offers, for type checkers: verbs are imported when first used."""
 
-from lumbar.interface.comparison import compare as compare
-from lumbar.interface.comparison import locate as locate
 from lumbar.interface.device import check_fmu as check_fmu
 from lumbar.interface.device import export_fmu as export_fmu
 from lumbar.interface.device import load_models as load_models
@@ -22,6 +20,8 @@ from lumbar.interface.people import compare_groups as compare_groups
 from lumbar.interface.people import sample_size as sample_size
 from lumbar.interface.pushing import push_prediction as push_prediction
 from lumbar.interface.reading import read as read
+from lumbar.interface.refinement import compare as compare
+from lumbar.interface.refinement import locate as locate
 from lumbar.interface.refinement import refine as refine
 from lumbar.interface.study_report import report as report
 from lumbar.interface.surgeons import bandwidth as bandwidth

@@ -8,16 +8,16 @@ import pytest
 from asking import ask, cookie, serving
 
 from lumbar.base.errors import InputError
-from lumbar.page_server import own_tabs, server
+from lumbar.page_server import own_handlers, server
+from lumbar.page_server.own_handlers import MOST_TABS, OwnTabs
 from lumbar.page_server.own_recordings import OwnDiagnosis
-from lumbar.page_server.own_tabs import MOST_TABS, OwnTabs
 from lumbar.page_server.trust import HOST
 from patience import PATIENCE_S, seen
 
 
 @pytest.fixture
 def tabs(monkeypatch):
-    monkeypatch.setattr(own_tabs, "MOST_HELD", 100)
+    monkeypatch.setattr(own_handlers, "MOST_HELD", 100)
     return OwnTabs()
 
 
@@ -62,7 +62,7 @@ def test_many_tabs_may_hold_little(tabs):
 @pytest.fixture
 def small_server(monkeypatch, tmp_path):
     """Start a server that holds 40 MB and waits so long for the rest of a request."""
-    monkeypatch.setattr(own_tabs, "MOST_HELD", 40_000_000)
+    monkeypatch.setattr(own_handlers, "MOST_HELD", 40_000_000)
 
     def start(slowest_s: float):
         monkeypatch.setattr(server, "SLOWEST_S", slowest_s)

@@ -19,7 +19,7 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.cli.command import INTERRUPTED
 from lumbar.page_server.requests import TabRequests
-from lumbar.page_server.served_lifts import ServedLift
+from lumbar.page_server.served_sets import ServedLift
 from lumbar.page_server.server import new_server
 from lumbar.page_server.trust import TOKEN, Visitors
 from lumbar.page_server.waiting import HEIGHT, Sketch

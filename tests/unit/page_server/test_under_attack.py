@@ -14,7 +14,7 @@ from asking import ask, cookie
 from column_files import write_records
 from test_page_socket import packed, sent
 
-from lumbar.page_server.own_tabs import MOST_HELD
+from lumbar.page_server.own_handlers import MOST_HELD
 from lumbar.page_server.trust import HOST, TOKEN, Visitors
 from lumbar.twin.examples import example_records
 from patience import PATIENCE_S, seen

@@ -24,11 +24,11 @@ from lumbar.settings.tissue import BootstrapSettings, TissueSettings
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
 from lumbar.tissue.diagnosis.evidence.evidence import (
     EXCITATION,
+    detectable_effects,
     diagnosis_document,
     gather_evidence,
     write_diagnosis,
 )
-from lumbar.tissue.diagnosis.evidence.ties import detectable_effects
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
@@ -37,11 +37,10 @@ from lumbar.tissue.diagnosis.selection.verdict import runner_up
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.signature import RATES, SHARE, signatures, standard_motion
 from lumbar.tissue.fmu.build.equation_svg import equation_svg
-from lumbar.tissue.identification.metrics import variance_accounted_for
+from lumbar.tissue.identification.metrics import settling_time, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.settling import settling_time
 from lumbar.twin.examples import example_records
 
 SIGMA = 0.02

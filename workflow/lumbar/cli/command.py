@@ -12,7 +12,7 @@ from typing import TextIO, cast
 from lumbar.base.environment import use_one_thread
 from lumbar.base.errors import printable, user_message
 from lumbar.base.files import check_place
-from lumbar.cli import device, explore, lifting, recordings, survey, tissue
+from lumbar.cli import device, explore, lifting, recordings, tissue
 
 COMMANDS = (
     *(recordings.IMPORT, recordings.CHECK),
@@ -20,7 +20,7 @@ COMMANDS = (
     *(tissue.IDENTIFY, tissue.COMPARE, tissue.LOCATE, tissue.DIAGNOSE, tissue.PROPOSE),
     *(explore.EXPLORE, tissue.REFINE, tissue.DOCTOR),
     *(device.DEVICE, device.RENDER, device.EXPORT),
-    survey.SURVEY,
+    tissue.SURVEY,
     *(lifting.NEW_STUDY, recordings.INSPECT, lifting.LIFT, lifting.BASIN),
 )
 """In the thesis's order."""

@@ -22,8 +22,7 @@ from lumbar.cli.tissue import fit_settings, read_folder
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.page_server.own_recordings import OwnDiagnosis
-    from lumbar.page_server.served_lifts import ServedLift
-    from lumbar.page_server.served_sets import ExploredSet
+    from lumbar.page_server.served_sets import ExploredSet, ServedLift
     from lumbar.records.record import Record
     from lumbar.settings.study_settings import StudySettings
     from lumbar.study.study import Study
@@ -166,7 +165,7 @@ def _records_of(study: Study, name: str) -> Sequence[Record]:
 def _lifts_of_folder(options) -> list[ServedLift]:
     """Lifts that the folder ``target`` holds; none where it is a folder of records."""
     from lumbar.interface.lift_page import saved_lifts
-    from lumbar.page_server.served_lifts import ServedLift
+    from lumbar.page_server.served_sets import ServedLift
 
     found = saved_lifts(options.target)
     settings = given_settings(options).stability if found else None
@@ -176,7 +175,7 @@ def _lifts_of_folder(options) -> list[ServedLift]:
 def _lifts_of_study(options) -> list[ServedLift]:
     """Lifts of the study whose file is ``target``, as far as they are made; the others are counted on standard error."""
     from lumbar.interface.lift_page import saved_lifts
-    from lumbar.page_server.served_lifts import ServedLift
+    from lumbar.page_server.served_sets import ServedLift
     from lumbar.study.load_study import load_study_file
 
     study = load_study_file(Path(), options.target, trust=options.trust)

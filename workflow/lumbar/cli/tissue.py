@@ -1,4 +1,4 @@
-"""Commands on tissue tests and the motion behind them: from ``lumbar bandwidth`` to ``lumbar doctor``."""
+"""Commands on tissue tests, the motion behind them and ratings: from ``lumbar bandwidth`` to ``lumbar doctor``; ``survey``."""
 
 from __future__ import annotations
 
@@ -322,4 +322,25 @@ DOCTOR = Command(
         OUTPUT_OR_PRINTED,
         DATA,
     ),
+)
+
+
+def run_survey(options) -> None:
+    """Write tables, figures and survey.json, and print the overall tests."""
+    from lumbar.interface.participants import analyse_survey
+
+    settings = given_settings(options)
+    data = options.data or options.file.name
+    found = analyse_survey(options.file, settings=settings.survey, seed=settings.seed, data=data)
+    found.save(options.output)
+    print(found)
+    print(f"tables and figures are in {options.output}")
+
+
+SURVEY = Command(
+    "survey",
+    "analyse participants' ratings as the thesis did (Table 3.2) and within participants",
+    "lumbar survey survey.csv --output out",
+    run_survey,
+    (path("file", metavar="FILE", help="participants' sheet; survey.layout names its columns"), OUTPUT, DATA),
 )

@@ -1,7 +1,8 @@
-"""The sets of records that the server shows, each with its diagnosis, made once: of a study or folder, and given on the page."""
+"""What the server shows, each made once: sets of records with their diagnosis, of a study, folder or the page; and lifts."""
 
 from __future__ import annotations
 
+import re
 import secrets
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -9,9 +10,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from tornado.routing import PathMatches, Rule
+from tornado.web import RequestHandler
 
 from lumbar.base.progress import going_on
-from lumbar.page_server.background import DRAWING, Job
+from lumbar.interface.lift_page import lift_page
+from lumbar.page_server.background import DRAWING, Job, in_background, page_message
 from lumbar.publishing.explorer.shown import model_key
 
 if TYPE_CHECKING:
@@ -21,6 +27,7 @@ if TYPE_CHECKING:
     from lumbar.publishing.explorer.page import ExplorerPage
     from lumbar.publishing.explorer.shown import ShownModel
     from lumbar.records.record import Record
+    from lumbar.settings.stability import StabilitySettings
 
 
 @dataclass(eq=False)
@@ -148,3 +155,51 @@ class ServedSets:
         name = secrets.token_urlsafe(16)
         self._own[name] = explored
         return f"{RESULT}?set={name}"
+
+
+@dataclass(eq=False)
+class ServedLift:
+    """A saved lift and its page."""
+
+    folder: Path
+    """That `lumbar lift` or a study wrote; its name is the lift's."""
+    settings: StabilitySettings
+    data: str = ""
+    """Words for the source of the data; empty for those of the lift."""
+    _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
+
+    @property
+    def address(self) -> str:
+        """Path of the page on the server."""
+        return f"/lifts/{quote(self.folder.absolute().name)}"
+
+    @cached_property
+    def _html(self) -> str:
+        return lift_page(self.folder, settings=self.settings, data=self.data).to_html()
+
+    def html(self) -> str:
+        """Return the page, made once."""
+        with self._one_at_a_time:
+            return self._html
+
+
+class LiftHandler(RequestHandler):
+    """Answers with the page of a lift, or with why there is none."""
+
+    def initialize(self, lift: ServedLift) -> None:
+        """Take the lift."""
+        self.lift = lift
+
+    async def get(self) -> None:
+        """Answer while other pages go on."""
+        try:
+            self.write(await in_background(self.lift.html))
+        except Exception as error:
+            self.set_status(500)
+            self.set_header("Content-Type", "text/plain; charset=utf-8")
+            self.write(page_message(error))
+
+
+def lift_rules(lifts: Sequence[ServedLift]) -> list[Rule]:
+    """Addresses of the pages of these lifts."""
+    return [Rule(PathMatches(f"{re.escape(lift.address)}$"), LiftHandler, {"lift": lift}) for lift in lifts]

@@ -12,8 +12,7 @@ from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background
 from lumbar.page_server.requests import TabRequests
-from lumbar.page_server.served_lifts import ServedLift, lift_rules
-from lumbar.page_server.served_sets import OWN, RESULT, ExploredSet, ServedSets
+from lumbar.page_server.served_sets import OWN, RESULT, ExploredSet, ServedLift, ServedSets, lift_rules
 from lumbar.page_server.trust import HOST, DoorHandler, Guarded, Outside, Visitors, log_refused
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def new_server(
     from bokeh.application.handlers.function import FunctionHandler
     from bokeh.server.server import Server
 
-    from lumbar.page_server import page_socket
+    from lumbar.page_server import requests
 
     served = ServedSets(sets)
     pages: dict[str, Callable[[Document], ExploredSet | None]] = {
@@ -76,7 +75,7 @@ def new_server(
             port=port,
             address=HOST,
             allow_websocket_origin=[f"{HOST}:{port}", f"localhost:{port}"] if port else None,
-            websocket_max_message_size=page_socket.MOST_BYTES,
+            websocket_max_message_size=requests.MOST_BYTES,
             # What a page is told of its session holds none of its cookies, and is taken from no other hand.
             include_headers=[],
             include_cookies=[],
@@ -113,7 +112,7 @@ def _route(
 
     from lumbar.page_server import waiting
     from lumbar.page_server.own_handlers import own_rules
-    from lumbar.page_server.page_socket import PageSocket
+    from lumbar.page_server.requests import PageSocket
 
     application = server._tornado
     inner = application.wildcard_router.rules

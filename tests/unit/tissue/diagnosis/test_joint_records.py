@@ -16,8 +16,7 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
-from lumbar.tissue.diagnosis.fitting.preparation import prepare
-from lumbar.tissue.diagnosis.fitting.session import with_past
+from lumbar.tissue.diagnosis.fitting.preparation import prepare, with_past
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.law.surface import surfaces
 from lumbar.tissue.diagnosis.law.validation import alternate

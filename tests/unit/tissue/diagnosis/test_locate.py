@@ -12,7 +12,6 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
-from lumbar.tissue.diagnosis.residuals.causes import Cause, causes_sentence, rank_causes
 from lumbar.tissue.diagnosis.residuals.locate import (
     all_records_sentence,
     locate,
@@ -21,7 +20,13 @@ from lumbar.tissue.diagnosis.residuals.locate import (
 )
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import rank_correlation, reversals
 from lumbar.tissue.diagnosis.residuals.residual import Residual, chi_square_p, steady_velocity
-from lumbar.tissue.diagnosis.residuals.residual_tests import cross_correlation, ljung_box
+from lumbar.tissue.diagnosis.residuals.residual_tests import (
+    Cause,
+    causes_sentence,
+    cross_correlation,
+    ljung_box,
+    rank_causes,
+)
 from lumbar.tissue.diagnosis.residuals.time_frequency import (
     EVEN,
     EXCITED,

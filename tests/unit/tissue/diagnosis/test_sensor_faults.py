@@ -17,9 +17,8 @@ from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.tissue.diagnosis.fitting.uncertainty import zero_interval
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model
-from lumbar.tissue.diagnosis.sensors.clock_skew import shift_times
-from lumbar.tissue.diagnosis.sensors.excitation_band import edge_above_floor, within_band
-from lumbar.tissue.diagnosis.sensors.sensor_faults import repair, sensor_faults
+from lumbar.tissue.diagnosis.sensors.position_noise import edge_above_floor, within_band
+from lumbar.tissue.diagnosis.sensors.sensor_faults import repair, sensor_faults, shift_times
 from lumbar.tissue.models.motion import Motion
 
 EFFECTS = ("none", "hardening", "coulomb")

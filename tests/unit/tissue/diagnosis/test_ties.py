@@ -20,7 +20,7 @@ from lumbar.tissue.diagnosis.evidence.discrimination import (
     separating_excitation,
     separation_sentence,
 )
-from lumbar.tissue.diagnosis.evidence.ties import angles_between, complete_linkage, signal_angles
+from lumbar.tissue.diagnosis.evidence.evidence import angles_between, complete_linkage, signal_angles
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit

@@ -13,8 +13,8 @@ from sympy.core.function import AppliedUndef
 from sympy.parsing.latex import parse_latex_lark
 
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
+from lumbar.tissue.models.algebra import Evaluator
 from lumbar.tissue.models.bases import BASES
-from lumbar.tissue.models.evaluation import Evaluator
 from lumbar.tissue.models.expression import symbols
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import FORCE, SIGNALS, SampledMotion

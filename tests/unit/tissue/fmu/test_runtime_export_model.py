@@ -14,7 +14,7 @@ from runtime_models import RANGE, SETTINGS, about, entry, exported, models_json,
 import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.effects.catalogue import CATALOGUES
-from lumbar.tissue.fmu.build.meaning import range_text, sign_text
+from lumbar.tissue.fmu.build.description import range_text, sign_text
 from lumbar.tissue.fmu.conventions import told_meaning
 from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
 from lumbar.tissue.models.model_data import MotionRange, identifier

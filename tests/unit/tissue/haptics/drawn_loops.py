@@ -6,8 +6,7 @@ import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
-from lumbar.tissue.haptics.servo import TissueForce
-from lumbar.tissue.haptics.simulation import difference_equation, simulate
+from lumbar.tissue.haptics.simulation import TissueForce, difference_equation, simulate
 from lumbar.tissue.haptics.ticks.sequence import in_ticks
 
 

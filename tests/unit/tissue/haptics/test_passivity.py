@@ -26,8 +26,7 @@ from lumbar.tissue.haptics.passive_fit import (
 )
 from lumbar.tissue.haptics.passive_models import takes_energy
 from lumbar.tissue.haptics.passivity import damping_at, required_damping
-from lumbar.tissue.haptics.servo import TissueForce
-from lumbar.tissue.haptics.simulation import difference_equation, encoder_ripple, simulate
+from lumbar.tissue.haptics.simulation import TissueForce, difference_equation, encoder_ripple, simulate
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction, undiscretise
 

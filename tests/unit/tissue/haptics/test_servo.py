@@ -20,10 +20,14 @@ from lumbar.tissue.haptics.fmu_step import UnpackedFmu
 from lumbar.tissue.haptics.judgement import analyse
 from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
-from lumbar.tissue.haptics.servo import TissueForce, from_tick_to_tick
-from lumbar.tissue.haptics.simulation import difference_equation, encoder_ripple, simulate
-from lumbar.tissue.haptics.ticks.one_tick import realisation
-from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
+from lumbar.tissue.haptics.simulation import (
+    TissueForce,
+    difference_equation,
+    encoder_ripple,
+    from_tick_to_tick,
+    simulate,
+)
+from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, realisation
 from running import PROJECT
 
 STYLUS = RuntimeSettings().device

@@ -6,8 +6,7 @@ import sympy
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.effects.catalogue import CATALOGUES
-from lumbar.tissue.models.algebra import check_powers, derivative, linear_parts
-from lumbar.tissue.models.evaluation import Evaluator
+from lumbar.tissue.models.algebra import Evaluator, check_powers, derivative, linear_parts
 from lumbar.tissue.models.expression import OPERANDS, expand_sums, parse, symbols, to_text
 from lumbar.tissue.models.printing import c_text, latex, portable, symbol_latex
 

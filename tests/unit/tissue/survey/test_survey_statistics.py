@@ -12,7 +12,6 @@ from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings, read_ratings
 from lumbar.settings.survey import SurveySettings
 from lumbar.tissue.survey import paired_analysis
-from lumbar.tissue.survey.best_picks import equal_shares_test, pick_shares
 from lumbar.tissue.survey.paired_analysis import (
     EXACT_LIMIT,
     compare_pairs,
@@ -23,7 +22,12 @@ from lumbar.tissue.survey.paired_analysis import (
     superiority_interval,
     vargha_delaney,
 )
-from lumbar.tissue.survey.survey_analysis import analyse_survey, describe_participants
+from lumbar.tissue.survey.survey_analysis import (
+    analyse_survey,
+    describe_participants,
+    equal_shares_test,
+    pick_shares,
+)
 from lumbar.tissue.survey.table_3_2 import holm, kruskal_wallis, mann_whitney, modes, pairs, print_p_value
 from study_settings import study_settings
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.fitting.session import in_session
+from lumbar.tissue.diagnosis.fitting.preparation import in_session
 from lumbar.tissue.diagnosis.residuals.locate import residual_of, simulation
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversal_reach, reversals
 from lumbar.tissue.diagnosis.residuals.time_frequency import EVEN, EXCITED, ODD, excited_lines, line_classes

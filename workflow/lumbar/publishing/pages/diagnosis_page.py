@@ -18,8 +18,7 @@ from lumbar.publishing.pages.html import document, figure, heading, listing, par
 from lumbar.publishing.pages.record_pages import LOCATION_CAPTION, comparison_blocks
 from lumbar.tables.words import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
-from lumbar.tissue.diagnosis.evidence.evidence import Evidence, limitations
-from lumbar.tissue.diagnosis.evidence.ties import ALIKE
+from lumbar.tissue.diagnosis.evidence.evidence import ALIKE, Evidence, limitations
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_explained
 from lumbar.tissue.diagnosis.residuals.residual import probability

@@ -20,10 +20,10 @@ from lumbar.tissue.fmu.conventions import RECORD
 from lumbar.tissue.haptics.closed_loop import largest_stable_gain
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import RenderedModel, export_at, render_model, scale_of
-from lumbar.tissue.haptics.servo import TissueForce
 from lumbar.tissue.haptics.simulation import (
     PUSH_MM,
     LoopRun,
+    TissueForce,
     difference_equation,
     encoder_ripple,
     one_step,

@@ -11,6 +11,7 @@ import numpy as np
 from lumbar.base.errors import NumericalError
 from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.device_table import device_text, finite
@@ -47,26 +48,11 @@ class PassiveFits:
 
     def table(self, data: str) -> Table:
         """Return the table model × (free, passive); `data` says where the records come from."""
-        import pandas as pd
-
         names = dict.fromkeys(model.name for model in self.free)
         rows = [row for name in names for row in _rows(name, self)]
         own, servo = self.rates
-        return Table(
-            title="Passive models: what it costs that they give out no energy.",
-            frame=pd.DataFrame(rows, columns=list(_DEFINITIONS)).astype(dict.fromkeys(_OPTIONAL, float)),
-            data=data,
-            definitions=_DEFINITIONS,
-            notes=(
-                device_text(self.settings.device),
-                f"Rate of identification {own:.4g} Hz, of the servo {servo:.4g} Hz; the moving average over as many samples at "
-                "both.",
-                "A model whose force is a sample late, as that of MW is, has Re H of mean 0 and takes energy at every frequency "
-                "only where it is 0.",
-            ),
-            decimals=dict.fromkeys(_OPTIONAL, 2),
-            may_be_empty=_OPTIONAL,
-        )
+        words = {"device": device_text(self.settings.device), "own": own, "servo": servo}
+        return described(__file__, "passive_fits", rows, data, words)
 
     def save(self, folder: Path, data: str) -> None:
         """Write ``passive_models.json`` and the table ``passive_fits``."""
@@ -162,28 +148,6 @@ def takes_energy(structure: TransferFunction) -> bool:
 def _on_device(model: FittedModel, settings: RuntimeSettings, rate: float) -> Analysis:
     device = even(settings.device, settings.device.rate_Hz)
     return analyse(render_model(export_at(model, settings, rate), device), device)
-
-
-_DEFINITIONS = {
-    "model": "Name of the model",
-    "fit": (
-        "free: as identified; passive: a spring and Maxwell branches with stiffnesses of 0 or more, by output error; on the "
-        "device: such that the device of the study is passive with the averaged and held force at that rate, too"
-    ),
-    "consists_of": "Stiffnesses in output unit per input unit, and relaxation times",
-    "takes_energy": "Whether the model takes energy at every frequency, H(1) ≥ 0 and Im H(exp(jωT)) ≥ 0 for 0 < ωT < π",
-    "vaf_percent": "%VAF (Eq. 3.12) of the free run on the training record",
-    "vaf_cost": "Points of %VAF less than the free output-error fit of the same model",
-    "vaf_tests_percent": "Mean %VAF on the other records",
-    "damping_at_own_rate_N_s_m": (
-        "Damping that makes a device passive with the model at the rate of identification; empty where none is enough"
-    ),
-    "damping_at_servo_rate_N_s_m": "The same at the rate of the servo; empty where the model has no counterpart there",
-    "gain_at_servo_rate": "Largest stable gain there, on the device in the hand of the study",
-}
-_OPTIONAL = frozenset(
-    {"vaf_percent", "vaf_cost", "vaf_tests_percent", *(name for name in _DEFINITIONS if "_rate" in name)}
-)
 
 
 def _rows(name: str, fits: PassiveFits) -> list[dict]:

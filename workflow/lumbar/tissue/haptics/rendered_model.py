@@ -13,8 +13,7 @@ from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, aver
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.conventions import work_units
 from lumbar.tissue.haptics.closed_loop import SampledModel
-from lumbar.tissue.haptics.servo import on_servo
-from lumbar.tissue.haptics.simulation import PUSH_MM, Step
+from lumbar.tissue.haptics.simulation import PUSH_MM, Step, on_servo
 from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
 from lumbar.tissue.haptics.ticks.uneven import WorstTiming, worst_timing
 from lumbar.tissue.models.fitted_model import FittedModel

@@ -10,42 +10,17 @@ import numpy as np
 
 from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, export_models, settings_of_thesis
 from lumbar.tissue.fmu.build.reference_response import model_output, reference_output
+from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.signals.settling import settling_time
 
 _WITHIN = 1e-3
 """Share of a sample within which an instant counts as reached, as in ``sampled_force.c``."""
 _DIGITS = 6
 """After the point: less is rounding where a step changes nothing."""
-_COLUMNS = {
-    "model": ("Model", "Name of the model; -thesis as the thesis ran it"),
-    "rate_Hz": ("Rate (Hz)", "Rate at which the file samples the position"),
-    "lag_ms": ("Lag (ms)", "By how much moving average and left-out sample let the position come late"),
-    "fit_error": ("Fit off record (%s)", "RMS difference of the identified model's free run from the record"),
-    "sampling": (
-        "Own sampling (%s)",
-        "RMS change of the force by the file's own sampling: positions in straight lines between the record's samples, and, "
-        "with effects, velocities that know no later sample",
-    ),
-    "average": ("Average (%s)", "RMS change by the moving average over the newest positions"),
-    "late_sample": (
-        "Newest left out (%s)",
-        "RMS change where the average ends with the position before the newest",
-    ),
-    "limit": ("Limit (%s)", "RMS change by the limit and the guards"),
-    "all": ("File off fit (%s)", "RMS difference of the file's force from the identified model's"),
-    "file_error": (
-        "File off record (%s)",
-        "RMS difference of the file's force, read in event mode, from the record",
-    ),
-    "file_error_fmi2": (
-        "Read as FMI 2.0 (%s)",
-        "The same where the feed-through, with effects and guards the whole force, is read a sample late",
-    ),
-}
 
 
 def runtime_error_table(
@@ -59,21 +34,9 @@ def runtime_error_table(
 
     All files are given the position of the record, and `settling_s` seconds at its start do not count.
     """
-    import pandas as pd
-
-    unit = models[0].output.unit
-    return Table(
-        title="What running a model costs: forces of the files on the record of training.",
-        frame=pd.DataFrame([_row(model, record, settings, settling_s) for model in models]),
-        data=data,
-        definitions={name: text for name, (_, text) in _COLUMNS.items()},
-        notes=(
-            f"Record {record.name}. Each step is added to those left of it; as RMS values the changes need not add up. The "
-            "record's noise is in what is off the record, not in the changes.",
-        ),
-        headers={name: words.replace("%s", unit) for name, (words, _) in _COLUMNS.items()},
-        decimals={"rate_Hz": 0, "lag_ms": 1, **dict.fromkeys(list(_COLUMNS)[3:], 3)},
-    )
+    rows = [_row(model, record, settings, settling_s) for model in models]
+    words = {"record": record.name, "unit": models[0].output.unit}
+    return described(__file__, "runtime_error", rows, data, words)
 
 
 def _row(model: FittedModel, record: Record, settings: RuntimeSettings, settling_s: float | None) -> dict:

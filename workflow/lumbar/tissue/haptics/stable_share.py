@@ -10,7 +10,7 @@ from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.passive_fit import Branches
 from lumbar.tissue.haptics.rendered_model import RenderedModel
-from lumbar.tissue.haptics.servo import on_servo
+from lumbar.tissue.haptics.simulation import on_servo
 from lumbar.tissue.haptics.ticks.sequence import in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
-from lumbar.tissue.identification.metrics import FreeRunErrors, normalized_mean_squared_error
+from lumbar.tissue.identification.metrics import FreeRunErrors, normalized_mean_squared_error, settling_time
 from lumbar.tissue.identification.ridge import ReducedRegression, RidgePath
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
-from lumbar.tissue.signals.settling import settling_time
 
 INPUT, OUTPUT = "input", "output"
 

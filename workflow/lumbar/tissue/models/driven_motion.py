@@ -17,8 +17,7 @@ from itertools import chain
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.models.algebra import derivative
-from lumbar.tissue.models.evaluation import Evaluator
+from lumbar.tissue.models.algebra import Evaluator, derivative
 from lumbar.tissue.models.expression import (
     Expression,
     Number,

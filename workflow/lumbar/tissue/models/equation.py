@@ -12,8 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.models.algebra import check_powers, linear_parts
-from lumbar.tissue.models.evaluation import Evaluator
+from lumbar.tissue.models.algebra import Evaluator, check_powers, linear_parts
 from lumbar.tissue.models.expression import (
     OPERANDS,
     Expression,

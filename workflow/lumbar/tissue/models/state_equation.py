@@ -21,8 +21,7 @@ from itertools import repeat
 
 import numpy as np
 
-from lumbar.tissue.models.algebra import derivative
-from lumbar.tissue.models.evaluation import MATH, NUMPY, Evaluator, Functions
+from lumbar.tissue.models.algebra import MATH, NUMPY, Evaluator, Functions, derivative
 from lumbar.tissue.models.expression import (
     COMPARISONS,
     Expression,

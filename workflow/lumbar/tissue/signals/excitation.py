@@ -283,9 +283,7 @@ def signal_properties(
     excitation: Excitation, settings: SignalsSettings, data: str, bandwidths: dict | None = None
 ) -> Table:
     """Table of what each signal is and what it asks of the machine; `bandwidths` are the surgeons', where it follows them."""
-    import pandas as pd
-
-    from lumbar.tables.table import Table
+    from lumbar.tables.described import described
 
     rows = []
     for signal in excitation.signals:
@@ -308,21 +306,8 @@ def signal_properties(
                 "start_jump_mm": float(abs(machine_file(signal)["position_mm"].iloc[0])),
             }
         )
-    return Table(
-        title="Excitation signals of the tissue tests.",
-        frame=pd.DataFrame(rows),
-        definitions=_DEFINITIONS,
-        data=data,
-        notes=(
-            "Peaks are those of the smooth motion through the samples (quintic spline), so between samples "
-            "too; all lie within the testing machine's limits of the study (signals.machine).",
-            "The machine is brought to the first position before the signal is played; signals.ramp_s > 0 "
-            "raises every signal from zero instead.",
-            assumptions(settings),
-            *(_band_in_words(excitation.band, bandwidths, settings) if bandwidths else ()),
-        ),
-        decimals={"duration_s": 0, "rate_Hz": 0, "band_Hz": 2, "crest_factor": 2, "band_power_percent": 2},
-    )
+    band = _band_in_words(excitation.band, bandwidths, settings) if bandwidths else ()
+    return described(__file__, "properties", rows, data, notes=[assumptions(settings), *band])
 
 
 def assumptions(settings: SignalsSettings) -> str:
@@ -349,18 +334,3 @@ def _band_in_words(band: float, bandwidths: dict, settings: SignalsSettings) -> 
         + "; ".join(f"{quantity} {words}" for quantity, words in read.items())
         + ".",
     )
-
-
-_DEFINITIONS = {
-    "signal": "multisine: Eq. 3.1; noise: Gaussian, low-pass filtered without phase shift; chirp: Eq. 3.2",
-    "duration_s": "samples over sampling rate, s",
-    "rate_Hz": "samples per second, Hz",
-    "band_Hz": "upper end of the excited band: band factor times the surgeons' bandwidth, rounded, Hz",
-    "rms_mm": "root mean square about zero, over one period of the multisine, over all of the others, mm",
-    "crest_factor": "peak displacement (of one period of the multisine) over rms_mm",
-    "band_power_percent": "share of the power (mean left out) up to band_Hz, from the Fourier series, %",
-    "peak_displacement_mm": "largest absolute position, mm",
-    "peak_velocity_mm_s": "largest absolute velocity, mm/s",
-    "peak_acceleration_mm_s2": "largest absolute acceleration, mm/s²",
-    "start_jump_mm": "absolute position of the first sample, where the machine has to be before, mm",
-}

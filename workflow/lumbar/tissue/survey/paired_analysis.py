@@ -14,6 +14,7 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.survey.table_3_2 import Overall, holm, pairs, reality_notes
 
@@ -279,64 +280,35 @@ def paired_table(
     ratings: Ratings, comparisons: list[PairedComparison], settings: SurveySettings, data: str
 ) -> Table:
     """Table of the within-subject analysis: one row per pair of models."""
-    import pandas as pd
-
     margin = settings.negligible_A
-    frame = pd.DataFrame(
+    rows = [
         {
-            "model_a": [item.first for item in comparisons],
-            "model_b": [item.second for item in comparisons],
-            "a_higher": [item.higher for item in comparisons],
-            "equal": [item.equal for item in comparisons],
-            "a_lower": [item.lower for item in comparisons],
-            "rank_sum": [item.test.statistic for item in comparisons],
-            "rank_sum_expected": [item.test.expected for item in comparisons],
-            "p_wilcoxon": [item.test.p_value for item in comparisons],
-            "p_holm": [item.p_holm for item in comparisons],
-            "p_without_zeros": [item.test_without_zeros.p_value for item in comparisons],
-            "p_holm_without_zeros": [item.p_holm_without_zeros for item in comparisons],
-            "distribution": ["exact" if item.test.exact else "normal" for item in comparisons],
-            "A": [item.superiority for item in comparisons],
-            "A_low": [item.low for item in comparisons],
-            "A_high": [item.high for item in comparisons],
-            "equivalent": ["yes" if item.equivalent(margin) else "not shown" for item in comparisons],
+            "model_a": item.first,
+            "model_b": item.second,
+            "a_higher": item.higher,
+            "equal": item.equal,
+            "a_lower": item.lower,
+            "rank_sum": item.test.statistic,
+            "rank_sum_expected": item.test.expected,
+            "p_wilcoxon": item.test.p_value,
+            "p_holm": item.p_holm,
+            "p_without_zeros": item.test_without_zeros.p_value,
+            "p_holm_without_zeros": item.p_holm_without_zeros,
+            "distribution": "exact" if item.test.exact else "normal",
+            "A": item.superiority,
+            "A_low": item.low,
+            "A_high": item.high,
+            "equivalent": "yes" if item.equivalent(margin) else "not shown",
         }
-    )
-    return Table(
-        title="Ratings of the force-feedback models compared within participants.",
-        frame=frame,
-        definitions=_definitions(settings),
-        data=data,
-        notes=_notes(ratings, comparisons, margin),
-        decimals=dict.fromkeys(("A", "A_low", "A_high"), 3) | {"rank_sum": 1, "rank_sum_expected": 1},
-    )
-
-
-def _definitions(settings: SurveySettings) -> dict[str, str]:
-    percent = f"{100 * settings.confidence:g} %"
-    bound = f"{percent} percentile bootstrap interval of A, {settings.resamples} samples of participants"
-    margin = settings.negligible_A
-    return {
-        "model_a": "First model of the pair",
-        "model_b": "Second model of the pair",
-        "a_higher": "Participants who rated the first model higher",
-        "equal": "Participants who rated both alike",
-        "a_lower": "Participants who rated the first model lower",
-        "rank_sum": "Wilcoxon's signed-rank statistic: sum of the ranks of the positive differences",
-        "rank_sum_expected": "Its mean if the two models were rated alike",
-        "p_wilcoxon": "Two-sided p-value of Wilcoxon's signed-rank test; zero differences are ranked with the others and their "
-        "ranks dropped (Pratt)",
-        "p_holm": "The same after Holm's correction over all pairs",
-        "p_without_zeros": "As p_wilcoxon, with zero differences dropped before ranking (Wilcoxon): neither way is wrong",
-        "p_holm_without_zeros": "The same after Holm's correction over all pairs",
-        "distribution": "exact: distribution counted over all signs of the tied ranks; normal: approximation",
-        "A": "Vargha and Delaney's A: probability that a rating of the first model exceeds one of the second, ties half; 0.5 "
-        "is no difference",
-        "A_low": f"Lower end of the {bound}",
-        "A_high": "Upper end of the same interval",
-        "equivalent": f"yes: A is shown to lie within 0.5 ± {margin:g} (two one-sided tests at "
-        f"{1 - settings.confidence:.2g})",
+        for item in comparisons
+    ]
+    words = {
+        "percent": 100 * settings.confidence,
+        "resamples": settings.resamples,
+        "margin": margin,
+        "level": 1 - settings.confidence,
     }
+    return described(__file__, "survey_paired", rows, data, words, notes=_notes(ratings, comparisons, margin))
 
 
 def _notes(ratings: Ratings, comparisons: list[PairedComparison], margin: float) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import NOT_REAL, Ratings
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 
 
@@ -127,42 +128,10 @@ def table_3_2(ratings: Ratings, data: str) -> Table:
         by_pair = dict(zip(pairs(ratings), values, strict=True))
         for second in ratings.models[1:]:
             columns[f"{prefix}_vs_{second}"] = [by_pair.get((first, second)) for first in ratings.models]
-    return Table(
-        title="Table 3.2: ratings of the force-feedback models, with the tests of the thesis.",
-        frame=pd.DataFrame(columns),
-        definitions=_definitions(ratings),
-        data=data,
-        notes=_notes(ratings, p_values, adjusted),
-        decimals={"best_percent": 2},
-        may_be_empty=frozenset(name for name in columns if "_vs_" in name),
-        headers=_HEADERS
-        | {name: f"p against {name.rpartition('_')[2]}" for name in columns if "printed" in name},
-        first=tuple(name for name in columns if not name.startswith("p_")),  # the thesis's columns
-    )
-
-
-_HEADERS = {"mode_count": "Times the mode was given", "best_percent": "Picked as the best (%)"}
-
-
-def _definitions(ratings: Ratings) -> dict[str, str]:
-    definitions = {
-        "model": "Force-feedback model",
-        "median": f"Median of the ratings from 1 (strongly disagree) to {ratings.scale_points} (strongly agree) that the "
-        "forces resembled those of the tissue analogue",
-        "mode": "Rating given most often (several: joined by a slash)",
-        "mode_count": "Number of participants who gave the mode",
-        "best_percent": "Share of participants who picked the model as the closest to the analogue, in percent",
-    }
-    for second in ratings.models[1:]:
-        definitions[f"p_vs_{second}"] = (
-            f"p-value of the two-sided Mann-Whitney U-test against {second} (normal approximation, corrected for ties and "
-            "continuity), not adjusted for the number of pairs"
-        )
-        definitions[f"p_holm_vs_{second}"] = (
-            f"The same after Holm's correction over all {len(pairs(ratings))} pairs"
-        )
-        definitions[f"printed_vs_{second}"] = f"p_vs_{second} as the thesis prints it"
-    return definitions
+    words = {"points": ratings.scale_points, "pairs": len(pairs(ratings))}
+    first = tuple(name for name in columns if not name.startswith("p_"))  # the thesis's columns
+    notes = _notes(ratings, p_values, adjusted)
+    return described(__file__, "table_3_2", pd.DataFrame(columns), data, words, notes=notes, first=first)
 
 
 def _notes(ratings: Ratings, p_values: np.ndarray, adjusted: np.ndarray) -> tuple[str, ...]:

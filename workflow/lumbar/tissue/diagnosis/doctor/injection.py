@@ -192,7 +192,7 @@ class Injection:
         """Smallest RMS of the force of which the RMS `least` is visible, to first order.
 
         Visible is what the model's own parameters cannot take up, after whitening, as of
-        `lumbar.tissue.diagnosis.evidence.ties.detectable_effects`. None where they take up all of it.
+        `lumbar.tissue.diagnosis.evidence.evidence.detectable_effects`. None where they take up all of it.
         """
         rms = min(least, self.largest)
         for _ in range(_ROUNDS):

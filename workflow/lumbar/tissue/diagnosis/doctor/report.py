@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.doctor.effect_sizes import CONFIRMED_AT, STRONG, EffectSize
 from lumbar.tissue.diagnosis.doctor.examination import Examination
@@ -12,55 +13,17 @@ from lumbar.tissue.diagnosis.doctor.injection import reaches_floor
 from lumbar.tissue.diagnosis.selection.verdict import effects_text, readable
 from lumbar.tissue.models.model_data import unit_of
 
-_EFFECTS = {
-    "effect": "effect of the catalogue that was put into the records, of which the refined model is the truth",
-    "form": "its mathematical form",
-    "predicted": "smallest RMS of its force that a search would select, to first order",
-    "predicted_over_noise": "the same over the RMS of the noise",
-    "put_in": f"RMS of its force in the records that were diagnosed: {CONFIRMED_AT:g} times the predicted one, or without a "
-    f"prediction {STRONG:g} times the noise, as far as the effect goes",
-    "put_in_over_noise": "the same over the RMS of the noise",
-    "said": "what a blind diagnosis said of them: named (alone), tied or mistaken with or for what, told (as a finding), taken "
-    "up by another base, unexplained, unseen, refused, not excited (these motions do not call it forth)",
-    "parameters": "its parameters in these records",
-    "present": "RMS of its force in the records themselves, where the diagnosis named it",
-    "unit": "of predicted, put_in and present",
-}
-_FAULTS = {
-    "mistake": "what was put into the records as they are",
-    "largest": "the largest size that was tried, where it has one",
-    "said": "what was said of it",
-    "smallest_told": "the smallest size that was told: by a finding, by an effect that means it, or by a refusal",
-    "told_as": "how, in the words of the diagnosis",
-    "not_told": "the largest size that was not told, and what was said in its place",
-}
-
 
 def effects_table(found: Examination, data: str) -> Table:
     """From what size on each effect would be named, as ``doctor.csv`` publishes it."""
-    import pandas as pd
-
-    return Table(
-        title="From what size on effects would be named in these records.",
-        frame=pd.DataFrame([effect_row(item, found) for item in found.effects], columns=list(_EFFECTS)),
-        definitions=_EFFECTS,
-        data=data,
-        notes=tuple(remarks(found)),
-        may_be_empty=frozenset(_EFFECTS) - {"effect", "form", "said", "unit"},
-    )
+    words = {"confirmed_at": CONFIRMED_AT, "strong": STRONG}
+    rows = [effect_row(item, found) for item in found.effects]
+    return described(__file__, "doctor", rows, data, words, notes=remarks(found))
 
 
 def faults_table(found: Examination, data: str) -> Table:
     """Which mistakes of a recording would have been told, as ``doctor_faults.csv`` publishes it."""
-    import pandas as pd
-
-    return Table(
-        title="Which mistakes of a recording would have been told.",
-        frame=pd.DataFrame([fault_row(item) for item in found.faults], columns=list(_FAULTS)),
-        definitions=_FAULTS,
-        data=data,
-        may_be_empty=frozenset({"largest", "smallest_told", "told_as", "not_told"}),
-    )
+    return described(__file__, "doctor_faults", [fault_row(item) for item in found.faults], data)
 
 
 def effect_row(item: EffectSize, found: Examination) -> dict:

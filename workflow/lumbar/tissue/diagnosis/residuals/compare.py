@@ -8,6 +8,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
@@ -238,28 +239,8 @@ def _correlated_samples(signal: np.ndarray) -> int:
 
 def comparison_table(comparisons: list[Comparison], data: str) -> Table:
     """Table of all records, as ``compare.csv`` publishes it."""
-    import pandas as pd
-
-    return Table(
-        title="Free-run simulation against every record.",
-        frame=pd.DataFrame([_row(item) for item in comparisons]),
-        definitions=_DEFINITIONS,
-        data=data,
-        notes=(
-            f"The first {comparisons[0].start:g} s of every record are left out: the initial state is not known.",
-            f"_low, _high: {100 * CONFIDENCE:g} % interval from {RESAMPLES} resamples of blocks of time, of a repeating "
-            "record blocks of its period: what another excitation of the same kind would give.",
-        ),
-        may_be_empty=frozenset(
-            name for name in _DEFINITIONS if name.startswith(("noise_floor", "explainable"))
-        ),
-        headers={
-            "rms": "RMS error",
-            "noise_floor_rms": "RMS of the noise",
-            "explainable_rms": "RMS that is explainable",
-        },
-        first=("record", "unit", "rms", "vaf_percent", "fit_percent", "noise_floor_rms", "explainable_rms"),
-    )
+    words = {"start": comparisons[0].start, "percent": 100 * CONFIDENCE, "resamples": RESAMPLES}
+    return described(__file__, "compare", list(map(_row, comparisons)), data, words)
 
 
 def _row(item: Comparison) -> dict:
@@ -278,29 +259,3 @@ def _row(item: Comparison) -> dict:
         "explainable_percent": item.explainable_percent,
         "explainable_vaf_percent": item.explainable_vaf,
     }
-
-
-_DEFINITIONS = {
-    "record": "record of the set",
-    "samples": "samples that count",
-    "unit": "unit of the output: of rms, mean_residual, noise_floor and explainable_rms",
-    "rms": "root mean square of the residual of the free run",
-    "rms_low": "lower end of the interval",
-    "rms_high": "upper end of the interval",
-    "vaf_percent": "Eq. 3.12: 100 (1 − var(residual)/var(output)), free run",
-    "vaf_low": "lower end of the interval, %",
-    "vaf_high": "upper end of the interval, %",
-    "fit_percent": "Eq. 3.11: 100 (1 − rms(residual)/σ(output)), free run",
-    "fit_low": "lower end of the interval, %",
-    "fit_high": "upper end of the interval, %",
-    "mean_residual": "Eq. 3.10: mean of the absolute residual, free run",
-    "mean_residual_low": "lower end of the interval",
-    "mean_residual_high": "upper end of the interval",
-    "noise_floor_rms": "noise per sample: spread of the periods about their mean without what is structured in it",
-    "noise_floor_low": "lower end of its 95 % interval (χ²)",
-    "noise_floor_high": "upper end of its 95 % interval (χ²)",
-    "noise_floor_from": "record that the noise floor comes from",
-    "explainable_rms": "√(rms² − noise floor²), 0 where the error is below the floor",
-    "explainable_percent": "100 explainable_rms²/var(output)",
-    "explainable_vaf_percent": "100 (1 − explainable_rms²/(var(output) − noise floor²))",
-}

@@ -9,13 +9,12 @@ import numpy as np
 
 from lumbar.base.progress import track
 from lumbar.records.record import Record
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.fitting.session import in_session
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, in_session
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import Folding, fold_periods
-from lumbar.tissue.diagnosis.residuals.causes import Cause, causes_sentence, rank_causes
 from lumbar.tissue.diagnosis.residuals.compare import Comparison, compare_record, settling_samples
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
     cycle_view,
@@ -24,11 +23,18 @@ from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
     reversal_view,
 )
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, steady_velocity
-from lumbar.tissue.diagnosis.residuals.residual_tests import correlation_view, linear_view, whiteness_view
+from lumbar.tissue.diagnosis.residuals.residual_tests import (
+    Cause,
+    causes_sentence,
+    correlation_view,
+    linear_view,
+    rank_causes,
+    whiteness_view,
+)
 from lumbar.tissue.diagnosis.residuals.time_frequency import frequency_view, time_view
+from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.settling import settling_time
 
 VIEWS = (
     time_view,
@@ -241,8 +247,6 @@ def _counted_folding(folding: Folding, first: int) -> Folding | None:
 
 def location_table(locations: list[Location], data: str) -> Table:
     """Share, p-value and sentence of every view of every record, as ``location.csv`` publishes it."""
-    import pandas as pd
-
     rows = [
         {
             "record": location.record,
@@ -254,18 +258,4 @@ def location_table(locations: list[Location], data: str) -> Table:
         for location in locations
         for view in location.views.values()
     ]
-    return Table(
-        title="Where the model fails.",
-        frame=pd.DataFrame(rows),
-        definitions={
-            "record": "record of the set",
-            "view": "what the error is seen along",
-            "share": "share of the explainable error's variance (of all of it where the noise is unknown) that the view "
-            "accounts for, noise taken off; views overlap, shares do not add up",
-            "p_value": "probability that noise alone shows as much",
-            "finding": "the view in words",
-        },
-        data=data,
-        decimals={"share": 3},
-        may_be_empty=frozenset({"share"}),
-    )
+    return described(__file__, "location", rows, data)

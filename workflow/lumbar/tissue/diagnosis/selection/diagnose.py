@@ -9,9 +9,8 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
-from lumbar.tissue.diagnosis.linear.linear_base import linear_base
 from lumbar.tissue.diagnosis.linear.linear_dynamics import nonlinear_share
-from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base
+from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base, linear_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base, is_adequate, refit
 from lumbar.tissue.diagnosis.selection.findings import (
     apparent_zeros,

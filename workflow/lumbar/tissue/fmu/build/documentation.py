@@ -6,19 +6,21 @@ from collections.abc import Sequence
 
 from lumbar import __version__
 from lumbar.base.templates import template
-from lumbar.tissue.fmu.build.description import AUTHOR, model_version, variables
+from lumbar.tissue.fmu.build.description import (
+    AUTHOR,
+    feedthrough_text,
+    gain_text,
+    guards_text,
+    model_version,
+    range_text,
+    rate_text,
+    sign_text,
+    variables,
+)
 from lumbar.tissue.fmu.build.effect_model import Term
 from lumbar.tissue.fmu.build.equation_svg import equation_svg
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
-from lumbar.tissue.fmu.build.meaning import (
-    feedthrough_text,
-    gain_text,
-    guards_text,
-    range_text,
-    rate_text,
-    sign_text,
-)
 from lumbar.tissue.fmu.build.reference_response import reference_plot, reference_push
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place

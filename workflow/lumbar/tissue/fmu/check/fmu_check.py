@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import Problems
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.description import FMI_VERSIONS
 from lumbar.tissue.fmu.build.export_model import ExportModel
@@ -152,17 +153,8 @@ def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int)
 def check_table(checks: list[Check], data: str, seed: int) -> Table:
     """Return the table of checked FMUs.
 
-    Parameters
-    ----------
-    checks : list of Check
-        Passed checks, as `lumbar.tissue.fmu.check.fmu_check.check_fmus` returns them.
-    data : str
-        Where the models' data come from.
-    seed : int
-        Seed of the test input.
+    `data` says where the models' data come from; `seed` is that of the test input.
     """
-    import pandas as pd
-
     rows = [
         {
             "file": check.file,
@@ -182,46 +174,14 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
         }
         for check in checks
     ]
-    first = checks[0]
-    unit = first.model.output.unit
-    return Table(
-        title="FMUs of the identified models and their checks.",
-        frame=pd.DataFrame(rows),
-        data=data,
-        definitions={
-            "file": "FMU, a co-simulation unit",
-            "model": "Name of the model",
-            "fmi_version": "Version of the FMI standard",
-            "rate_Hz": "Rate at which the FMU samples its input",
-            "averaged": "Samples of the moving average on the input; those of -thesis end with the one before the newest",
-            "states": "Numbers kept from sample to sample; for linear models the states of Eq. 3.17",
-            "largest_pole": "Largest magnitude of a pole of the discrete model",
-            "stable": (
-                "Whether all poles lie inside the unit circle; "
-                "the output of an unstable model runs into its limit"
-            ),
-            "feedthrough": (
-                "When the input of a sample acts in the output (D of Eq. 3.18): at once (FMI 3.0 event mode) "
-                "or one sample late (FMI 2.0, where a client sets the input after it has read the output); "
-                "none where D = 0"
-            ),
-            "schema_problems": "Problems found by fmpy's validation against the standard's schema",
-            "lint_problems": "Problems found in files, names, token and bounds",
-            "largest_output": f"Largest magnitude of the reference output in {unit}",
-            "relative_error": (
-                f"Largest difference over {first.samples} samples between the FMU, played through fmpy, and "
-                "the model in Python (scipy's lfilter; with effects, sample by sample) with the same moving average; "
-                "relative to largest_output"
-            ),
-            "tolerance": (
-                "What relative_error may be at most: 1e-12, or the bound of rounding errors where larger"
-            ),
-        },
-        notes=(
-            f"Test input: a random walk (seed {seed}) that drives the output to 80 % of its limit of "
-            f"{first.model.output_limit:g} {unit}.",
-        ),
-    )
+    first = checks[0].model
+    words = {
+        "seed": seed,
+        "samples": checks[0].samples,
+        "unit": first.output.unit,
+        "limit": first.output_limit,
+    }
+    return described(__file__, "fmu_checks", rows, data, words)
 
 
 def _feedthrough(version: str) -> str:

@@ -17,8 +17,8 @@ from lumbar.tissue.haptics.device_identification.output_error import (
     DeviceFit,
     fit_device,
     nearest_fit,
+    regress,
 )
-from lumbar.tissue.haptics.device_identification.regression import regress
 from lumbar.tissue.haptics.device_identification.stretches import cut
 
 _KEYS = {"mass": "mass_kg", "damping": "damping_N_s_m", "friction": "friction_N", "delay": "delay_ms"}

@@ -21,8 +21,7 @@ import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, angles_near, propagation
-from lumbar.tissue.haptics.ticks.one_tick import REACHED
-from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
+from lumbar.tissue.haptics.ticks.sequence import REACHED, PeriodicModel
 
 _POINTS = 400
 """Angles, beside those near a pole."""

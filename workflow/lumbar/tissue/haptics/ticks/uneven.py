@@ -15,9 +15,14 @@ import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
-from lumbar.tissue.haptics.ticks.one_tick import REACHED, acting_forces, realisation, tick_transition
 from lumbar.tissue.haptics.ticks.proof import proved_gain
-from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
+from lumbar.tissue.haptics.ticks.sequence import (
+    REACHED,
+    PeriodicModel,
+    acting_forces,
+    realisation,
+    tick_transition,
+)
 
 _FEWEST, _MOST = 12, 240
 """Places of a tick between two samples."""

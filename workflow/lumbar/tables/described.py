@@ -1,0 +1,81 @@
+"""Tables whose words stand beside their module, in ``tables.yaml``: title, notes, and each column at one place."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lumbar.base.yaml_file import shipped_yaml
+from lumbar.tables.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+_read = cache(shipped_yaml)
+
+
+def described(
+    module: str,
+    name: str,
+    values: pd.DataFrame | Sequence[Mapping],
+    data: str,
+    words: Mapping[str, Any] | None = None,
+    without: Collection[str] = (),
+    **more: Any,
+) -> Table:
+    """A table with the words of its description.
+
+    Parameters
+    ----------
+    module : str
+        ``__file__`` of the module, which ``tables.yaml`` lies beside.
+    name : str
+        Of the table there. A column says what it ``is``, or also its ``header``, its ``decimals`` (then it holds floats),
+        whether cells may be ``empty`` and whether it is among the ``first``; ``*`` in its name stands for any words.
+    values : pandas.DataFrame or sequence of mapping
+        The frame, or rows, which get the columns of the description in its order.
+    words : mapping, optional
+        What stands for ``{…}`` in the description's texts.
+    without : collection of str
+        Columns of the description that rows do not get.
+    **more
+        Further fields of `Table`; notes and decimals stand behind those of the description.
+    """
+    import pandas as pd
+
+    said, words = _read(Path(module).with_name("tables.yaml"))[name], words or {}
+    if not isinstance(values, pd.DataFrame):
+        names = [column for column in said["columns"] if column not in without]
+        floats = [column for column in names if "decimals" in said["columns"][column]]
+        values = pd.DataFrame(values, columns=names).astype(dict.fromkeys(floats, float))
+    columns = {column: _column(said["columns"], column) for column in values.columns}
+
+    def of_columns(key: str) -> dict[str, Any]:
+        return {column: item[key] for column, item in columns.items() if key in item}
+
+    fields = {
+        "notes": (*(note.format(**words) for note in said.get("notes", ())), *more.pop("notes", ())),
+        "decimals": of_columns("decimals") | more.pop("decimals", {}),
+        "may_be_empty": frozenset(of_columns("empty")),
+        "headers": {column: text.format(**words) for column, text in of_columns("header").items()},
+        "first": tuple(of_columns("first")),
+    }
+    definitions = {column: text.format(**words) for column, text in of_columns("is").items()}
+    return Table(said["title"].format(**words), values, definitions, data, **fields | more)
+
+
+def _column(columns: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """What is said of a column; of one that a ``*`` stands for with its own words in that place."""
+    for key, said in columns.items():
+        before, star, behind = key.partition("*")
+        if name == key or (star and name.startswith(before) and name.endswith(behind)):
+            item = {"is": said} if isinstance(said, str) else said
+            own = name[len(before) : len(name) - len(behind)]
+            return {
+                field: text.replace("*", own) if star and isinstance(text, str) else text
+                for field, text in item.items()
+            }
+    return {}
