@@ -13,17 +13,31 @@ from lumbar.base.environment import use_one_thread
 from lumbar.base.errors import printable, user_message
 from lumbar.base.files import check_place
 from lumbar.cli import device, explore, lifting, recordings, tissue
+from lumbar.cli.options import add_commands
 
-COMMANDS = (
-    *(recordings.IMPORT, recordings.CHECK),
-    *(tissue.BANDWIDTH, tissue.SIGNALS),
-    *(tissue.IDENTIFY, tissue.COMPARE, tissue.LOCATE, tissue.DIAGNOSE, tissue.PROPOSE),
-    *(explore.EXPLORE, tissue.REFINE, tissue.DOCTOR),
-    *(device.DEVICE, device.RENDER, device.EXPORT),
-    tissue.SURVEY,
-    *(lifting.NEW_STUDY, recordings.INSPECT, lifting.LIFT, lifting.BASIN),
-)
-"""In the thesis's order."""
+COMMANDS = {
+    "import": recordings.run_import,
+    "check": recordings.run_check,
+    "bandwidth": tissue.run_bandwidth,
+    "signals": tissue.run_signals,
+    "identify": tissue.run_identify,
+    "compare": tissue.run_compare,
+    "locate": tissue.run_locate,
+    "diagnose": tissue.run_diagnose,
+    "propose": tissue.run_propose,
+    "explore": explore.run_explore,
+    "refine": tissue.run_refine,
+    "doctor": tissue.run_doctor,
+    "device": device.run_device,
+    "render": device.run_render,
+    "export": device.run_export,
+    "survey": tissue.run_survey,
+    "new-study": lifting.run_new_study,
+    "inspect": recordings.run_inspect,
+    "lift": lifting.run_lift,
+    "basin": lifting.run_basin,
+}
+"""What runs each command of ``commands.yaml``."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as of every program that SIGINT ends."""
 
@@ -46,8 +60,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        command.add_to(commands)
+    add_commands(commands, COMMANDS)
     return parser
 
 

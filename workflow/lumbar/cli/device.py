@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from lumbar.cli.options import OUTPUT, OUTPUT_OR_PRINTED, Command, given_settings, option, path, say_what_runs
-
-TRAINED_ON = option(
-    "--trained-on",
-    metavar="RECORD",
-    help="record the models were identified on (default: the file's only one)",
-)
+from lumbar.cli.options import given_settings, say_what_runs
 
 
 def run_export(options) -> None:
@@ -29,41 +23,6 @@ def run_export(options) -> None:
     )
     for file in made:
         print(file)
-
-
-EXPORT = Command(
-    "export",
-    "export identified models as FMUs for FMI 2.0 and 3.0",
-    "lumbar export out/models.json --output fmu --model KB --trained-on multisine",
-    run_export,
-    (
-        path(
-            "models",
-            metavar="MODELS.json",
-            help="models.json from 'lumbar identify', or refined.json from 'lumbar refine': its last model",
-        ),
-        option(
-            "--model",
-            action="append",
-            metavar="NAME",
-            help="model to export, may be repeated (default: runtime.models)",
-        ),
-        TRAINED_ON,
-        option(
-            "--target",
-            action="append",
-            metavar="PLATFORM",
-            help="platform to build for, may be repeated: host, x86_64-windows … (default: runtime.targets)",
-        ),
-        option("--rate", type=float, metavar="HZ", help="rate of the haptic loop (default: runtime.rate_Hz)"),
-        path(
-            "--sign",
-            metavar="KEY",
-            help="sign each file with this key of ssh-keygen: FILE.fmu.sig beside it, for 'lumbar check --key KEY.pub'",
-        ),
-        OUTPUT,
-    ),
-)
 
 
 def run_render(options) -> None:
@@ -89,38 +48,6 @@ def run_render(options) -> None:
         found.save(options.output)
 
 
-RENDER = Command(
-    "render",
-    "say whether models are passive, stable or oscillating on a haptic device in a person's hand",
-    "lumbar render out/models.json --model KB --mass 0.25 --damping 5.5 --hand 300 --rate 1000 --output out",
-    run_render,
-    (
-        path(
-            "models",
-            metavar="MODELS",
-            help="models.json from 'lumbar identify', refined.json from 'lumbar refine', or an FMU for FMI 3.0",
-        ),
-        option(
-            "--model",
-            action="append",
-            metavar="NAME",
-            help="model to judge, may be repeated (default: runtime.models)",
-        ),
-        TRAINED_ON,
-        *(
-            option(f"--{name}", type=float, metavar=unit, help=f"{meaning} (default: runtime.device)")
-            for name, unit, meaning in (
-                ("mass", "KG", "mass of the stylus"),
-                ("damping", "N_S_M", "damping of the device in N·s/m"),
-                ("hand", "N_M", "stiffness of the hand in N/m"),
-                ("rate", "HZ", "rate of the servo loop"),
-            )
-        ),
-        OUTPUT_OR_PRINTED,
-    ),
-)
-
-
 def run_device(options) -> None:
     """Print what the recording tells; write the configuration where a file is given."""
     from lumbar.interface.device_identification import identify_device
@@ -130,19 +57,3 @@ def run_device(options) -> None:
     if options.output:
         found.save(options.output)
         print(f"{options.output}: next: lumbar render MODELS --config {options.output}")
-
-
-DEVICE = Command(
-    "device",
-    "identify mass, damping, dry friction and delay of a haptic device from its stylus in the air",
-    "lumbar device recording.csv --output device.yaml\n  lumbar render out/models.json --config device.yaml",
-    run_device,
-    (
-        path(
-            "recording",
-            metavar="RECORDING",
-            help="file with time_s, force_N (commanded) and position_mm (read) at every tick, nobody holding the stylus",
-        ),
-        path("--output", metavar="YAML", help="file for --config with the device (default: print only)"),
-    ),
-)

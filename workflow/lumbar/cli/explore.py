@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.cli.options import DATA, FIT, Command, given_settings, option, path
+from lumbar.cli.options import given_settings
 from lumbar.cli.tissue import fit_settings, read_folder
 
 if TYPE_CHECKING:
@@ -187,26 +187,3 @@ def _lifts_of_study(options) -> list[ServedLift]:
             file=sys.stderr,
         )
     return [ServedLift(path, study.settings.stability, study.data_label) for path in made]
-
-
-EXPLORE = Command(
-    "explore",
-    "look at diagnoses and lifts in the browser: compare models with records, add effects, write what was chosen; push",
-    "lumbar explore recordings/tissue\n  lumbar explore config/studies/davinci_tool.yaml\n  lumbar explore\n"
-    "  lumbar explore results/thesis/lifting",
-    run_explore,
-    (
-        path(
-            "target",
-            nargs="?",
-            metavar="STUDY|FOLDER",
-            help="file of a study, or folder of records or of saved lifts (default: the study of config/config.yaml; where "
-            "there is none, only what is given on the page)",
-        ),
-        option("--port", type=int, default=5006, metavar="N", help="port (default 5006)"),
-        option("--no-browser", action="store_true", help="open no browser, print the address"),
-        path("--output", metavar="DIR", help="folder that the page writes to (default: below explored/)"),
-        *FIT,
-        DATA,
-    ),
-)

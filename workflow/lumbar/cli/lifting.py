@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.files import read_json
-from lumbar.cli.options import DATA, OUTPUT, Command, given_settings, option, path
+from lumbar.cli.options import given_settings
 
 if TYPE_CHECKING:
     from lumbar.interface.lift import Lift
@@ -20,28 +20,6 @@ def run_new_study(options) -> None:
     study = new_study(options.folder, options.name)
     study.save(options.project)
     print(study)
-
-
-NEW_STUDY = Command(
-    "new-study",
-    "commented study and subject files for a folder of lifting recordings; what only a person knows is marked FILL_IN",
-    "lumbar new-study recordings --name my_lab",
-    run_new_study,
-    (
-        path(
-            "folder",
-            metavar="FOLDER",
-            help="marker files (C3D, TRC, BVH, CSV, MAT; .gz too); a folder below it is a person",
-        ),
-        option("--name", metavar="NAME", help="of the study (default: the folder's)"),
-        path(
-            "--project",
-            default=Path(),
-            metavar="DIR",
-            help="folder of the workflow: config/studies and config/subjects lie below it (default: here)",
-        ),
-    ),
-)
 
 
 def run_lift(options) -> None:
@@ -117,45 +95,6 @@ def _run_all(options, study) -> None:
         )
 
 
-LIFT = Command(
-    "lift",
-    "events, centres of mass and pendulum states of one lift, or of several",
-    "lumbar lift expert_23kg.c3d --subject config/subjects/expert.yaml --box-mass 23 --output out\n"
-    "  lumbar lift recordings --subject config/subjects/expert.yaml --output out",
-    run_lift,
-    (
-        path(
-            "markers",
-            nargs="+",
-            metavar="MARKERS",
-            help="C3D, TRC, CSV, MAT or BVH file (.gz too); several files, or a folder: each lift has a folder "
-            "of its own in DIR, and lifts.csv lists all",
-        ),
-        path("--subject", required=True, metavar="YAML", help="as in config/subjects"),
-        option("--box-mass", type=float, metavar="KG", help="mass of the box (default: that of the trial)"),
-        option(
-            "--trial",
-            metavar="LIFT",
-            help="name of the lift, e.g. expert_23kg_2 (default: the subject's trial whose file this is)",
-        ),
-        path(
-            "--forces",
-            metavar="FILE",
-            help="ground reaction forces of one lift, .mot or C3D (default: the trial's, or those in the file)",
-        ),
-        path("--static", metavar="FILE", help="static trial (default: the subject's)"),
-        option(
-            "--body-model",
-            action="store_true",
-            help="fit one model of trunk, limbs and box to all markers of the file besides: the same pendulums with standard "
-            "deviations, basin areas with 95%% intervals, markers with their noise and outliers (body_model_*.csv)",
-        ),
-        OUTPUT,
-        DATA,
-    ),
-)
-
-
 def run_basin(options) -> None:
     """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
     from lumbar.interface.lift_basins import basins
@@ -168,16 +107,3 @@ def run_basin(options) -> None:
     print(f"{len(found.areas)} basins are in {options.output / 'boa.csv'}")
     if message := announcement(options.output / "failures.csv"):
         raise NumericalError(message)
-
-
-BASIN = Command(
-    "basin",
-    "basins of attraction of one lift, with their checks",
-    "lumbar basin out/pendulum.csv --output out",
-    run_basin,
-    (
-        path("states", metavar="PENDULUM.csv", help="from 'lumbar lift'"),
-        path("--facts", metavar="PENDULUM.json", help="default: the JSON file beside PENDULUM.csv"),
-        OUTPUT,
-    ),
-)

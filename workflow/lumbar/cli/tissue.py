@@ -6,18 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
-from lumbar.cli.options import (
-    DATA,
-    FIT,
-    FOLDER,
-    OUTPUT,
-    OUTPUT_OR_PRINTED,
-    Command,
-    OneOf,
-    given_settings,
-    option,
-    path,
-)
+from lumbar.cli.options import given_settings
 
 if TYPE_CHECKING:
     from lumbar.interface.refinement import Refinement
@@ -39,24 +28,6 @@ def run_bandwidth(options) -> None:
         found.save(options.output)
 
 
-BANDWIDTH = Command(
-    "bandwidth",
-    "bandwidth of surgeons' tool motion by Welch's method, with intervals",
-    "lumbar bandwidth recordings/surgeon --output out",
-    run_bandwidth,
-    (
-        path(
-            "folder",
-            metavar="FOLDER",
-            help="one file per trial (time_s,z_mm unless the layout says otherwise); the part of its name before "
-            "'_trial' is the surgeon",
-        ),
-        OUTPUT_OR_PRINTED,
-        DATA,
-    ),
-)
-
-
 def run_signals(options) -> None:
     """Design the signals, check them against the machine, write them."""
     from lumbar.interface.surgeons import design_signals
@@ -66,24 +37,6 @@ def run_signals(options) -> None:
     found = design_signals(band, settings=settings.signals, seed=settings.seed)
     found.save(options.output)
     print(f"{found}, in {options.output}")
-
-
-SIGNALS = Command(
-    "signals",
-    "excitation signals (multisine, noise, chirp) for a testing machine",
-    "lumbar signals --band 5 --output signals\n"
-    "  lumbar signals --bandwidth out/bandwidth.json --output signals",
-    run_signals,
-    (
-        OneOf(
-            (
-                option("--band", type=float, metavar="HZ", help="upper end of the band to excite"),
-                path("--bandwidth", metavar="JSON", help="take it from 'lumbar bandwidth --output'"),
-            )
-        ),
-        OUTPUT,
-    ),
-)
 
 
 def run_identify(options) -> None:
@@ -102,25 +55,6 @@ def run_identify(options) -> None:
         fits.save(options.output, found.data)
         print(fits)
     print(f"identified on {train}; models.json, table_3_1 and physical_parameters are in {options.output}")
-
-
-IDENTIFY = Command(
-    "identify",
-    "identify the models MW, Maxwell, KB, HO and LE on a set of tissue tests",
-    "lumbar identify recordings/tissue --train multisine --output out",
-    run_identify,
-    (
-        FOLDER,
-        option("--train", metavar="NAME", help="record to identify on (default: the longest)"),
-        option(
-            "--passive",
-            action="store_true",
-            help="fit passive models beside them (passive_models.json, for 'lumbar export') and say what they cost",
-        ),
-        OUTPUT,
-        DATA,
-    ),
-)
 
 
 def fit_settings(options) -> StudySettings:
@@ -165,19 +99,6 @@ def _refinement(options) -> Refinement:
     return refine(records, options.add, settings=settings, data=data)
 
 
-def _model(required: bool = False) -> tuple:
-    """Options that name a base with effects, the records it is fitted to, and where results go."""
-    effects = option(
-        "--add",
-        action="append",
-        default=[],
-        required=required,
-        metavar="EFFECT",
-        help="effect added to the base; may be given several times",
-    )
-    return FOLDER, effects, *FIT, OUTPUT, DATA
-
-
 def run_compare(options) -> None:
     """Fit the model, compare it with every record, write table, pictures and page, and tell it."""
     _save_and_print(_refinement(options).compare(), options)
@@ -200,29 +121,6 @@ def _save_and_print(found, options) -> None:
     print(found)
 
 
-COMPARE = Command(
-    "compare",
-    "compare a model of tissue tests with every record: errors with intervals and the part that could be explained",
-    "lumbar compare recordings/tissue --output out",
-    run_compare,
-    _model(),
-)
-LOCATE = Command(
-    "locate",
-    "see where a model of tissue tests fails: time, frequency, motion, depth, reversals, correlations",
-    "lumbar locate recordings/tissue --output out",
-    run_locate,
-    _model(),
-)
-REFINE = Command(
-    "refine",
-    "add physical effects to a model of tissue tests and refit it",
-    "lumbar refine recordings/tissue --add coulomb_friction --output out",
-    run_refine,
-    _model(required=True),
-)
-
-
 def run_diagnose(options) -> None:
     """Diagnose, write the verdict with its evidence, a page and the error ladder, print the verdict."""
     from lumbar.interface.diagnosis import diagnose
@@ -231,25 +129,6 @@ def run_diagnose(options) -> None:
     diagnosis = diagnose(records, settings=settings, data=data)
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)
-
-
-DIAGNOSE = Command(
-    "diagnose",
-    "say which physical effect a model of tissue tests is missing, or that nothing is",
-    "lumbar diagnose recordings/tissue --output out",
-    run_diagnose,
-    (
-        FOLDER,
-        *FIT,
-        option(
-            "--pictures",
-            action="store_true",
-            help="draw comparison, location, ladder and signatures too, show the thesis's models; takes a few seconds more",
-        ),
-        OUTPUT,
-        DATA,
-    ),
-)
 
 
 def run_propose(options) -> None:
@@ -263,25 +142,6 @@ def run_propose(options) -> None:
     if options.picture and law.proposal.is_needed:
         law.draw(options.picture)
     print(law)
-
-
-PROPOSE = Command(
-    "propose",
-    "propose a law for what no effect of the catalogue explains, or say that no short formula was found",
-    "lumbar propose recordings/tissue --output my_law.yaml",
-    run_propose,
-    (
-        FOLDER,
-        *FIT,
-        path(
-            "--output",
-            metavar="YAML",
-            help="file of the effect, named after it; without it the law is only printed",
-        ),
-        path("--picture", metavar="STEM", help="draw what is missing as STEM.svg and STEM.pdf"),
-        DATA,
-    ),
-)
 
 
 def run_doctor(options) -> None:
@@ -299,32 +159,6 @@ def run_doctor(options) -> None:
         found.save_excitation(options.excitation)
 
 
-DOCTOR = Command(
-    "doctor",
-    "say which effects and mistakes could have been seen in records, from what size on, and what to record besides",
-    "lumbar doctor recordings/tissue",
-    run_doctor,
-    (
-        FOLDER,
-        *FIT,
-        option(
-            "--effects",
-            metavar="A,B",
-            type=lambda text: [name.strip() for name in text.split(",")],
-            help="effects that are put into the records (default: all of the catalogue)",
-        ),
-        option("--no-faults", action="store_true", help="leave out the mistakes of a recording"),
-        path(
-            "--excitation",
-            metavar="FILE",
-            help="CSV file for the further record that helps most, to play on the machine",
-        ),
-        OUTPUT_OR_PRINTED,
-        DATA,
-    ),
-)
-
-
 def run_survey(options) -> None:
     """Write tables, figures and survey.json, and print the overall tests."""
     from lumbar.interface.participants import analyse_survey
@@ -335,12 +169,3 @@ def run_survey(options) -> None:
     found.save(options.output)
     print(found)
     print(f"tables and figures are in {options.output}")
-
-
-SURVEY = Command(
-    "survey",
-    "analyse participants' ratings as the thesis did (Table 3.2) and within participants",
-    "lumbar survey survey.csv --output out",
-    run_survey,
-    (path("file", metavar="FILE", help="participants' sheet; survey.layout names its columns"), OUTPUT, DATA),
-)
