@@ -36,11 +36,11 @@ from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution
 from lumbar.tissue.diagnosis.selection.verdict import runner_up
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.signature import RATES, SHARE, signatures, standard_motion
-from lumbar.tissue.fmu.build.equation_svg import equation_svg
 from lumbar.tissue.identification.metrics import settling_time, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.printing import equation_svg
 from lumbar.twin.examples import example_records
 
 SIGMA = 0.02

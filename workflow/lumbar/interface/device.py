@@ -243,21 +243,15 @@ def render(
     ----------
     model : FittedModel, iterable of FittedModel or path
         Of `identify`, `refine` or `diagnose`; a file ``models.json`` or ``refined.json``; or an FMU for FMI 3.0.
-    names : iterable of str, optional
-        Of a file: models to judge; default the settings', of an error ladder its last one.
-    trained_on : str, optional
-        Of a file: record the models were identified on; default the only one there is, or the settings'.
+    names, trained_on, effect_files, data
+        As of `export_fmu`.
     mass_kg, damping_N_s_m, hand_stiffness_N_m, rate_Hz : float, optional
         Of the device, the hand and the servo loop; default the settings' ``device``.
     trust : bool
         Of an FMU: whether its library is run, whoever made it; else that alone which this machine makes of the
         file's record to the byte, and of any other file the record is judged.
-    effect_files : iterable of path, optional
-        Of a file: files with effects of your own.
     settings : RuntimeSettings, optional
         Rate of the models, moving average, limit, device.
-    data : str
-        Words for the source of the data; default those of the file.
 
     Raises
     ------

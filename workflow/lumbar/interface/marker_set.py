@@ -7,57 +7,34 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.records.marker_aliases import resolve_aliases
 from lumbar.records.marker_axes import find_axes
-from lumbar.settings.layout import Alias, MeanOfMarkers, OffsetPoint, PointBetween
+from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint
 from lumbar.settings.lifting import ALIASES
+from lumbar.settings.plain import from_plain
 
 if TYPE_CHECKING:
     from lumbar.records.markers import MarkerRecording
 
 _BOX = re.compile(r"box|bo[iî]te|crate|kiste|caisse|load", re.IGNORECASE)
-RULES: dict[str, tuple[tuple[Alias, str], ...]] = {
-    "L_WRIST": ((MeanOfMarkers(("LWRR", "LWRU")), ""), (MeanOfMarkers(("L_RSP", "L_UHE")), "")),
-    "R_WRIST": (
-        (MeanOfMarkers(("RWRR", "RWRU")), ""),
-        (MeanOfMarkers(("R_RSP", "R_UHE")), ""),
-        ("WRIST", ""),
-    ),
-    "SACRUM": ((MeanOfMarkers(("L_PSIS", "R_PSIS")), "midpoint of the PSIS"),),
-    "C7": (
-        (PointBetween(("T10", "T1"), 1.11), "one vertebra above T1, nine above T10 to T1"),
-        ("T1", "T1 lies one vertebra lower"),
-    ),
-    "T12": (
-        (
-            PointBetween(("T10", "SACRUM"), 0.263),
-            "where it lies in a static trial of an athlete with T6, T12 and both PSIS",
-        ),
-        (PointBetween(("C7", "SACRUM"), 0.71), "where it lies in a static trial of an athlete"),
-    ),
-    "L5": (
-        (PointBetween(("T12", "SACRUM"), 0.65), "four and a half of seven levels from T12 to S2, assumed"),
-    ),
-}
-"""Further ways to a landmark, the best first, each with what it rests on where the landmark is not measured."""
+_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+
+
+def _rules(name: str) -> tuple[tuple[Alias, str], ...]:
+    said = _SAID["rules"][name]
+    ways = (from_plain(MarkerLayout, {"aliases": {name: item["is"]}}).aliases[name] for item in said)
+    return tuple((way, item.get("because", "")) for way, item in zip(ways, said, strict=True))
+
+
+RULES = {name: _rules(name) for name in _SAID["rules"]}
 REASONS = {(name, term): reason for name, ways in RULES.items() for term, reason in ways if reason}
-NOTES = dict.fromkeys(
-    [("XIPHOID", "STRN")],
-    "the xiphoid in Plug-in Gait, higher on the sternum in other marker sets: compare with a picture",
-)
-"""What is to be known of a label that means one thing in one marker set and another in the next."""
-NEEDED = {
-    "C7": "the thorax needs it",
-    "T12": "thorax and abdomen need it",
-    "L5": "abdomen and pelvis need it",
-    **dict.fromkeys(("SACRUM", "L_ASIS", "R_ASIS"), "the joint centres need it"),
-    **dict.fromkeys(("L_ANKLE", "R_ANKLE"), "the pivot mid_ankle needs it"),
-    **dict.fromkeys(("L_TOE", "R_TOE"), "the toe-off needs it"),
-}
-"""Landmarks that are asked for where they are not recognised, with what needs them."""
+NOTES = {(name, label): note for name, labels in _SAID["notes"].items() for label, note in labels.items()}
+NEEDED: dict[str, str] = _SAID["needed"]
 _THIGH = ("LHIP", "RHIP")
 """Labels that some laboratories give to markers on the thigh."""
 

@@ -10,8 +10,7 @@ from periodic_records import STEP, noise, record
 import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.selection.base_choice import choose_base
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnose import choose_base, diagnose
 from lumbar.tissue.diagnosis.selection.refine import refined_fit
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.models.bases import BASES

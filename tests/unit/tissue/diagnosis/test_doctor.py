@@ -10,9 +10,14 @@ from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.tissue.diagnosis.doctor.effect_sizes import Kind, judge_effect
+from lumbar.tissue.diagnosis.doctor.effect_sizes import (
+    FAULTS,
+    Kind,
+    fault_outcomes,
+    judge_effect,
+    judge_fault,
+)
 from lumbar.tissue.diagnosis.doctor.examination import examine
-from lumbar.tissue.diagnosis.doctor.faults import FAULTS, fault_outcomes, judge_fault
 from lumbar.tissue.diagnosis.doctor.injection import Injection, Truth, phase_randomised, without_effect
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose

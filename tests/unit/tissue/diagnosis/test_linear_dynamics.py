@@ -25,9 +25,9 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.linear.linear_dynamics import linear_dynamics
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, slope_forces
-from lumbar.tissue.diagnosis.selection.base_choice import linear_base
 from lumbar.tissue.diagnosis.selection.candidate import evaluate, unseen_improvement
 from lumbar.tissue.diagnosis.selection.candidate import fit_base as fit_candidate
+from lumbar.tissue.diagnosis.selection.diagnose import linear_base
 from lumbar.tissue.diagnosis.selection.refine import refined_document
 from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.models.bases import BASES

@@ -15,9 +15,8 @@ from lumbar.tissue.diagnosis.evidence.discrimination import Separation, separati
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
-from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, by_score, evaluate
-from lumbar.tissue.diagnosis.selection.diagnose import diagnose
+from lumbar.tissue.diagnosis.selection.diagnose import base_beside, choose_base, diagnose
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
 from lumbar.tissue.effects.catalogue import TISSUE

@@ -30,7 +30,7 @@ from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
-from lumbar.tissue.signals.motion_range import Kinematics, peak_kinematics
+from lumbar.tissue.signals.spectrum import Kinematics, peak_kinematics
 from lumbar.twin.kelvin_boltzmann import Tissue
 from lumbar.twin.tool_motion import RATE_HZ, line_spectrum_motion
 

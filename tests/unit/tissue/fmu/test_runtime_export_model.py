@@ -18,7 +18,7 @@ from lumbar.tissue.fmu.build.description import range_text, sign_text
 from lumbar.tissue.fmu.conventions import told_meaning
 from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
 from lumbar.tissue.models.model_data import MotionRange, identifier
-from lumbar.tissue.signals.motion_range import motion_range
+from lumbar.tissue.signals.spectrum import motion_range
 from lumbar.twin.examples import example_records
 from study_settings import changed
 

@@ -14,8 +14,8 @@ from lumbar.publishing.figures.runtime_figures import fmu_force_figure
 from lumbar.publishing.figures.style import save
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.reference_response import push_profile, reference_output
+from lumbar.tissue.fmu.check.file_check import play_libraries
 from lumbar.tissue.fmu.check.fmu_check import check_fmus, check_input, check_table, push
-from lumbar.tissue.fmu.check.playing import play_libraries
 from study_settings import changed
 
 pytestmark = ON_LINUX

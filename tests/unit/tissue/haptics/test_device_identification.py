@@ -12,9 +12,8 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.haptics.device_identification.free_motion import free_motion
+from lumbar.tissue.haptics.device_identification.free_motion import MARGIN, Stretches, cut, free_motion
 from lumbar.tissue.haptics.device_identification.identification import identify
-from lumbar.tissue.haptics.device_identification.stretches import MARGIN, Stretches, cut
 from lumbar.twin.device_recordings import chirp, device_recording, play, pushes, write_example
 
 DEVICE = DeviceSettings(mass_kg=0.25, damping_N_s_m=1.5, friction_N=0.2, delay_ms=1.3, rate_Hz=500)

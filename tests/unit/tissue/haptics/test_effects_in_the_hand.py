@@ -10,9 +10,8 @@ from runtime_models import SETTINGS, models_json
 
 from lumbar.tissue.effects.catalogue import TISSUE, catalogue_with
 from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.haptics.fmu_step import UnpackedFmu
 from lumbar.tissue.haptics.judgement import judge_exported, run_loop
-from lumbar.tissue.haptics.rendered_model import export_at
+from lumbar.tissue.haptics.rendered_model import UnpackedFmu, export_at
 from lumbar.tissue.models.fitted_model import read_models
 from study_settings import changed
 

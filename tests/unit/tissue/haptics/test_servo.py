@@ -16,10 +16,9 @@ from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.compiler import TARGETS
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
-from lumbar.tissue.haptics.fmu_step import UnpackedFmu
 from lumbar.tissue.haptics.judgement import analyse
 from lumbar.tissue.haptics.passivity import required_damping
-from lumbar.tissue.haptics.rendered_model import export_at, render_model
+from lumbar.tissue.haptics.rendered_model import UnpackedFmu, export_at, render_model
 from lumbar.tissue.haptics.simulation import (
     TissueForce,
     difference_equation,

@@ -18,7 +18,6 @@ from lumbar.tissue.signals.excitation import (
     multisine_description,
     signal_properties,
 )
-from lumbar.tissue.signals.motion_range import Kinematics, check_machine_limits, peak_kinematics
 from lumbar.tissue.signals.multisine import (
     clipped_phases,
     crest_factor,
@@ -26,6 +25,7 @@ from lumbar.tissue.signals.multisine import (
     excited_lines,
     schroeder_phases,
 )
+from lumbar.tissue.signals.spectrum import Kinematics, check_machine_limits, peak_kinematics
 from study_settings import changed
 
 

@@ -34,8 +34,8 @@ from lumbar.tissue.diagnosis.selection.verdict import (
     runner_up,
 )
 from lumbar.tissue.effects.signature import pictured_form
-from lumbar.tissue.fmu.build.equation_svg import equation_svg
 from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.printing import equation_svg
 
 if TYPE_CHECKING:
     from markupsafe import Markup

@@ -34,7 +34,7 @@ from lumbar.tissue.haptics.ticks.sequence import in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
 
 if TYPE_CHECKING:
-    from lumbar.tissue.haptics.fmu_step import UnpackedFmu
+    from lumbar.tissue.haptics.rendered_model import UnpackedFmu
 
 PUSHES_MM = (PUSH_MM, PUSH_MM / 10.0)
 """Depths that a model which is not linear is pushed to."""
@@ -285,7 +285,7 @@ def judge_exported(
         return Judgement(meets, analyse(meets, device), run_loop(meets, device), fitted, hands)
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.build.package import export_fmus
-    from lumbar.tissue.haptics.fmu_step import UnpackedFmu
+    from lumbar.tissue.haptics.rendered_model import UnpackedFmu
 
     with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
         cache = cache_folder(settings.compiler_cache)
@@ -320,7 +320,7 @@ def judge_fmu(
     from lumbar.tissue.fmu.build.record import read_record
     from lumbar.tissue.fmu.check.file_check import UNKNOWN, all_sound, check_files
     from lumbar.tissue.fmu.check.lint import open_fmu
-    from lumbar.tissue.haptics.fmu_step import UnpackedFmu
+    from lumbar.tissue.haptics.rendered_model import UnpackedFmu
 
     known = catalogues_with(list(effect_files))
     (check,) = all_sound(check_files([path], cache_folder(settings.compiler_cache), known, False, trust))

@@ -24,7 +24,7 @@ from lumbar.tissue.identification.identify_tissue import ports_of, scores_of
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import ARX, OUTPUT_ERROR
 from lumbar.tissue.models.transfer_function import TransferFunction
-from lumbar.tissue.signals.motion_range import motion_range
+from lumbar.tissue.signals.spectrum import motion_range
 
 PASSIVE = "passive"
 """Estimator of these fits."""

@@ -1,9 +1,13 @@
-"""An exported model as the device meets it: linear ones exactly, those with effects through their linearisations."""
+"""A model as the device meets it, exported or an FMU: linear ones exactly, with effects through their linearisations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -11,7 +15,8 @@ from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, averaged_samples, export_models
 from lumbar.tissue.fmu.build.linear_model import LinearModel
-from lumbar.tissue.fmu.conventions import work_units
+from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
+from lumbar.tissue.fmu.conventions import RATE_LIMIT, slow_push, told_meaning, work_units
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.simulation import PUSH_MM, Step, on_servo
 from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
@@ -276,3 +281,66 @@ def _without_end(model: SampledModel) -> SampledModel:
     size = np.abs(model.numerator)
     last = np.flatnonzero(size > _ENDED * size.max())
     return replace(model, numerator=model.numerator[: last[-1] + 1 if len(last) else 1])
+
+
+class UnpackedFmu:
+    """An FMU for FMI 3.0 of an export, which is unpacked once and instantiated as often as it is played."""
+
+    def __init__(self, path: Path):
+        self.path = path
+
+    def __enter__(self) -> UnpackedFmu:
+        import fmpy
+
+        self._folder = tempfile.TemporaryDirectory(prefix="lumbar-render-")
+        fmpy.extract(str(self.path), self._folder.name)
+        self.fmu = UnzippedFmu(Path(self._folder.name))
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.fmu.slave.freeLibrary()
+        self._folder.cleanup()
+
+    @contextmanager
+    def stepping(self) -> Iterator[Step]:
+        """Instantiate it: a function from a position, in its unit, to the force of the same sample."""
+        instance = Instance(self.fmu, event_mode=True)
+        try:
+            yield instance.sample
+        finally:
+            instance.free()
+
+    def response(self, positions: np.ndarray) -> np.ndarray:
+        """Forces of an instance of its own to positions in its unit; shape (samples,)."""
+        with self.stepping() as step:
+            return np.array([step(float(position)) for position in positions])
+
+    def rendered(self, device: DeviceSettings) -> RenderedModel:
+        """The FMU as the device meets it, through its linearisations where it has effects."""
+        fmu, name, step = self.fmu, self.fmu.description.modelName, self.fmu.sampling_time
+        position, force = (fmu.variables[port] for port in fmu.ports)
+        start = float(position.start)
+        at_rest = float(self.response(np.array([start]))[0])
+        x, y = (
+            Port(item.name, item.unit or "1", offset)
+            for item, offset in ((position, start), (force, at_rest))
+        )
+        unit = 1e3 * scale_of(name, x, y)[0]
+        told = told_meaning(ElementTree.parse(fmu.folder / "modelDescription.xml").getroot())
+        known = (float(told["lowest"]), float(told["highest"])) if told and "lowest" in told else None
+        reach = reach_mm(known, start, unit)
+        found = linearisations(
+            lambda positions: self.response(start + positions / unit), name, step, device, reach
+        )
+        loops = [item.scaled(unit) for item in found]
+        rendered = in_units(loops, name, x, y, float(force.max), device, self._resistance(told, start))
+        limited = any(item.endswith(RATE_LIMIT) for item in fmu.variables)
+        still = self.response(np.full(watched(step), start))
+        return replace(rendered, reach=reach if len(found) > 1 else None, beside=beside(limited, still))
+
+    def _resistance(self, told: dict | None, start: float) -> float:
+        """The sign of `ExportModel.resistance`: what the file tells, of a file without annotation what a push is answered by."""
+        if told is None:
+            pushed = self.response(start + slow_push(self.fmu.sampling_time))
+            return -1.0 if pushed.mean() < pushed[0] else 1.0
+        return 1.0 if told.get("prescribed") else float(told["resisting_sign"])

@@ -37,7 +37,7 @@ from lumbar.tissue.models.tissue_models import (
     inverted_linear,
 )
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction, full_regressors
-from lumbar.tissue.signals.motion_range import motion_range
+from lumbar.tissue.signals.spectrum import motion_range
 
 if TYPE_CHECKING:
     from lumbar.settings.tissue import TissueSettings

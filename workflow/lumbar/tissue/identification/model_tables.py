@@ -32,10 +32,7 @@ if TYPE_CHECKING:
 def table_2_1(data: str, pictures: Sequence[str] = ()) -> Table:
     """Table 2.1: the viscoelastic models, from their definitions.
 
-    Parameters
-    ----------
-    pictures : sequence of str
-        Of the mechanical analogues, in the order of `TABLE_2_1`: texts of SVG files, shown in HTML.
+    `pictures` are those of the mechanical analogues, in the order of `TABLE_2_1`: texts of SVG files, shown in HTML.
     """
     import pandas as pd
 
@@ -98,10 +95,7 @@ _ROWS = (MW.name, MAXWELL.name, KB.name, HO.name, LE.name)
 def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) -> Table:
     """Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
 
-    Parameters
-    ----------
-    models : list of FittedModel
-        Those of the first training record first, and so on; all with the same number of unseen records.
+    Models of the first training record come first, and so on; all have the same number of unseen records.
     """
     import pandas as pd
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.signals.motion_range import Kinematics, check_machine_limits, peak_kinematics
 from lumbar.tissue.signals.multisine import Multisine, design_multisine
+from lumbar.tissue.signals.spectrum import Kinematics, check_machine_limits, peak_kinematics
 from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
 
 if TYPE_CHECKING:

@@ -11,15 +11,18 @@ from lumbar.base.errors import InputError
 from lumbar.base.progress import track
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.doctor.effect_sizes import (
+    FAULTS,
     Diagnose,
     EffectSize,
+    Fault,
+    FaultOutcomes,
     Kind,
     Outcome,
     diagnosis_or_refusal,
     effect_size,
+    fault_outcomes,
     judge_effect,
 )
-from lumbar.tissue.diagnosis.doctor.faults import FAULTS, Fault, FaultOutcomes, fault_outcomes
 from lumbar.tissue.diagnosis.doctor.injection import Truth
 from lumbar.tissue.diagnosis.evidence.discrimination import CLEAR, ExcitationCandidate, excitation_family
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
@@ -30,7 +33,7 @@ from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, rea
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.motion_range import Kinematics
+from lumbar.tissue.signals.spectrum import Kinematics
 
 _HARDEST = 3
 """Effects, those that must be largest to be named, that a further record is sought for where nothing is unclear."""

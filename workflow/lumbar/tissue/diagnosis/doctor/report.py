@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
-from lumbar.tissue.diagnosis.doctor.effect_sizes import CONFIRMED_AT, STRONG, EffectSize
+from lumbar.tissue.diagnosis.doctor.effect_sizes import CONFIRMED_AT, STRONG, EffectSize, FaultOutcomes
 from lumbar.tissue.diagnosis.doctor.examination import Examination
-from lumbar.tissue.diagnosis.doctor.faults import FaultOutcomes
 from lumbar.tissue.diagnosis.doctor.injection import reaches_floor
 from lumbar.tissue.diagnosis.selection.verdict import effects_text, readable
 from lumbar.tissue.models.model_data import unit_of

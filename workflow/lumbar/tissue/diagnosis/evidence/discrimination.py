@@ -9,7 +9,6 @@ of the difference instead, which does not reward mere length: a small difference
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -23,9 +22,8 @@ from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.motion_range import Kinematics, peak_kinematics
 from lumbar.tissue.signals.multisine import schroeder_phases
-from lumbar.tissue.signals.spectrum import occupied_band
+from lumbar.tissue.signals.spectrum import Kinematics, occupied_band, peak_kinematics
 
 _LONGEST, _ENOUGH = 0.3, 3000
 """Share of the training record's samples, and samples, up to the larger of which an excitation lasts unless it repeats the
@@ -190,11 +188,10 @@ def _rounded(wave: np.ndarray, time: np.ndarray, over: float) -> np.ndarray:
 
 def motion_csv(motion: Motion, unit: str) -> str:
     """A motion as a file to play: header ``time_s,position_<unit>``."""
-    stream = io.StringIO()
-    stream.write(f"time_s,position_{unit}\n")
-    for time, position in zip(motion.time.tolist(), motion.position.tolist(), strict=True):
-        stream.write(f"{time:.6g},{position:.6g}\n")
-    return stream.getvalue()
+    import pandas as pd
+
+    frame = pd.DataFrame({"time_s": motion.time, f"position_{unit}": motion.position})
+    return frame.to_csv(index=False, float_format="%.6g", lineterminator="\n")
 
 
 @dataclass(frozen=True, eq=False)

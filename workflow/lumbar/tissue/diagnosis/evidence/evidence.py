@@ -7,8 +7,6 @@ same way explain the same error; the angle between them says how far they can be
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,8 +35,7 @@ from lumbar.tissue.diagnosis.selection.thresholds import (
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
 from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.form import Effect, Form
-from lumbar.tissue.signals.motion_range import Kinematics
-from lumbar.tissue.signals.spectrum import occupied_band
+from lumbar.tissue.signals.spectrum import Kinematics, occupied_band
 
 if TYPE_CHECKING:
     from lumbar.settings.signals import MachineSettings
@@ -129,19 +126,17 @@ def complete_linkage(angles: np.ndarray, largest: float) -> list[list[int]]:
 
     The cluster of the first item comes first, the others in the order of their first members.
     """
-    clusters = [[index] for index in range(len(angles))]
-    while len(clusters) > 1:
-        pairs = [
-            (max(angles[i, j] for i in first for j in second), a, b)
-            for a, first in enumerate(clusters)
-            for b, second in enumerate(clusters)
-            if a < b
-        ]
-        distance, a, b = min(pairs)
-        if distance > largest:
-            break
-        clusters[a] = sorted(clusters[a] + clusters.pop(b))
-    return sorted(clusters)
+    from scipy.cluster.hierarchy import fcluster, linkage
+    from scipy.spatial.distance import squareform
+
+    if len(angles) == 1:
+        return [[0]]
+    clusters: dict[int, list[int]] = {}
+    for index, number in enumerate(
+        fcluster(linkage(squareform(angles, checks=False), "complete"), largest, "distance")
+    ):
+        clusters.setdefault(number, []).append(index)
+    return list(clusters.values())
 
 
 @dataclass(frozen=True)
@@ -391,14 +386,11 @@ def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dic
 
 def ladder_csv(diagnosis: Verdict, data: str) -> str:
     """Return the error ladder: base, base and first effect, …."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(LADDER_COLUMNS)
-    floor = diagnosis.experiment.floor
+    import pandas as pd
+
+    floor, unit, rows = diagnosis.experiment.floor, diagnosis.experiment.output_unit, []
     for number, item in enumerate(diagnosis.path):
         forms = "+".join(form.name for form in item.fit.structure.forms)
-        numbers = (repr(item.train_rms), repr(item.test_rms), diagnosis.experiment.output_unit)
-        writer.writerow(
-            [number, "+".join(item.effects), forms, *numbers, "" if floor is None else repr(floor.rms), data]
-        )
-    return stream.getvalue()
+        errors = item.train_rms, item.test_rms, unit, floor and floor.rms
+        rows.append((number, "+".join(item.effects), forms, *errors, data))
+    return pd.DataFrame(rows, columns=LADDER_COLUMNS).to_csv(index=False, lineterminator="\n")

@@ -1,27 +1,45 @@
-"""Which physical effect a model is missing: from records to a verdict."""
+"""Which physical effect a model is missing: from records to a verdict, by way of the base that the data ask for."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.linear.linear_dynamics import nonlinear_share
-from lumbar.tissue.diagnosis.selection.base_choice import base_beside, choose_base, linear_base
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base, is_adequate, refit
+from lumbar.tissue.diagnosis.selection.candidate import (
+    Candidate,
+    best_by_effect,
+    exchange_base,
+    fit_base,
+    is_adequate,
+    is_worthwhile,
+    refit,
+)
 from lumbar.tissue.diagnosis.selection.findings import (
     apparent_zeros,
     linear_alternative,
     offsets,
     zeros_moved,
 )
-from lumbar.tissue.diagnosis.selection.forward_selection import Selection
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
+from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import usable_effects
-from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
+from lumbar.tissue.effects.notation import carried_bases
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
+from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.state_equation import MOST_STATES
+
+if TYPE_CHECKING:
+    from lumbar.tissue.diagnosis.linear.linear_dynamics import LinearDynamics
 
 _NONLINEAR = 0.1
 """Share of what the best linear model leaves that is surely not linear, from which on something nonlinear is missing."""
@@ -141,3 +159,217 @@ def _search(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
     if other is None:
         return found
     return Selection(*choose_base(experiment, other, settings.candidates), settings).diagnosis()
+
+
+NAME = "linear_dynamics"
+_DIRECT = (
+    ("k", "z", "stiffness", "{y}/{x}"),
+    ("b", "v", "viscosity", "{y} s/{x}"),
+    ("m", "a", "mass", "{y} s^2/{x}"),
+)
+"""Symbol, signal, name and unit of what acts beside the poles."""
+
+
+def linear_base(model: LinearDynamics) -> Base | None:
+    """The base whose equation a linear model is, its poles where a fit begins.
+
+    None for an input that is held between jumps, behind a delay, and for more poles than an equation has states.
+    """
+    poles = model.poles
+    if model.held or poles.delay or poles.order > MOST_STATES:
+        return None
+    direct = _DIRECT[: poles.direct - 1]
+    terms = [f"{symbol}*{signal}" for symbol, signal, *_ in direct]
+    parameters = {symbol: _linear(name, unit) for symbol, _, name, unit in direct}
+    states = {}
+    for number, (damping, square) in enumerate(poles.sections, 1):
+        # A pair of poles, s² + a s + c: its state p and the rate w of that.
+        slow, fast, a, c, f, g = (f"{letter}_{number}" for letter in "pwacfg")
+        states |= {slow: fast, fast: f"v - {a}*{fast} - {c}*{slow}"}
+        terms += [f"{f}*{slow}", f"{g}*{fast}"]
+        parameters |= {
+            f: _linear(f"pair_stiffness_rate_{number}", "{y}/({x} s)"),
+            g: _linear(f"pair_stiffness_{number}", "{y}/{x}"),
+            a: _nonlinear(f"pair_damping_{number}", "1/s", damping),
+            c: _nonlinear(f"pair_frequency_squared_{number}", "1/s^2", square),
+        }
+    for number, rate in enumerate(poles.rates, 1):
+        state, stiffness, symbol = (f"{letter}_{number}" for letter in "qhr")
+        states[state] = f"v - {symbol}*{state}"
+        terms.append(f"{stiffness}*{state}")
+        parameters |= {
+            stiffness: _linear(f"branch_stiffness_{number}", "{y}/{x}"),
+            symbol: _nonlinear(f"relaxation_rate_{number}", "1/s", rate),
+        }
+    definition = {
+        "name": NAME,
+        "mechanism": f"Linear dynamics of {poles.order} poles, without names.",
+        "equation": " + ".join(terms),
+        "state": states,
+        "parameters": parameters,
+    }
+    return carried_bases({"bases": {NAME: definition}})[NAME]
+
+
+def _linear(name: str, unit: str) -> dict:
+    return {"name": name, "unit": unit, "sign": "any"}
+
+
+def _nonlinear(name: str, unit: str, value: float) -> dict:
+    start = [float(value), float(value)]
+    return {"name": name, "unit": unit, "start": start, "scale": "one", "points": 1}
+
+
+TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
+"""Bases of a fastened tool that are tried."""
+CONTACT_BASES = ("KB-contact", "KV-contact", "LE-contact")
+"""Bases of a tool that is not fastened to the tissue."""
+_SURFACES = 40
+"""Depths at which the surface is looked for."""
+_SEARCHED = 0.06
+"""Share of the range about the first surface in which the best one is sought."""
+_SPRINGS = 0.9
+"""Squared error of a spring that is met, in those of a fastened one, up to which contact is tried."""
+_WITH_EFFECT = 3
+"""Effects, those with the best screening, with which the surface is sought again."""
+_LEAST_SHARE = 0.03
+"""Share of the samples that must lie above the surface."""
+_FLAT = 0.1
+"""Spread of the force above the surface, in those of the whole record, up to which nothing is touched there."""
+
+
+def choose_base(
+    experiment: Experiment, name: str | Base, catalogue: dict[str, Effect]
+) -> tuple[Experiment, Candidate]:
+    """Fit the base that is named, or the one that the data ask for.
+
+    By the likelihood of all records and the number of parameters. A base with contact must beat a fastened one with any
+    single effect: one that likewise loses the tissue, or one that clips the force.
+
+    `name` is a key of `lumbar.tissue.models.bases.BASES`, a base of one's own, or `CHOSEN_BY_DATA`. The experiment's
+    positions are counted from the tissue's surface where the base is one with contact.
+    """
+    # Surfaces are positions as recorded, also where a base is chosen again.
+    experiment = experiment.with_origin(0.0)
+    if isinstance(name, Base):
+        return experiment, fit_base(name, experiment)
+    if name != CHOSEN_BY_DATA:
+        if BASES[name].contact:
+            return _surface_of_refined(*at_surface(experiment, (name,)), catalogue)
+        return experiment, fit_base(BASES[name], experiment)
+    fastened = min((fit_base(BASES[base], experiment) for base in TISSUE_BASES), key=lambda item: item.score)
+    if not _springs_show_contact(experiment):
+        return experiment, fastened
+    rivals = [fastened, *extend(fastened, catalogue, experiment)]
+    if any(is_adequate(item, experiment) for item in rivals):
+        return experiment, fastened
+    from_surface, touching = at_surface(experiment, CONTACT_BASES)
+    from_surface, touching = _surface_of_refined(from_surface, touching, catalogue)
+    if touching.score < min(item.score for item in rivals):
+        return from_surface, touching
+    return experiment, fastened
+
+
+def _springs_show_contact(experiment: Experiment) -> bool:
+    """Whether a spring that is met at a surface leaves less than a fastened one, by more than a clipped response would."""
+    surface = first_surface(experiment)
+    if surface is None:
+        return False
+    fastened, touched = (
+        fit_base(BASES["LE"], experiment),
+        fit_base(BASES["LE-contact"], experiment.with_origin(surface)),
+    )
+    return touched.fit.squared_error < _SPRINGS * fastened.fit.squared_error
+
+
+def base_beside(model: Candidate, experiment: Experiment) -> str | None:
+    """Name of the base that surely explains all records better with the same effects; None where there is none.
+
+    What a model lacks may have passed for a Maxwell branch as long as it was lacking. A base without fewer parameters
+    must be worth them as a further effect must: a branch can take up a little of any model's error, and its spring then tells on
+    the other parameters (a mass m beside a dashpot b is m + bτ beside a branch).
+    """
+    mine = model.fit.structure.base
+    bases = [BASES[name] for name in (CONTACT_BASES if mine.contact else TISSUE_BASES) if name != mine.name]
+    bare = fit_base(mine, experiment)
+    found = [
+        item
+        for item in (exchange_base(model, base, experiment) for base in bases)
+        if item.score < model.score - TIED
+        and (item.parameters < model.parameters or is_worthwhile(bare, model, item, experiment))
+    ]
+    best = min(found, key=lambda item: item.score, default=None)
+    return best and best.fit.structure.base.name
+
+
+def first_surface(experiment: Experiment) -> float | None:
+    """Position from which on a spring explains the training record best, or None where nothing is flat above it."""
+    training = experiment.training
+    position, force = (training.trim(item) for item in (training.motion.position, training.force))
+    reach = np.ptp(position)
+    if reach == 0:
+        return None
+    trials = position.min() + reach * np.linspace(0.02, 0.8, _SURFACES)
+    ones = np.ones(len(position))
+
+    def left(surface: float) -> float:
+        columns = np.column_stack([ones, np.maximum(position - surface, 0.0)])
+        solution, *_ = np.linalg.lstsq(columns, force, rcond=None)
+        return float(np.sum((columns @ solution - force) ** 2)) if solution[1] > 0 else np.inf
+
+    errors = [left(surface) for surface in trials]
+    if not np.isfinite(min(errors)):
+        return None
+    surface = float(trials[int(np.argmin(errors))])
+    above = position < surface - 0.02 * reach
+    if np.mean(above) < _LEAST_SHARE or np.std(force[above]) > _FLAT * np.std(force):
+        return None
+    return surface
+
+
+def at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experiment, Candidate]:
+    """Find the surface of the tissue, and the best of several bases with contact from there."""
+    start = first_surface(experiment)
+    if start is None:
+        start = float(experiment.training.motion.position.min())
+    first = experiment.with_origin(start)
+    best = min((fit_base(BASES[name], first) for name in names), key=lambda item: item.fit.squared_error)
+    experiment, best = with_surface(experiment, best, start)
+    found = [fit_base(BASES[name], experiment) for name in names if name != best.fit.structure.base.name]
+    return experiment, min([best, *found], key=lambda item: item.score)
+
+
+def _surface_of_refined(
+    experiment: Experiment, base: Candidate, catalogue: dict[str, Effect]
+) -> tuple[Experiment, Candidate]:
+    """Surface that fits best with the best single effect: what the base lacks moves it."""
+    singles = best_by_effect(extend(base, catalogue, experiment, most=_WITH_EFFECT, all_forms=False))
+    refined = [with_surface(experiment, item, experiment.surface) for item in singles[:_WITH_EFFECT]]
+    refined = [pair for pair in refined if pair[1].score < base.score - TIED]
+    if not refined:
+        return experiment, base
+    moved, _ = min(refined, key=lambda pair: pair[1].score)
+    return moved, refit(base.fit.structure, base.fit.nonlinear, moved)
+
+
+def with_surface(experiment: Experiment, model: Candidate, start: float) -> tuple[Experiment, Candidate]:
+    """Refit a model with contact together with the position of the surface.
+
+    Brent's bounded method on the error that is left at each surface, the model's parameters fitted anew.
+    """
+    from scipy.optimize import minimize_scalar
+
+    reach = _SEARCHED * float(np.ptp(experiment.training.motion.position))
+
+    def squared_error(surface: float) -> float:
+        training = experiment.with_origin(surface).training
+        return fit(model.fit.structure, training, model.fit.nonlinear).squared_error
+
+    found = minimize_scalar(
+        squared_error,
+        bounds=(start - reach, start + reach),
+        method="bounded",
+        options={"xatol": 1e-3 * reach},
+    )
+    moved = experiment.with_origin(float(found.x))
+    return moved, refit(model.fit.structure, model.fit.nonlinear, moved)

@@ -16,8 +16,8 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_estimates, estimates
-from lumbar.tissue.diagnosis.selection.base_choice import choose_base
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate
+from lumbar.tissue.diagnosis.selection.diagnose import choose_base
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
 from lumbar.tissue.diagnosis.selection.verdict import (
     distinguishing_digits,
@@ -31,7 +31,7 @@ from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.model_data import OUTPUT_ERROR, FittedParameter, Port, Scores
-from lumbar.tissue.signals.motion_range import motion_range
+from lumbar.tissue.signals.spectrum import motion_range
 
 
 def model_name(fit: Fit) -> str:

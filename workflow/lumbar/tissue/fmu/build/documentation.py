@@ -18,12 +18,12 @@ from lumbar.tissue.fmu.build.description import (
     variables,
 )
 from lumbar.tissue.fmu.build.effect_model import Term
-from lumbar.tissue.fmu.build.equation_svg import equation_svg
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.build.reference_response import reference_plot, reference_push
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place
+from lumbar.tissue.models.printing import equation_svg
 
 
 def pictures(model: ExportModel, version: str) -> list[str]:

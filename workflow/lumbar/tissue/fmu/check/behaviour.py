@@ -1,6 +1,6 @@
 """What the library in an FMU does: against its description and reference signals, and against its own sources.
 
-Runs apart (``python -m lumbar.tissue.fmu.check.behaviour``, see `lumbar.tissue.fmu.check.playing`): a library that is
+Runs apart (``python -m lumbar.tissue.fmu.check.behaviour``, see `lumbar.tissue.fmu.check.file_check`): a library that is
 wrong may crash it. That these sources, compiled, do what FMI asks of them is tested once, not for every file
 (tests/unit/tissue/fmu/test_runtime_behaviour.py).
 """

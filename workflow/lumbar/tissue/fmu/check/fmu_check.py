@@ -63,14 +63,7 @@ class Check:
 def simulate_fmu(path: Path, inputs: np.ndarray) -> np.ndarray:
     """Play an FMU through fmpy and return its output at every sample instant, with event mode where there is one.
 
-    Parameters
-    ----------
-    inputs : numpy.ndarray, shape (samples,)
-        Set at these instants.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
+    The inputs are set at these instants; both have shape (samples,).
     """
     import fmpy
 
@@ -85,13 +78,7 @@ def simulate_fmu(path: Path, inputs: np.ndarray) -> np.ndarray:
 
 
 def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:
-    """Return a random walk about the rest position that drives the output to a set share of its limit.
-
-    Returns
-    -------
-    numpy.ndarray, shape (samples,)
-        Input in its unit.
-    """
+    """Return a random walk about the rest position that drives the output to a set share of its limit, shape (samples,)."""
     walk = np.cumsum(np.random.default_rng([seed, samples]).standard_normal(samples))
     room = _SHARE_OF_LIMIT * model.output_limit - abs(model.output.offset)
     averaged = moving_average(walk, model.moving_average)
@@ -121,16 +108,7 @@ def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: 
 
 
 def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int) -> list[Check]:
-    """Check both FMUs of every model.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the FMUs lie.
-    samples : int
-        Length of the simulation.
-    seed : int
-        Of the input.
+    """Check both FMUs of every model, which lie in a folder, by a simulation of so many samples with an input of this seed.
 
     Raises
     ------
@@ -208,16 +186,9 @@ class Push:
 
 
 def push(models: list[ExportModel], folder: Path) -> Push:
-    """Play one push through the FMUs of all models that sample at the first one's rate.
+    """Play one push through the FMUs in a folder, of all models that sample at the first one's rate.
 
-    The depth is chosen such that the stiffest model reaches half of its output limit.
-
-    Parameters
-    ----------
-    models : list of ExportModel
-        At least one, all with the same input.
-    folder : Path
-        Where the FMUs lie.
+    The depth is chosen such that the stiffest model reaches half of its output limit. All have the same input.
     """
     models = [model for model in models if model.sampling_time == models[0].sampling_time]
     time, profile = push_profile(models[0].sampling_time)

@@ -11,7 +11,7 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import write_text
 from lumbar.records.record import Record
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.haptics.device_identification.free_motion import PARAMETERS
+from lumbar.tissue.haptics.device_identification.free_motion import PARAMETERS, cut
 from lumbar.tissue.haptics.device_identification.output_error import (
     NOTICED,
     DeviceFit,
@@ -19,7 +19,6 @@ from lumbar.tissue.haptics.device_identification.output_error import (
     nearest_fit,
     regress,
 )
-from lumbar.tissue.haptics.device_identification.stretches import cut
 
 _KEYS = {"mass": "mass_kg", "damping": "damping_N_s_m", "friction": "friction_N", "delay": "delay_ms"}
 """Key of ``runtime.device`` for each number that is asked for."""

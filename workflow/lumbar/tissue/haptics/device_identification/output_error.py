@@ -16,8 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lumbar.tissue.haptics.device_identification.free_motion import PARAMETERS, free_motion
-from lumbar.tissue.haptics.device_identification.stretches import MARGIN, Stretches
+from lumbar.tissue.haptics.device_identification.free_motion import MARGIN, PARAMETERS, Stretches, free_motion
 
 _LATEST = (-2, -1, 0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, MARGIN - 2)
 """Delays that are tried, in samples, each with any part of the time to the next one."""
