@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.quality.landmarks import landmarks
@@ -25,7 +25,7 @@ _BOX = re.compile(r"box|bo[iî]te|crate|kiste|caisse|load", re.IGNORECASE)
 _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
-def _rules(name: str) -> tuple[tuple[Alias, str], ...]:
+def _rules(name: str) -> tuple[tuple[Any, str], ...]:
     said = _SAID["rules"][name]
     ways = (from_plain(MarkerLayout, {"aliases": {name: item["is"]}}).aliases[name] for item in said)
     return tuple((way, item.get("because", "")) for way, item in zip(ways, said, strict=True))
