@@ -95,7 +95,7 @@ def test_tables_have_the_published_headers(folder, project, name):
 
 
 def test_everything_made_from_data_says_synthetic_twin(folder):
-    drawings = {"figure_1_1", "figure_2_4", "figure_3_1", "figure_3_2", "workflow"}
+    drawings = {"figure_1_1", "figure_2_4", "figure_3_1", "figure_3_2"}
     unlabelled = []
     for path in sorted((results(folder) / "tables").iterdir()) + sorted(
         (results(folder) / "figures").glob("*.svg")

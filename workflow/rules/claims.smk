@@ -1,4 +1,4 @@
-# Chapter 8, claims: what the thesis says against what this run shows; the workflow's own picture; the run's settings.
+# Chapter 8, claims: what the thesis says against what this run shows; the run's settings.
 
 
 rule run_config:
@@ -25,40 +25,6 @@ rule run_config:
         "Settings, seeds and versions of this run"
     script:
         "../scripts/run_config.py"
-
-
-# Checks of the recordings stand in the band of the recordings; target rules are not drawn.
-CHAPTER_OF_FILE = {f"{chapter}.smk": chapter for chapter in CATEGORIES} | {"records.smk": "twin"}
-
-
-rule workflow_figure:
-    input:
-        config="<results>/run_config.yaml",
-    output:
-        **published("workflow"),
-    log:
-        "<logs>/workflow_figure.log",
-    benchmark:
-        "<benchmarks>/workflow_figure.tsv"
-    group:
-        "claims"
-    conda:
-        CONDA
-    resources:
-        **job_size(peak_mb=175, seconds=2),
-    params:
-        code=library_code("workflow_figure.py"),
-        edges=lambda wildcards: rule_graph(workflow, "all", alike={"lift", "person"}),
-        chapters=CATEGORIES,
-        chapter_of=lambda wildcards: {
-            rule.name: CHAPTER_OF_FILE[Path(str(rule.snakefile)).name]
-            for rule in workflow.rules
-            if Path(str(rule.snakefile)).name in CHAPTER_OF_FILE
-        },
-    message:
-        "The workflow, drawn from its own graph"
-    script:
-        "../scripts/workflow_figure.py"
 
 
 if "table_3_1_experiments" in {artefact.id for artefact in ARTEFACTS}:

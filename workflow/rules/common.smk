@@ -12,7 +12,6 @@ sys.path.insert(0, str(WORKFLOW))
 from run.dependencies import library_code
 from run.jobs import job_size, lift_limit, remove_half_written, set_job_environment
 from run.job_forks import fork_scripts
-from run.rule_graph import rule_graph
 from run.run_log import watch
 from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import load_study
