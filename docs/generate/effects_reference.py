@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lumbar.base.files import write_text
-from lumbar.tables.words import unit_in_print
+from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.form import Effect, Form, Place

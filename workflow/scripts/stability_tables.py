@@ -14,8 +14,7 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     from lumbar.base.files import read_json, write_csv
     from lumbar.lifting.stability.basins import DTYPES, areas_table
     from lumbar.lifting.stability.comparison.percent_differences import Study
-    from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
-    from lumbar.lifting.stability.comparison.table_4_1_alternations import alternations_table
+    from lumbar.lifting.stability.comparison.table_4_1 import alternations_table, tables_4_1
     from lumbar.lifting.stability.comparison.table_4_1_grid import grid_table
     from lumbar.lifting.stability.extended_basins import COUNTS, extended_table
     from lumbar.lifting.stability.model.failures import (

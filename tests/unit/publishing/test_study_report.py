@@ -24,9 +24,8 @@ from lumbar.publishing.reproduction.claim import (
     verdict,
 )
 from lumbar.publishing.reproduction.register import all_claims, examine_claims, summary_table
-from lumbar.publishing.study_report.contents import chapters, smaller
+from lumbar.publishing.study_report.contents import beside, chapters, smaller
 from lumbar.publishing.study_report.page import FAILS, WARNS, troubles
-from lumbar.publishing.study_report.published_values import beside
 from lumbar.study.artefacts import read_artefacts
 from small_report import CHOICES, CLAIMS, SHEET, make_results, page_of
 

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from lumbar.base.errors import NumericalError
+from lumbar.tables.layout import column_in_words
 from lumbar.tables.table import Table
-from lumbar.tables.words import column_in_words
 
 
 def made(**changes) -> Table:

@@ -242,7 +242,7 @@ class Inspected:
 
     def save_picture(self, path: str | os.PathLike) -> None:
         """Draw heights, gaps and findings into a file ``.svg`` or ``.pdf``."""
-        from lumbar.publishing.figures.quality_figure import quality_figure
+        from lumbar.publishing.figures.movement_figures import quality_figure
         from lumbar.publishing.figures.style import save
 
         path = Path(path)

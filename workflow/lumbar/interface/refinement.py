@@ -348,7 +348,7 @@ class Comparisons(OnRecords):
         return comparison_figure(shown.record, shown.values, comparisons, self.model.name)
 
     def _page(self, pictures: dict[str, Path]) -> str:
-        from lumbar.publishing.pages.record_pages import comparison_page
+        from lumbar.publishing.pages.html import comparison_page
 
         return comparison_page(self.simulated, self.model.name, self.data, pictures)
 
@@ -376,7 +376,7 @@ class Locations(OnRecords):
         return location_figure(self[name].location)
 
     def _page(self, pictures: dict[str, Path]) -> str:
-        from lumbar.publishing.pages.record_pages import location_page
+        from lumbar.publishing.pages.html import location_page
 
         return location_page(self.simulated, self.model.name, self.data, pictures)
 

@@ -61,7 +61,7 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
     from lumbar.publishing.study_report.page import StudyFacts, report_page
     from lumbar.study.artefacts import read_artefacts
     from lumbar.study.load_study import load_study
-    from lumbar.tables.words import value_in_words
+    from lumbar.tables.layout import value_in_words
 
     results, project = Path(results), Path(project)
     for path in (results / "run_config.yaml", results / "run_environment.json"):

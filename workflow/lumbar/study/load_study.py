@@ -2,6 +2,7 @@
 
 Everything a workflow or the command line needs to know of a configuration is asked in this package, so that a wrong key
 is found before anything runs and all wrong keys are found at once.
+Effects that are Python are run only where the study is one's own, or where that is said.
 """
 
 from __future__ import annotations
@@ -10,16 +11,20 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
+from lumbar.settings.improvement import ImprovementSettings, is_data
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
 from lumbar.study.artefacts import LIFTED, NEEDS, OF_TWIN, read_artefacts
 from lumbar.study.consistency import check_consistency, check_effects
-from lumbar.study.own_code import check_code
 from lumbar.study.study import TWIN, RecordedLift, Study
 from lumbar.study.validation import Origins, overlay, validate
+
+if TYPE_CHECKING:
+    from lumbar.study.validation import Origins
 
 
 def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, trust: bool = False) -> Study:
@@ -290,3 +295,33 @@ def load_subject(path: str | os.PathLike) -> SubjectSettings:
     subject, _ = read_subject(Path(path), str(path), problems)
     problems.raise_if_any()
     return subject
+
+
+def check_code(
+    improvement: ImprovementSettings,
+    files: Sequence[Path],
+    project: Path | None,
+    problems: Problems,
+    origins: Origins,
+) -> None:
+    """Check, before anything is run, that Python and every file of settings lie in the project that one works in.
+
+    A study that was sent by somebody else could otherwise run what it likes; an effect in YAML is data.
+    `files` are those of the settings, `project` is its folder, None outside of any.
+    """
+    for number, effect in enumerate(improvement.effect_files):
+        if is_data(effect):
+            continue
+        strange = [file for file in (*files, Path(project or "", effect)) if not _lies_in(file, project)]
+        if strange:
+            place = origins.place(("improvement", "effect_files", number))
+            problems.add(
+                place,
+                f"{effect} is Python, which would be run, and {strange[0]} lies in no project that you work in",
+                "read it first; then write the effect in YAML, copy study and effect into your project, or say --trust "
+                "(lumbar.load_settings: trust=True)",
+            )
+
+
+def _lies_in(file: Path, project: Path | None) -> bool:
+    return project is not None and file.resolve().is_relative_to(project.resolve())

@@ -14,8 +14,17 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_text
 from lumbar.base.templates import template
-from lumbar.tables.layout import EMPTY, Column, blocks, fitting, keys_of, scientific, split_number
-from lumbar.tables.words import column_in_words, value_in_words
+from lumbar.tables.layout import (
+    EMPTY,
+    Column,
+    blocks,
+    column_in_words,
+    fitting,
+    keys_of,
+    scientific,
+    split_number,
+    value_in_words,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

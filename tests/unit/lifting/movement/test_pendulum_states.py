@@ -11,8 +11,14 @@ from lumbar.interface.lift import lift
 from lumbar.lifting.movement.joint_centres import trunk_points
 from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.movement.lift_tables import states_frame, summary
-from lumbar.lifting.movement.pendulum_choice import THESIS_CHOICE, PendulumChoice
-from lumbar.lifting.movement.pendulum_states import heading, pendulum_states, pivot_trajectory, turn
+from lumbar.lifting.movement.pendulum_states import (
+    THESIS_CHOICE,
+    PendulumChoice,
+    heading,
+    pendulum_states,
+    pivot_trajectory,
+    turn,
+)
 from lumbar.lifting.stability.model.trajectories import own_choice
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.lifting import LiftingSettings

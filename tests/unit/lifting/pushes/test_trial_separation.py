@@ -2,21 +2,17 @@
 
 import numpy as np
 import pytest
-from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of, perturbation_settings
+from lifting_cases import minimum_jerk, pendulums_of, perturbation_settings
 from scipy.stats import mannwhitneyu
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.pushes.trial_separation import (
     BodyTrial,
-    basin_of_feedback,
-    basin_of_person,
     estimate_feedback,
     measures_of_trial,
     separation_frame,
     separation_table,
 )
-from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
 
 SETTINGS = perturbation_settings()
 POINTS = 201
@@ -88,23 +84,13 @@ def trials_of(pendulum, rng, sets, count, noise=25.0):
 
 
 def test_intervals_of_gains_cover_what_trials_were_made_with(pendulum):
-    """Of 300 sets of 8 trials, 92 to 98 % hold K1 and K2 at the start, middle and end; so does the basin's interval of one."""
+    """Of 300 sets of 8 trials, 92 to 98 % hold K1 and K2 at the start, middle and end."""
     sets = trials_of(pendulum, np.random.default_rng(5), 300, 8)
     true, held = known_gains(), []
     for e, w, a in zip(*sets, strict=True):
-        low, high = estimate_feedback(pendulum, e, w, a).interval
+        low, high = estimate_feedback(pendulum, e, w, a)
         held.append(((low <= true) & (true <= high))[[0, POINTS // 2, -1]])
     assert (np.mean(held, axis=0) >= 0.92).all() and (np.mean(held, axis=0) <= 0.98).all()
-    area = basin_of_feedback(pendulum, true, WEIGHTS, 1.0)
-    found = estimate_feedback(pendulum, *(item[0] for item in sets))
-    _, low, high = basin_of_person(pendulum, found, WEIGHTS, 1.0)
-    assert low <= area <= high < 2 * low
-
-
-def test_the_regulators_own_gains_have_the_regulators_basin(pendulum):
-    loops = regulate(pendulum, WEIGHTS)
-    expected = exact_funnels(loops).mean_area[0]
-    assert basin_of_feedback(pendulum, loops.gains[:, 0], WEIGHTS, 1.0) == pytest.approx(expected, rel=1e-5)
 
 
 def test_three_trials_are_refused(pendulum):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lumbar.lifting.stability.comparison.percent_differences import Study
-from lumbar.lifting.stability.comparison.table_4_1_alternations import alternations_table
+from lumbar.lifting.stability.comparison.table_4_1 import alternations_table
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES, THESIS
 from lumbar.settings.stability import StabilitySettings
 

@@ -23,8 +23,8 @@ from lumbar.lifting.measures.registry import (
     WINDOWS,
     Measure,
 )
+from lumbar.tables.layout import value_in_words
 from lumbar.tables.table import SYNTHETIC_TWIN, Table
-from lumbar.tables.words import value_in_words
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -22,9 +22,9 @@ from lumbar.lifting.movement.event_detection import find_events
 from lumbar.lifting.movement.events import Event, started_by
 from lumbar.lifting.movement.gaps import Gap, refuse_open_gaps, why_missing, within
 from lumbar.lifting.movement.joint_centres import TrunkPoints, trunk_points
-from lumbar.lifting.movement.pendulum_choice import PendulumChoice
 from lumbar.lifting.movement.pendulum_states import (
     PIVOTS,
+    PendulumChoice,
     PendulumStates,
     SamplesMissing,
     heading,

@@ -23,7 +23,7 @@ from lumbar.lifting.movement.centre_of_mass import COMS, head_centre, segment_ce
 from lumbar.lifting.movement.event_detection import TOES
 from lumbar.lifting.movement.events import DECLARED, EVENTS, IN_FILE, held_frames, phases
 from lumbar.lifting.movement.joint_centres import INNER, MID_HIP
-from lumbar.lifting.movement.pendulum_choice import PendulumChoice
+from lumbar.lifting.movement.pendulum_states import PendulumChoice
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""From a centre of mass to the states of a planar pendulum (thesis, section 4.2.3.1 and Eq. 4.1).
+"""From a centre of mass to the states of a planar pendulum (thesis, section 4.2.3.1 and Eq. 4.1), and what is chosen between.
 
 The angle is zero where the centre of mass is straight above the pivot and grows to the right (lateral
 bending, xz plane) or forward (flexion/extension, yz plane): θ = atan2(r, z) with r the horizontal coordinate
@@ -8,13 +8,61 @@ interpolated angle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError, Problems
 from lumbar.lifting.movement.joint_centres import MID_HIP, TrunkPoints
 from lumbar.records.markers import MarkerRecording
+
+if TYPE_CHECKING:
+    from lumbar.settings.lifting import LiftingSettings
+
+
+Chosen = TypeVar("Chosen")
+OPTIONS = {
+    "pivot": ("mid_ankle", "hip"),
+    "segment_ends": ("inner", "skin"),
+    "deposit_start": ("descent", "wrist_minimum"),
+}
+"""What conclusions are compared under. Pivots: the body over its feet, the trunk over its hips."""
+
+
+@dataclass(frozen=True)
+class PendulumChoice:
+    """One way from the markers to the pendulums of a deposit; attributes as the keys of `LiftingSettings`."""
+
+    pivot: str
+    segment_ends: str
+    deposit_start: str
+
+    @classmethod
+    def of(cls, settings: LiftingSettings) -> PendulumChoice:
+        """Return a study's own."""
+        return cls(settings.pivot, settings.segment_ends, settings.events.deposit_start)
+
+    @property
+    def others(self) -> list[PendulumChoice]:
+        """What a study's own is compared with: the thesis's way, and either with one choice changed."""
+        every = [item for item in (self, THESIS_CHOICE) for item in (item, *one_changed(item, OPTIONS))]
+        return [item for item in dict.fromkeys(every) if item != self]
+
+
+THESIS_CHOICE = PendulumChoice("mid_ankle", "skin", "wrist_minimum")
+"""Of the pivot the thesis shows only Figure 4.1, a pendulum over the feet; its segments lie between markers, and its deposit
+starts at the least speed of the wrists (section 4.2.3.1)."""
+
+
+def one_changed(chosen: Chosen, options: Mapping[str, Sequence[str]]) -> Iterator[Chosen]:
+    """Yield what differs from a set of choices in one of them."""
+    for name in (field.name for field in fields(chosen)):
+        for other in options[name]:
+            if other != getattr(chosen, name):
+                yield replace(chosen, **{name: other})
+
 
 PLANES = {"lateral_bending": 0, "flexion_extension": 1}
 """Horizontal axis of each plane: x (to the right) or y (forward)."""

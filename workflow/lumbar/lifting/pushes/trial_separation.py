@@ -31,10 +31,7 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
     cleaned_trial,
     mean_trajectory,
 )
-from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-from lumbar.lifting.stability.funnel.lyapunov_family import with_lyapunov_function
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
-from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, Weights
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.table import Table
@@ -209,23 +206,6 @@ FEWEST_TRIALS = 4
 COVERAGE = 0.95
 
 
-@dataclass(frozen=True)
-class Feedback:
-    """Gains over phase."""
-
-    phase: np.ndarray
-    """Shape (points,): from 0 to 1."""
-    gains: np.ndarray
-    """Shape (points, 2): K1 in N·m/rad and K2 in N·m·s/rad."""
-    left_out: np.ndarray
-    """Shape (trials, points, 2): the same without each of the trials."""
-
-    @property
-    def interval(self) -> tuple[np.ndarray, np.ndarray]:
-        """Ends of the pointwise 95 % interval, shape (points, 2) each."""
-        return jackknife_interval(self.gains, self.left_out)
-
-
 def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return Student's interval of an estimate from those without each trial, shape (trials, ...)."""
     from scipy.stats import t
@@ -237,12 +217,13 @@ def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndar
 
 
 def estimate_feedback(
-    pendulum: Pendulums, error: np.ndarray, rate: np.ndarray, acceleration: np.ndarray, order: int = 1
-) -> Feedback:
-    """Estimate K1(t) and K2(t), polynomials of this order in phase, from deviations of trials about their mean.
+    pendulum: Pendulums, error: np.ndarray, rate: np.ndarray, acceleration: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Estimate K1(t) and K2(t), linear in phase, from deviations of trials about their mean.
 
     The angle of the one pendulum at `points` even phases is the mean movement; deviations of angle, angular velocity and
-    angular acceleration have shape (trials, points).
+    angular acceleration have shape (trials, points). Returned are the ends of the pointwise 95 % interval, shape (points, 2)
+    each, in N·m/rad and N·m·s/rad.
     """
     if len(error) < FEWEST_TRIALS:
         raise InputError(
@@ -255,7 +236,7 @@ def estimate_feedback(
         + pendulum.gravity_torque[0] * (np.sin(mean + error) - np.sin(mean))
     )
     phase = np.linspace(0.0, 1.0, error.shape[1])
-    basis = np.polynomial.legendre.legvander(2 * phase - 1, order)
+    basis = np.polynomial.legendre.legvander(2 * phase - 1, 1)
     # Trial by trial the normal equations, so that leaving one out is a subtraction.
     columns = np.concatenate([error[..., None] * basis, rate[..., None] * basis], axis=-1)
     squares = np.einsum("tpi,tpj->tij", columns, columns)
@@ -263,37 +244,11 @@ def estimate_feedback(
 
     def gains(matrix, vector) -> np.ndarray:
         coefficients = np.linalg.solve(matrix, vector[..., None])[..., 0]
-        both = coefficients.reshape(*coefficients.shape[:-1], 2, order + 1)
+        both = coefficients.reshape(*coefficients.shape[:-1], 2, 2)
         return np.einsum("...ki,pi->...pk", both, basis)
 
     whole = squares.sum(axis=0), products.sum(axis=0)
-    return Feedback(phase, gains(*whole), gains(whole[0] - squares, whole[1] - products))
-
-
-def basin_of_feedback(pendulum: Pendulums, gains: np.ndarray, weights: Weights, goal_level: float) -> float:
-    """Return the average cross-section in rad²/s of the exact basin under given gains.
-
-    V is the cost of these gains, shape (points, 2), under the study's weights, −Ṡ = A_cᵀS + SA_c + Q + KᵀRK, S(T) = Qf.
-    """
-    k1, k2 = gains.T
-    feedback = np.stack([k1**2, k1 * k2, k2**2], axis=-1)
-    decay = weights.state + np.asarray(weights.control)[..., None] * feedback
-    goal = np.broadcast_to(weights.terminal, (len(gains), 1, 3))
-    loops = ClosedLoops(pendulum, weights, goal, decay[:, None], gains[:, None])
-    return float(exact_funnels(with_lyapunov_function(loops, 1.0), goal_level).mean_area[0])
-
-
-def basin_of_person(
-    pendulum: Pendulums, feedback: Feedback, weights: Weights, goal_level: float
-) -> tuple[float, float, float]:
-    """Return area and 95 % interval of the basin of a person's own feedback, from the basins without each trial.
-
-    The interval is that of the logarithm of the area.
-    """
-    area = basin_of_feedback(pendulum, feedback.gains, weights, goal_level)
-    others = [basin_of_feedback(pendulum, gains, weights, goal_level) for gains in feedback.left_out]
-    low, high = jackknife_interval(np.log(area), np.log(others))
-    return area, float(np.exp(low)), float(np.exp(high))
+    return jackknife_interval(gains(*whole), gains(whole[0] - squares, whole[1] - products))
 
 
 def feedback_sentence(
@@ -306,9 +261,7 @@ def feedback_sentence(
     quiet = [item for item in trials if item.group == "unperturbed"]
     parts = []
     for name, chosen in (("unperturbed", quiet), ("all", trials)):
-        low, high = (
-            end[PHASE_POINTS // 2] for end in _feedback_of(chosen, quiet, settings, stability).interval
-        )
+        low, high = (end[PHASE_POINTS // 2] for end in _feedback_of(chosen, quiet, settings, stability))
         parts.append(
             f"K1 {low[0]:.0f} to {high[0]:.0f} N·m/rad and K2 {low[1]:.0f} to {high[1]:.0f} N·m·s/rad from {name} ({len(chosen)} "
             "trials)"
@@ -320,7 +273,7 @@ def feedback_sentence(
     )
 
 
-def _feedback_of(trials, quiet, settings: PerturbationsSettings, stability: StabilitySettings) -> Feedback:
+def _feedback_of(trials, quiet, settings: PerturbationsSettings, stability: StabilitySettings):
     from scipy.interpolate import CubicSpline
 
     mean, pendulum = mean_trajectory(quiet, settings), stability.pendulum

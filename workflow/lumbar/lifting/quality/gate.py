@@ -24,21 +24,18 @@ from lumbar.lifting.quality.leaps import (
     step_sizes,
     take_exchanges,
 )
-from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
-from lumbar.lifting.quality.tempo import (
-    FINE_RATE,
+from lumbar.lifting.quality.sheet import ERROR, FINE_RATE, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
+from lumbar.lifting.quality.trajectories import (
     HIGHEST_HZ,
+    LABORATORY_M,
     LOWEST_HZ,
     USUAL_HZ,
-    frequency_scale,
-    tells_tempo,
-)
-from lumbar.lifting.quality.trajectories import (
-    LABORATORY_M,
     beyond_laboratory,
     copied_stretches,
+    frequency_scale,
     frozen_stretches,
     held_samples,
+    tells_tempo,
 )
 
 _WRONG_UNIT = 1.8

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lumbar.lifting.quality.tempo import FINE_RATE
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
@@ -32,6 +31,8 @@ REMEDIES = {
     "exchanged": "label both again in the capture software",
 }
 """What brings back the frames that a finding leaves out, by its kind."""
+FINE_RATE = "rate off by less than four times"
+"""What the tempo of a movement does not tell."""
 _SHOWN = 5
 _DEFINITIONS = {
     "lift": "Person, mass of the box, and number of the trial where there are several; of perturbed trials group and number.",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.movement.pendulum_choice import OPTIONS as PENDULUM_OPTIONS
+from lumbar.lifting.movement.pendulum_states import OPTIONS as PENDULUM_OPTIONS
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, reachable_area
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, disturbance_of

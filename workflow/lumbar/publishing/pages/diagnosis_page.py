@@ -14,9 +14,18 @@ from lumbar.publishing.figures.comparison_figures import (
 from lumbar.publishing.figures.law_figure import chain_figure, law_figure
 from lumbar.publishing.figures.location_figure import location_figure
 from lumbar.publishing.figures.style import save
-from lumbar.publishing.pages.html import document, figure, heading, listing, paragraph, picture, table
-from lumbar.publishing.pages.record_pages import LOCATION_CAPTION, comparison_blocks
-from lumbar.tables.words import unit_in_print
+from lumbar.publishing.pages.html import (
+    LOCATION_CAPTION,
+    comparison_blocks,
+    document,
+    figure,
+    heading,
+    listing,
+    paragraph,
+    picture,
+    table,
+)
+from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import ALIKE, Evidence, limitations
 from lumbar.tissue.diagnosis.law.proposal import Proposal

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
-from lumbar.publishing.study_report.contents import Chapter
-from lumbar.publishing.study_report.published_values import count_verdicts, not_holding
+from lumbar.publishing.study_report.contents import Chapter, count_verdicts, not_holding
 from lumbar.tables.layout import split_number
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
-from lumbar.records.importing.parts import record_name
 from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
+from lumbar.records.importing.recording import record_name
 from lumbar.records.importing.text_table import read_text, table_of_lines
 from lumbar.records.unpacking import MOST_NUMBERS, check_zip, ending_of, stem_of, unpack
 

@@ -51,7 +51,7 @@ def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
     Parameters
     ----------
     path : pathlib.Path
-        One effect in YAML, or Python, which is run: every module-level `Effect` counts. `lumbar.study.own_code` lets none
+        One effect in YAML, or Python, which is run: every module-level `Effect` counts. `lumbar.study.load_study` lets none
         pass that a stranger's study names.
     taken : collection of str
         Names that an effect in YAML may not have. One in Python may replace another.

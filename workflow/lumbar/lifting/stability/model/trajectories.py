@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import Problems
-from lumbar.lifting.movement.pendulum_choice import OPTIONS as PENDULUM_OPTIONS
-from lumbar.lifting.movement.pendulum_choice import THESIS_CHOICE, PendulumChoice, one_changed
+from lumbar.lifting.movement.pendulum_states import OPTIONS as PENDULUM_OPTIONS
+from lumbar.lifting.movement.pendulum_states import THESIS_CHOICE, PendulumChoice, one_changed
 
 if TYPE_CHECKING:
     import pandas as pd
