@@ -10,9 +10,7 @@ from lumbar.settings.key import UNIQUE, Each, Word, key, section, settings
 GROUPS = ("expert", "novice")
 """Whom the thesis compares."""
 Share = Annotated[float, Each(ge=0, le=10)]
-Check = Literal[
-    "simulation", "thesis_method", "sum_of_squares", "cvxpy", "proof", "extended", "extended_proof"
-]
+Check = Literal["simulation", "thesis_method", "sum_of_squares", "cvxpy", "proof", "extended"]
 
 
 @settings
@@ -79,7 +77,7 @@ def weight_problems(state_weight, control_weight: float, terminal_weight) -> Pro
 
 @settings
 class ProofSettings:
-    """Proof between the knots by interval branch-and-bound (checks ``proof`` and ``extended_proof``)."""
+    """Proof between the knots by interval branch-and-bound (check ``proof``)."""
 
     margin_1_s: float = key(
         "By how much, in 1/s, ρ̇/ρ of the funnel that is proved exceeds the largest V̇/ρ on its "
@@ -260,8 +258,7 @@ class StabilitySettings:
     checks: Annotated[tuple[Check, ...], UNIQUE] = key(
         "What is computed beside the exact basins. simulation: starts that must stay inside; thesis_method: Eqs 4.5–4.7 as "
         "the thesis solves them; sum_of_squares: certificates; cvxpy: some of these once more as Eq. 4.6 is written; proof: "
-        "interval arithmetic between the knots; extended: limited torque, uncertain mass and a better V; extended_proof: "
-        "interval arithmetic for these too, which takes some 30 s of computing per lift.",
+        "interval arithmetic between the knots; extended: limited torque, uncertain mass and a better V.",
         default=("simulation", "thesis_method", "sum_of_squares", "cvxpy", "proof", "extended"),
     )
     proof: ProofSettings = section(default_factory=ProofSettings)

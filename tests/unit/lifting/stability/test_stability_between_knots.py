@@ -77,11 +77,11 @@ def test_division_by_zero_is_refused():
 def pieces_at(curves, interval, offset):
     """Coefficients of g at one moment of every pendulum, as thin intervals, with their rates."""
     local = {name: values[:, interval] for name, values in curves.pieces.items()}
-    constants = Interval(curves.gravity), Interval(curves.drag), bool(curves.ratios)
+    gravity = Interval(curves.gravity)
     zero = Interval(np.zeros_like(curves.step))
     derivatives = _derivatives(local, Interval(offset * curves.step), zero)
-    found = _coefficients(derivatives, *constants)
-    return found, _coefficient_rates(derivatives, found, *constants)
+    found = _coefficients(derivatives, gravity)
+    return found, _coefficient_rates(derivatives, found, gravity)
 
 
 def value_of(coefficients, angle):

@@ -190,7 +190,7 @@ FEET = {"foot_ahead_m": 0.6, "foot_behind_m": 0.45, "feet_half_width_m": 0.45}
 
 def test_extended_basins_hold_every_loop_and_check():
     """Limits that cannot bind leave the nominal basin, and the table says so; those that bind cost area and hold."""
-    settings = changed(SETTINGS, limits=FEET, checks=["simulation", "extended", "extended_proof"])
+    settings = changed(SETTINGS, limits=FEET, checks=["simulation", "extended"])
     frame, failures = extended_basins(lift()[:2], settings, seed=1)
     assert not failures and list(frame.columns) == list(COLUMNS)
     counts = frame.groupby(["loop", "method", "sign"]).size()
@@ -204,10 +204,9 @@ def test_extended_basins_hold_every_loop_and_check():
     assert (rows.loc["uncertain_mass", "area_ratio"] < 1).all() and (
         rows.loc["better_v", "area_ratio"] > 1.2
     ).all()
-    assert rows["proved_share"].dropna().min() > 0.9
     table = extended_table(frame, settings, "test")
     assert "in the others none does, and the basin is the nominal one" in table.to_html()
-    assert {"exits", "proved_share"} <= set(table.frame) and "sos_margin_difference" not in set(table.frame)
+    assert "exits" in table.frame and "sos_margin_difference" not in set(table.frame)
 
 
 def test_limits_beyond_any_basin_are_failures_not_zeros():

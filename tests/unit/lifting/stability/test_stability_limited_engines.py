@@ -1,4 +1,4 @@
-"""Torque limits and uncertain masses in every method and in the proof between knots, against each other and simulation."""
+"""Torque limits and uncertain masses in every method, against each other and simulation."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.funnel.saturation import (
     Saturation,
@@ -103,19 +102,6 @@ def test_certified_area_converges_to_the_exact_one():
     assert errors[1] < 0.2 * errors[0] and errors[1] < 2e-4
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_proof_between_knots_knows_the_limits(kind):
-    """With its own margin the limited funnel is proved nearly everywhere; the unlimited and the overstated are not."""
-    loops, saturation = limited("inverted" if kind == "mass" else "hanging", kind)
-    goal = 1.0 if kind == "mass" else GOAL
-    found = saturated_funnels(loops, goal, saturation, margin=0.05, negative_control=5.0)
-    assert proved_share(loops, found.with_margin, saturation)[0] > 0.9
-    assert proved_share(loops, found.negative_control, saturation)[0] < 0.05
-    nominal = saturated_funnels(loops, goal, Saturation(), margin=0.05).with_margin
-    assert proved_share(loops, nominal)[0] == 1
-    assert proved_share(loops, nominal, saturation)[0] < 0.97
-
-
 @pytest.mark.parametrize("saturation", [Saturation(5.0), Saturation(mass_share=0.5)])
 def test_no_basin_left_is_named_by_every_engine(saturation):
     loops = regulate(pendulums_of([minimum_jerk()], "inverted", knots=161), WEIGHTS)
@@ -128,32 +114,31 @@ def test_no_basin_left_is_named_by_every_engine(saturation):
 
 
 def test_limits_of_their_own_in_one_batch_are_those_of_each_by_itself():
-    """Areas, certificates and proof of three pendulums at once, and of each alone; the last one's limit never binds."""
+    """Areas and certificates of three pendulums at once, and of each alone; the last one's limit never binds."""
     items = [minimum_jerk(start=start, end=0.0, mass=33.0) for start in (0.2, 0.25, 0.1)]
     loops = regulate(pendulums_of(items, "inverted", knots=161), WEIGHTS)
     peak = np.abs(reference_of(loops.pendulums).torque).max(axis=0)
     saturation = Saturation(peak * [1.3, 1.5, 50.0], bias=np.array([2.0, -3.0, 0.0]))
     assert str(saturation.of(1)) == str(Saturation(1.5 * peak[1], bias=-3.0))
-    found = saturated_funnels(loops, GOAL, saturation, 0.05)
-    certified, proved = certify(loops, saturation)[0], proved_share(loops, found.with_margin, saturation)
+    found = saturated_funnels(loops, GOAL, saturation)
+    certified = certify(loops, saturation)[0]
     for index in range(3):
         own, limit = loops.select(np.array([index])), saturation.of(index)
-        alone = saturated_funnels(own, GOAL, limit, 0.05)
+        alone = saturated_funnels(own, GOAL, limit)
         assert found.exact.mean_area[index] == pytest.approx(alone.exact.mean_area[0], rel=1e-9)
         assert certified.mean_area[index] == pytest.approx(certify(own, limit)[0].mean_area[0], rel=1e-3)
-        assert proved[index] == proved_share(own, alone.with_margin, limit)[0]
     with pytest.raises(NumericalError, match=f"limit is {0.9 * peak[1]:g}"):
         saturated_funnels(loops, GOAL, Saturation(peak * [1.3, 0.9, 50.0]))
 
 
 def test_limits_that_differ_between_the_sides_hold_in_every_engine():
-    """More torque backward than forward: exact, certified, simulated and proved agree; the nominal funnel is too large."""
+    """More torque backward than forward: exact, certified and simulated agree; the nominal funnel is too large."""
     loops, _ = limited("inverted", "torque")
     wanted = reference_of(loops.pendulums).torque
     low, high = 1.05 * float(wanted.min()), max(1.05 * float(wanted.max()), 20.0)
     assert low < -1.2 * high
     saturation = Saturation(torque=(high - low) / 2, bias=(high + low) / 2)
-    found = saturated_funnels(loops, GOAL, saturation, 0.05)
+    found = saturated_funnels(loops, GOAL, saturation)
     nominal = exact_funnels(loops, GOAL)
     assert found.exact.mean_area[0] < 0.999 * nominal.mean_area[0]
     disturbance = disturbance_of(loops, saturation, 2000, [5])
@@ -166,6 +151,5 @@ def test_limits_that_differ_between_the_sides_hold_in_every_engine():
         (added / loops.pendulums.inertia)[0]
     )
     assert certify(loops, saturation)[0].mean_area[0] == pytest.approx(found.exact.mean_area[0], rel=0.02)
-    assert proved_share(loops, found.with_margin, saturation)[0] > 0.9
     with pytest.raises(InputError, match="one at a time"):
         Saturation(10.0, 0.05, 1.0)

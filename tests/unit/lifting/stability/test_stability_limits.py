@@ -160,16 +160,15 @@ def test_share_one_is_the_riccati_solution():
 def test_best_v_of_a_linear_loop_reaches_liouvilles_area():
     """Without gravity λ = 0 maps the goal set back exactly: no set can be larger."""
     loops = loops_of([minimum_jerk()], "hanging", gravity=0.0)
-    best = best_of_family(loops, 1.0, [0.0, 0.5, 1.0], 1e-3)
+    best = best_of_family(loops, 1.0, [0.0, 0.5, 1.0])
     assert best.share[0] == 0
     assert best.exact.initial_area == pytest.approx(reachable_area(loops), rel=1e-5)
-    assert best.with_margin.mean_area < best.exact.mean_area
 
 
 @pytest.mark.parametrize("sign", SIGNS)
 def test_best_v_gains_area_and_holds(sign):
     loops = loops_of([minimum_jerk(), minimum_jerk(start=0.1, mass=18.0)], sign)
-    best = best_of_family(loops, 1.0, [0.0, 0.25, 1.0], 1e-3)
+    best = best_of_family(loops, 1.0, [0.0, 0.25, 1.0])
     assert (best.exact.mean_area > 1.3 * exact_funnels(loops).mean_area).all()
     assert (best.exact.initial_area < reachable_area(loops)).all()
     assert monte_carlo_check(best.loops, best.exact, 1000, [6]).exits.sum() == 0

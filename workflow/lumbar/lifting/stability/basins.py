@@ -307,9 +307,7 @@ def _shares(boa: pd.DataFrame) -> list[str]:
 
 def checks_note(settings: StabilitySettings) -> str:
     """Say which checks were made; what belongs to another has no column."""
-    others = [
-        check for check in (*CHECK_COLUMNS, "extended", "extended_proof") if check not in settings.checks
-    ]
+    others = [check for check in (*CHECK_COLUMNS, "extended") if check not in settings.checks]
     return f"Checks made (stability.checks): {', '.join(settings.checks) or 'none'}; not chosen: {', '.join(others) or 'none'}"
 
 

@@ -1,7 +1,7 @@
 """Beyond the thesis's loop: each basin with limited torque, with an uncertain mass, and with a better V.
 
 By all methods with the study's sign of gravity, limits by the exact one with the other sign too. Every funnel is
-checked by simulation and, by a check of its own (``extended_proof``), proved between its knots as those of `basins` are.
+checked by simulation.
 """
 
 from __future__ import annotations
@@ -19,12 +19,7 @@ from lumbar.lifting.stability.basins import COLUMNS as BASIN_COLUMNS
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, reference_of
-from lumbar.lifting.stability.methods import (
-    METHODS,
-    MethodResult,
-    headline_methods,
-    proved_result,
-)
+from lumbar.lifting.stability.methods import METHODS, MethodResult, headline_methods
 from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
 from lumbar.lifting.stability.model.failures import TORQUE_LIMITED, attempts
@@ -41,8 +36,6 @@ _SHARED = (
     "simulated_starts",
     "exits",
     "control_exits",
-    "proved_share",
-    "proved_area_ratio",
     "sos_margin_difference",
     "sos_taylor_optimism",
 )
@@ -199,22 +192,17 @@ def _result(
     """Run one method; a better V changes the loops that are checked too."""
     if name != "better_v":
         return loops, METHODS[method](loops, settings, saturation), {}
-    best = best_of_family(
-        loops,
-        settings.goal_level,
-        settings.lyapunov_shares,
-        settings.proof.margin_1_s if "proof" in settings.checks else 0.0,
-        settings.attack.control_overstated,
-    )
-    return best.loops, proved_result(best.loops, best, settings), {"best_share": best.share}
+    overstated = settings.attack.control_overstated
+    best = best_of_family(loops, settings.goal_level, settings.lyapunov_shares, overstated)
+    control = best.negative_control if "simulation" in settings.checks else None
+    return best.loops, MethodResult(best.exact, control=control), {"best_share": best.share}
 
 
 def settings_of_limits(settings: StabilitySettings) -> StabilitySettings:
-    """Return the settings with the knots of the section ``limits`` for every method, and the proof by its own check."""
+    """Return the settings with the knots of the section ``limits`` for every method, without the proof, which knows no limits."""
     limits = settings.limits
     certified = replace(settings.sum_of_squares, knots=limits.certified_knots)
     checks = tuple(check for check in settings.checks if check != "proof")
-    checks += ("proof",) if "extended_proof" in checks else ()
     return replace(settings, knots=limits.knots, sum_of_squares=certified, checks=checks)
 
 

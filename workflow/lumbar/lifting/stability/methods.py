@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.stability.funnel.exact_funnel import Funnels, FunnelVariants, funnel_variants
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, funnel_variants
 from lumbar.lifting.stability.funnel.interval_proof import proved_share
 from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, saturated_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
@@ -53,31 +53,21 @@ class MethodResult:
 def exact(
     loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
 ) -> MethodResult:
-    """Compute the largest funnels and prove those with a margin between the knots."""
-    margin = settings.proof.margin_1_s if "proof" in settings.checks else 0.0
-    overstated = settings.attack.control_overstated if "simulation" in settings.checks else 0.0
-    goal = settings.goal_level
-    if saturation.active:
-        found = saturated_funnels(loops, goal, saturation, margin, overstated)
-    else:
-        found = funnel_variants(loops, goal, margin, overstated)
-    return proved_result(loops, found, settings, saturation)
-
-
-def proved_result(
-    loops: ClosedLoops,
-    found: FunnelVariants,
-    settings: StabilitySettings,
-    saturation: Saturation = UNSATURATED,
-) -> MethodResult:
-    """Return exact funnels with the proof of those with a margin and the negative control, as far as they are checks."""
-    checks = {}
-    if "proof" in settings.checks:
-        checks["proved_share"] = proved_share(loops, found.with_margin, saturation)
-        checks["proved_area_ratio"] = found.with_margin.mean_area / found.exact.mean_area
-    return MethodResult(
-        found.exact, checks, found.negative_control if "simulation" in settings.checks else None
+    """Compute the largest funnels and, without limits, prove those with a margin between the knots."""
+    simulated, proved = (
+        "simulation" in settings.checks,
+        "proof" in settings.checks and not saturation.active,
     )
+    overstated = settings.attack.control_overstated if simulated else 0.0
+    goal, checks = settings.goal_level, {}
+    if saturation.active:
+        found = saturated_funnels(loops, goal, saturation, overstated)
+    else:
+        found = funnel_variants(loops, goal, settings.proof.margin_1_s if proved else 0.0, overstated)
+    if proved:
+        checks["proved_share"] = proved_share(loops, found.with_margin)
+        checks["proved_area_ratio"] = found.with_margin.mean_area / found.exact.mean_area
+    return MethodResult(found.exact, checks, found.negative_control if simulated else None)
 
 
 def sum_of_squares(

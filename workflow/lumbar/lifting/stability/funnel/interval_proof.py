@@ -10,20 +10,11 @@ With x̄ = N(t)·z the boundary is |z| = 1, and states stay inside where g = ½�
     g = q11·cos²φ + q12·cos φ·sin φ + q22·sin²φ − (G/Q)·sin φ·(sin(θ0 + A·cos φ) − sin θ0)
     q11 = W = (P − Ȧ)/A,   q12 = Q/A − (k1·A + k2·P + Ṗ + P·W)/Q,   q22 = −k2 − Q̇/Q − P/A
 
-with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I. Torque limits and an uncertain mass (`saturation`) add to g, for both
-extreme masses, r = m/m_true,
-
-    (1/Q)·sin φ·(y − w + (r − 1)·(y − d)),   y = clip(w, ±U/I)
-    w = w0 + wc·cos φ + ws·sin φ    (u0 − K·x̄)/I, wanted torque
-    d = d0 + dc·cos φ + ds·sin φ    b·(θ̇0 + ω)/I, drag
-
-where y − w falls with w, so that its bounds are those of its ends: 0 where no limit binds.
+with k1 = K1/I, k2 = (b + K2)/I, G = σmgℓ/I.
 
 Time is cut into pieces and the circle into arcs; on each box g is bounded by the mean-value form in interval
-arithmetic: g in the middle of the box plus its derivatives over the box times half its extent. The clipped torque has no
-derivative at ±U; the form holds with its generalised one, which lies between 0 and 1 times that of w (Clarke,
-Optimization and Nonsmooth Analysis, 1990, theorem 2.3.7). Arcs that are not proved are halved, pieces of time with an arc
-that resists are halved too; what resists to the end is not proved, and its share is reported.
+arithmetic: g in the middle of the box plus its derivatives over the box times half its extent. Arcs that are not proved are
+halved, pieces of time with an arc that resists are halved too; what resists to the end is not proved, and its share is reported.
 """
 
 from __future__ import annotations
@@ -35,85 +26,7 @@ import numpy as np
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels
 from lumbar.lifting.stability.funnel.interval import Interval
-from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, normal_axes
-
-
-def saturation_coefficients(curves: dict, gravity: Interval, drag: Interval) -> dict[str, Interval]:
-    """Coefficients of w and d and 1/Q; `curves` holds values and derivatives by name."""
-    angle, velocity, acceleration, _ = curves["angle"]
-    a, p, q, k1, k2 = (curves[name][0] for name in ("A", "P", "Q", "k1", "k2"))
-    return {
-        "w0": acceleration + gravity * angle.sin() + drag * velocity,
-        "wc": drag * p - (k1 * a + k2 * p),
-        "ws": (drag - k2) * q,
-        "d0": drag * velocity,
-        "dc": drag * p,
-        "ds": drag * q,
-        "inverse_q": Interval(1.0) / q,
-    }
-
-
-def saturation_coefficient_rates(curves: dict, gravity: Interval, drag: Interval) -> dict[str, Interval]:
-    """Time derivatives of `saturation_coefficients`."""
-    angle, velocity, acceleration, jerk = curves["angle"]
-    (a, a1, *_), (p, p1, *_), (q, q1, *_) = curves["A"], curves["P"], curves["Q"]
-    (k1, k1_rate, *_), (k2, k2_rate, *_) = curves["k1"], curves["k2"]
-    return {
-        "w0": jerk + gravity * angle.cos() * velocity + drag * acceleration,
-        "wc": drag * p1 - (k1_rate * a + k1 * a1 + k2_rate * p + k2 * p1),
-        "ws": (drag - k2) * q1 - k2_rate * q,
-        "d0": drag * acceleration,
-        "dc": drag * p1,
-        "ds": drag * q1,
-        "inverse_q": -(q1 / q.square()),
-    }
-
-
-def saturation_part(at: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
-    """(1/Q)·sin φ·(y − w + (r − 1)·(y − d))."""
-    return at["inverse_q"] * s * _missing(*_wanted_torque(at, c, s), torque, ratio)
-
-
-def saturation_part_time(
-    over: dict, rates: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float
-) -> Interval:
-    """Generalised time derivative of `saturation_part`."""
-    wanted, drag = _wanted_torque(over, c, s)
-    change = _missing_rate(wanted, *_wanted_torque(rates, c, s), torque, ratio)
-    return s * (rates["inverse_q"] * _missing(wanted, drag, torque, ratio) + over["inverse_q"] * change)
-
-
-def saturation_part_arc(over: dict, c: Interval, s: Interval, torque: np.ndarray, ratio: float) -> Interval:
-    """Generalised derivative of `saturation_part` along the boundary."""
-    wanted, drag = _wanted_torque(over, c, s)
-    turns = (over[f"{name}s"] * c - over[f"{name}c"] * s for name in "wd")
-    change = _missing_rate(wanted, *turns, torque, ratio)
-    return over["inverse_q"] * (c * _missing(wanted, drag, torque, ratio) + s * change)
-
-
-def _wanted_torque(at: dict, c: Interval, s: Interval) -> tuple[Interval, Interval]:
-    """Return w and d."""
-    return tuple(at[f"{name}0"] + at[f"{name}c"] * c + at[f"{name}s"] * s for name in "wd")
-
-
-def _missing(wanted: Interval, drag: Interval, torque: np.ndarray, ratio: float) -> Interval:
-    """Return y − w + (r − 1)·(y − d)."""
-    low, high = (np.clip(end, -torque, torque) for end in (wanted.low, wanted.high))
-    cut = Interval((Interval(high) - wanted.high).low, (Interval(low) - wanted.low).high)
-    return cut if ratio == 1 else cut + (Interval(ratio) - 1) * (Interval(low, high) - drag)
-
-
-def _missing_rate(
-    wanted: Interval, rate: Interval, drag_rate: Interval, torque: np.ndarray, ratio: float
-) -> Interval:
-    """Return the generalised derivative of `_missing` from those of w and d."""
-    never = (wanted.low > torque) | (wanted.high < -torque)
-    always = (wanted.high < torque) & (wanted.low > -torque)
-    passed = Interval(np.where(always, 1.0, 0.0), np.where(never, 0.0, 1.0))
-    cut = Interval(passed.low - 1, passed.high - 1) * rate
-    return cut if ratio == 1 else cut + (Interval(ratio) - 1) * (passed * rate - drag_rate)
-
 
 ARC_OVERLAP = 1e-13
 """By which arcs overlap, so that the rounding of their centres leaves no gap; in rad."""
@@ -129,14 +42,6 @@ class Interpolants:
     """Shape (pendulums,): length of an interval in s."""
     gravity: np.ndarray
     """Shape (pendulums,): G in 1/s²."""
-    drag: np.ndarray
-    """Shape (pendulums,): b/I in 1/s."""
-    torque: np.ndarray
-    """Shape (pendulums,): U/I in 1/s²."""
-    bias: np.ndarray
-    """Shape (pendulums,): middle of the torques allowed, over I, in 1/s²."""
-    ratios: tuple[float, ...] = ()
-    """m/m_true of the extreme masses; empty for a loop without limits."""
 
 
 class IntervalBounds:
@@ -152,21 +57,16 @@ class IntervalBounds:
         self.size = len(index)
         # A little longer than the piece, so that neighbours overlap whatever the rounding.
         self.half = 0.5 * width * step * (1 + 1e-12)
-        self.ratios = curves.ratios
-        self.torque = curves.torque[pendulum]
-        constants = Interval(curves.gravity[pendulum]), Interval(curves.drag[pendulum]), bool(self.ratios)
+        gravity = Interval(curves.gravity[pendulum])
         local = {name: values.reshape(4, -1)[:, index] for name, values in curves.pieces.items()}
         centre = Interval(middle * step)
-        self.centre = _coefficients(_derivatives(local, centre, Interval(0 * self.half)), *constants)
+        self.centre = _coefficients(_derivatives(local, centre, Interval(0 * self.half)), gravity)
         whole = _derivatives(local, centre, Interval(-self.half, self.half))
-        self.whole = _coefficients(whole, *constants)
-        if self.ratios:
-            for part in (self.centre, self.whole):
-                part["w0"] = part["w0"] - curves.bias[pendulum]
-        self.rates = _coefficient_rates(whole, self.whole, *constants)
+        self.whole = _coefficients(whole, gravity)
+        self.rates = _coefficient_rates(whole, self.whole, gravity)
 
     def bounds(self, piece: np.ndarray, arcs: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return a lower bound of g in the middle of each box and an upper bound on it, each of all masses."""
+        """Return a lower bound of g in the middle of each box and an upper bound on it."""
         angle = Interval(arcs)
         c, s = angle.cos(), angle.sin()
         at = {name: values[piece] for name, values in self.centre.items()}
@@ -179,16 +79,7 @@ class IntervalBounds:
         duration, extent = Interval(-half, half), Interval(-reach, reach)
         centre = _g(at, c, s)
         change = _g_time(over, rates, c, s) * duration + _g_arc(over, arc_c, arc_s) * extent
-        if not self.ratios:
-            return centre.low, (centre + change).high
-        torque = self.torque[piece]
-        bounds = []
-        for ratio in self.ratios:
-            here = centre + saturation_part(at, c, s, torque, ratio)
-            time_part = saturation_part_time(over, rates, c, s, torque, ratio) * duration
-            arc_part = saturation_part_arc(over, arc_c, arc_s, torque, ratio) * extent
-            bounds.append((here.low, (here + change + time_part + arc_part).high))
-        return tuple(np.max(bounds, axis=0))
+        return centre.low, (centre + change).high
 
 
 def _derivatives(local: dict, centre: Interval, offset: Interval) -> dict[str, tuple[Interval, ...]]:
@@ -202,19 +93,16 @@ def _derivatives(local: dict, centre: Interval, offset: Interval) -> dict[str, t
             value + offset * (first + offset * (second * 0.5 + offset * c3)),
             first + offset * (second + offset * (3 * Interval(c3))),
             second + offset * (6 * Interval(c3)),
-            6 * Interval(c3),
         )
     return result
 
 
-def _coefficients(curves: dict, gravity: Interval, drag: Interval, limited: bool) -> dict[str, Interval]:
+def _coefficients(curves: dict, gravity: Interval) -> dict[str, Interval]:
     (a, a1, *_), (p, p1, *_), (q, q1, *_) = curves["A"], curves["P"], curves["Q"]
     k1, k2 = curves["k1"][0], curves["k2"][0]
     w = (p - a1) / a
     n = k1 * a + k2 * p + p1 + p * w
-    saturation = saturation_coefficients(curves, gravity, drag) if limited else {}
     return {
-        **saturation,
         "q11": w,
         "q12": q / a - n / q,
         "q22": -(k2 + q1 / q + p / a),
@@ -225,18 +113,14 @@ def _coefficients(curves: dict, gravity: Interval, drag: Interval, limited: bool
     }
 
 
-def _coefficient_rates(
-    curves: dict, over: dict[str, Interval], gravity: Interval, drag: Interval, limited: bool
-) -> dict[str, Interval]:
+def _coefficient_rates(curves: dict, over: dict[str, Interval], gravity: Interval) -> dict[str, Interval]:
     """Time derivatives of `_coefficients`."""
-    (a, a1, a2, _), (p, p1, p2, _), (q, q1, q2, _) = curves["A"], curves["P"], curves["Q"]
+    (a, a1, a2), (p, p1, p2), (q, q1, q2) = curves["A"], curves["P"], curves["Q"]
     (k1, k1_rate, *_), (k2, k2_rate, *_) = curves["k1"], curves["k2"]
     w, n = over["q11"], over["n"]
     w_rate = (p1 - a2 - w * a1) / a
     n_rate = k1_rate * a + k1 * a1 + k2_rate * p + k2 * p1 + p2 + p1 * w + p * w_rate
-    saturation = saturation_coefficient_rates(curves, gravity, drag) if limited else {}
     return {
-        **saturation,
         "q11": w_rate,
         "q12": (q1 - q / a * a1) / a - (n_rate - n / q * q1) / q,
         "q22": -(k2_rate + (q2 - (q1 / q) * q1) / q + (p1 - p / a * a1) / a),
@@ -278,7 +162,7 @@ TIME_HALVINGS = 3
 BOXES_AT_ONCE = 200_000
 
 
-def interpolants(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = UNSATURATED) -> Interpolants:
+def interpolants(loops: ClosedLoops, funnels: Funnels) -> Interpolants:
     """Return the stated interpolants through the funnel's knots.
 
     Raises
@@ -309,24 +193,16 @@ def interpolants(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = 
     pieces = {
         name: CubicSpline(np.arange(knots), values).c / scale[:, None, :] for name, values in curves.items()
     }
-    return Interpolants(
-        pieces,
-        step,
-        gravity=pendulums.gravity_torque / pendulums.inertia,
-        drag=pendulums.damping / pendulums.inertia,
-        torque=saturation.torque / pendulums.inertia,
-        bias=saturation.bias / pendulums.inertia,
-        ratios=tuple(sorted(set(saturation.ratios))) if saturation.active else (),
-    )
+    return Interpolants(pieces, step, pendulums.gravity_torque / pendulums.inertia)
 
 
-def proved_share(loops: ClosedLoops, funnels: Funnels, saturation: Saturation = UNSATURATED) -> np.ndarray:
+def proved_share(loops: ClosedLoops, funnels: Funnels) -> np.ndarray:
     """Return the share of the time axis on which the funnel is proved invariant, shape (pendulums,).
 
     The funnel must have a margin (`funnel_variants`): the exact one touches g = 0 at all times and no
     finite precision can prove that.
     """
-    curves = interpolants(loops, funnels, saturation)
+    curves = interpolants(loops, funnels)
     intervals, count = next(iter(curves.pieces.values())).shape[1:]
     index = np.arange(intervals * count)
     middle = np.full(len(index), 0.5)

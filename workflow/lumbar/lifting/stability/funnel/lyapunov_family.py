@@ -87,7 +87,6 @@ def best_of_family(
     loops: ClosedLoops,
     terminal_level: float,
     shares: list[float],
-    margin: float = 0.0,
     negative_control: float = 0.0,
 ) -> BestOfFamily:
     """Search the family for the largest average cross-section of each pendulum.
@@ -100,13 +99,13 @@ def best_of_family(
         ρ(T).
     shares : list of float
         λ to try.
-    margin, negative_control : float
+    negative_control : float
         As for `funnel_variants`.
     """
     count = len(loops.pendulums.labels)
     every = loops.select(np.tile(np.arange(count), len(shares)))
     members = with_lyapunov_function(every, np.repeat(shares, count))
-    found = funnel_variants(members, terminal_level, margin, negative_control)
+    found = funnel_variants(members, terminal_level, negative_control=negative_control)
     largest = found.exact.mean_area.reshape(len(shares), count).argmax(axis=0)
     index = largest * count + np.arange(count)
     best = members.select(index)

@@ -119,12 +119,11 @@ def saturated_funnels(
     loops: ClosedLoops,
     terminal_level: float,
     saturation: Saturation,
-    margin: float = 0.0,
     negative_control: float = 0.0,
 ) -> FunnelVariants:
     """Compute the largest invariant funnels of V under limits, with the true sine.
 
-    `terminal_level` is ρ(T); `margin` and `negative_control` are as for `funnel_variants`.
+    `terminal_level` is ρ(T), `negative_control` as for `funnel_variants`.
 
     Raises
     ------
@@ -134,20 +133,19 @@ def saturated_funnels(
     reference = reference_of(loops.pendulums, saturation.bias)
     require_torque(loops.pendulums, reference, saturation)
     floor = np.log(terminal_level * LEAST_LEVEL)
-    changes, which = distinct_variants(margin, negative_control)
-    margins, shares = changes[:, :1], changes[:, 1:]
+    changes, which = distinct_variants(0.0, negative_control)
 
     def slope(point, log_level):
         # Below the floor the basin is lost; the rate there must only stay finite.
         level = np.exp(np.clip(log_level, floor, None))
         growth = saturated_growth(loops, point, level, saturation, reference)
-        rate = growth + margins - shares * np.abs(growth)
+        rate = growth - changes[:, 1:] * np.abs(growth)
         return np.where(log_level > floor, np.minimum(rate, 1e3), 0.0)
 
     goal = np.full((len(changes), len(loops.pendulums.labels)), np.log(terminal_level))
     level = np.exp(integrate_backward(loops, goal, slope)[:, which])
-    require_basin(loops, level[:, :2], terminal_level, saturation)
-    return variants_of(loops, level, margin)
+    require_basin(loops, level[:, 0], terminal_level, saturation)
+    return variants_of(loops, level, 0.0)
 
 
 def require_basin(
