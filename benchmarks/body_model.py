@@ -287,8 +287,7 @@ def t12(shared: Path) -> None:
 
 def areas(shared: Path) -> None:
     """Basin areas of the box transfer with intervals."""
-    from lumbar.lifting.body_model.lift_model import model_of_lift
-    from lumbar.lifting.body_model.pendulums import basin_intervals
+    from lumbar.lifting.body_model.pendulums import basin_intervals, model_of_lift
     from lumbar.lifting.movement.lift import analyse_lift
 
     study, subject = study_settings("studies/box_transfer.yaml"), subject_settings("box_transfer")

@@ -10,9 +10,8 @@ import pytest
 from generate.equation_index import equations
 from generate.thesis_items import read_items
 from lumbar.lifting.stability.comparison.percent_differences import comparison_names
+from lumbar.publishing.reproduction import article_claims as article
 from lumbar.publishing.reproduction import basin_claims as basins
-from lumbar.publishing.reproduction import identification_claims as identification
-from lumbar.publishing.reproduction import rating_claims as ratings
 from lumbar.publishing.reproduction.claim import (
     BUILT_IN,
     CANNOT_BE_TESTED,
@@ -189,14 +188,14 @@ def test_the_thesis_agrees_with_itself_cell_by_cell(published, thesis_as_results
 
 
 def test_the_thesis_bears_out_its_own_sentences(published, thesis_as_results):
-    frame = judged(identification.sentences(), thesis_as_results)
+    frame = judged(article.identification_sentences(), thesis_as_results)
     for name in ("highest_vaf", "ho_best_vaf", "ho_best_fit", "ho_best_residual", "ho_poorest_condition",
                  "ho_poorest_uncertainty", "ho_slightly_better", "models_stable"):  # fmt: skip
         assert frame.at[name, "verdict"] == HOLDS, name
     assert frame.at["multisine_best", "verdict"] == HOLDS
     assert frame.at["mw_is_maxwell", "verdict"] == DOES_NOT_HOLD
     assert frame.at["bandwidth", "verdict"] == CANNOT_BE_TESTED
-    people = judged(ratings.sentences(), thesis_as_results)
+    people = judged(article.rating_sentences(), thesis_as_results)
     for name in ("highest_median_mode", "mode_count", "closer_is_preferred"):
         assert people.at[name, "verdict"] == HOLDS, name
     lifters = judged(basins.sentences(synthetic=False), thesis_as_results)
@@ -226,7 +225,9 @@ def bandwidths_of(limited, unlimited, level):
     ],
 )
 def test_the_bandwidth_is_said_by_every_rule_of_position_and_velocity(readings, verdict, remark):
-    frame = judged(identification.sentences(), {"bandwidth": bandwidths_of(*readings)}, synthetic=True)
+    frame = judged(
+        article.identification_sentences(), {"bandwidth": bandwidths_of(*readings)}, synthetic=True
+    )
     assert frame.at["bandwidth", "verdict"] == DOES_NOT_HOLD
     assert frame.at["bandwidth", "this_run"].count("Hz") == 4
     assert (frame.at["bandwidth_velocity", "verdict"], frame.at["bandwidth_velocity", "remark"]) == (

@@ -6,8 +6,8 @@ from foreign_files import FORCE, POSITION, RATE, TIME, rows
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.records.importing.raw_table import find_unit, name_and_unit, told_unit
 from lumbar.records.importing.roles import named_so
-from lumbar.records.importing.units import find_unit, name_and_unit, told_unit
 
 HEAD = "time_s,position_mm,force_N\n"
 

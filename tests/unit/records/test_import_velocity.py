@@ -8,7 +8,7 @@ from foreign_files import RATE, TIME, rows
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.records.importing.units import find_unit, name_and_unit, told_unit
+from lumbar.records.importing.raw_table import find_unit, name_and_unit, told_unit
 
 RADIAN = 2 * np.pi * 1.1
 VELOCITY = 4 * RADIAN * np.cos(RADIAN * TIME)

@@ -14,10 +14,9 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_csv
 from lumbar.interface.verb import Result
-from lumbar.lifting.body_model.lift_model import COLUMNS as STATES
-from lumbar.lifting.body_model.lift_model import MARKERS, ModelledLift, model_of_lift
 from lumbar.lifting.body_model.pendulums import COLUMNS as AREAS
-from lumbar.lifting.body_model.pendulums import basin_intervals
+from lumbar.lifting.body_model.pendulums import MARKERS, ModelledLift, basin_intervals, model_of_lift
+from lumbar.lifting.body_model.pendulums import STATE_COLUMNS as STATES
 from lumbar.lifting.movement.lift import AnalysedLift, no_deposit
 from lumbar.settings.stability import StabilitySettings
 

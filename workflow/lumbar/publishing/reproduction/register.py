@@ -5,8 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from lumbar.publishing.reproduction import basin_claims as basins
-from lumbar.publishing.reproduction import identification_claims as identification
-from lumbar.publishing.reproduction import rating_claims as ratings
+from lumbar.publishing.reproduction.article_claims import identification_sentences, rating_sentences
 from lumbar.publishing.reproduction.claim import Claim, Results, examine, verdict
 from lumbar.publishing.reproduction.table_cells import table_3_1_claims, table_3_2_claims, table_4_1_claims
 from lumbar.settings.stability import GROUPS
@@ -28,9 +27,9 @@ def all_claims(
         Whom the study compares in place of the thesis's expert and novice.
     """
     claims = [
-        *identification.sentences(),
+        *identification_sentences(),
         *table_3_1_claims(thesis_tables["table_3_1"]),
-        *ratings.sentences(),
+        *rating_sentences(),
         *table_3_2_claims(thesis_tables["table_3_2"]),
         *basins.sentences(synthetic, groups),
         *table_4_1_claims(thesis_tables["table_4_1"], synthetic, groups),

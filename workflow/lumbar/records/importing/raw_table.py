@@ -1,9 +1,15 @@
-"""What a file holds before anything is known of its meaning: columns of numbers with names and, where stated, units."""
+"""What a file holds before anything is known of its meaning: columns of numbers with names and, where stated, units.
+
+Units are read as machines and people spell them, and told in s, mm, N, rad and N·m.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -102,3 +108,178 @@ class RawTable:
         """How it was read, and columns with their first values and ranges, one per line: the end of a message."""
         columns = "\n".join(f"      {column.label}: {column.sample}" for column in self.columns)
         return f"{COLUMNS_FOLLOW}{self.form}, with\n{columns}"
+
+
+_POUND, _INCH = 4.4482216152605, 25.4
+_SPELLED = {
+    ("time", 1.0): "s sec secs second seconds sek sekunde sekunden seconde secondes segundo segundos secondi",
+    ("time", 1e-3): "ms msec millisecond milliseconds millisekunden",
+    ("time", 1e-6): "us usec microsecond microseconds mikrosekunden",
+    ("time", 1e-9): "ns nsec nanosecond nanoseconds",
+    ("time", 60.0): "min minute minutes minuten",
+    ("length", 1e3): "m meter metre meters metres",
+    ("length", 10.0): "cm",
+    ("length", 1.0): "mm millimeter millimetre millimeters millimetres",
+    ("length", 1e-3): "um micron microns micrometer mikrometer",
+    ("length", 1e-6): "nm nanometer",
+    ("length", _INCH): 'in inch inches zoll "',
+    ("length", 12 * _INCH): "ft foot feet",
+    ("angle", 1.0): "rad radian radians",
+    ("angle", 1e-3): "mrad",
+    ("angle", math.pi / 180): "deg degree degrees °",
+    ("angle", 2 * math.pi): "rev turn turns",
+    ("force", 1.0): "N newton newtons",
+    ("force", 1e-3): "mN",
+    ("force", 1e-6): "uN",
+    ("force", 1e-2): "cN",
+    ("force", 10.0): "daN",
+    ("force", 1e3): "kN",
+    ("force", 1e6): "MN",
+    ("force", _POUND): "lbf lb lbs pound pounds",
+    ("force", 1e3 * _POUND): "kip kips klbf",
+    ("force", 9.80665): "kgf kp",
+    ("force", 9.80665e-3): "gf",
+    ("torque", 1.0): "Nm N·m N*m N-m newtonmeter newtonmetre",
+    ("torque", 1e-3): "mNm mN·m Nmm N·mm N*mm",
+    ("torque", _POUND * _INCH * 1e-3): "lbf·in lbf-in lbf*in in-lb in-lbf",
+    ("torque", 12 * _POUND * _INCH * 1e-3): "lbf·ft lbf-ft ft-lb ft-lbf",
+}
+"""Quantity and factor to the target's unit (s, mm, rad, N, N·m), with the spellings."""
+SPEEDS = {"length": "velocity", "angle": "angular velocity"}
+"""Quantity of a velocity by that of its way."""
+TARGETS = {"time": "s", "length": "mm", "angle": "rad", "force": "N", "torque": "N·m"}
+"""Unit in which records are written, by quantity."""
+_READINGS = "V mV uV volt volts count counts cnt cnts bit bits raw digit digits a.u. au"
+"""Units of a sensor's reading, from which no force or length follows without a calibration."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit with its way to the unit of the records."""
+
+    name: str
+    """As it was spelled."""
+    quantity: str
+    """``time``, ``length``, ``angle``, ``force``, ``torque``, one of `SPEEDS`, or ``reading`` for what a sensor gives."""
+    factor: float
+    """Number in this unit times `factor` is the number in `target`."""
+    target: str
+    """Unit of the records."""
+
+
+def _folded(spelling: str) -> str:
+    word = spelling.replace("µ", "u").replace("μ", "u").replace("⋅", "·").replace(" ", "")
+    return re.sub(
+        r"(?:_per_|per|/)(s|sec|min)$|_(s)$|[·*.]?s(?:\^?-1|⁻¹)$", lambda per: f"/{per[1] or 's'}", word
+    )
+
+
+def _tables() -> tuple[dict[str, Unit], dict[str, Unit]]:
+    """Units by spelling, and those by spelling in small letters that only one unit has."""
+    exact = {
+        word: Unit(word, quantity, factor, TARGETS[quantity])
+        for (quantity, factor), words in _SPELLED.items()
+        for word in words.split()
+    }
+    times = [unit for unit in exact.values() if unit.name in ("s", "sec", "min")]
+    ways = [unit for unit in exact.values() if unit.quantity in SPEEDS]
+    for way, time in product(ways, times):
+        speed, factor = f"{way.name}/{time.name}", way.factor / time.factor
+        exact[speed] = Unit(speed, SPEEDS[way.quantity], factor, f"{way.target}/s")
+    exact["rpm"] = replace(exact["rev/min"], name="rpm")
+    exact |= {word: Unit(word, "reading", 1.0, word) for word in _READINGS.split()}
+    by_small: dict[str, list[Unit]] = {}
+    for word, unit in exact.items():
+        by_small.setdefault(word.casefold(), []).append(unit)
+    unique = {
+        small: units[0]
+        for small, units in by_small.items()
+        if len({(unit.quantity, unit.factor) for unit in units}) == 1
+    }
+    return exact, unique
+
+
+_EXACT, _SMALL = _tables()
+_BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
+
+
+def find_unit(spelling: str) -> Unit | None:
+    """Return the unit spelled so, in brackets or not; None where it is none that is known.
+
+    Examples
+    --------
+    >>> find_unit("[µm]").factor
+    0.001
+    >>> find_unit("KN").quantity, find_unit("MN").factor, find_unit("furlong")
+    ('force', 1000000.0, None)
+    """
+    bracketed = _BRACKETS.match(spelling.strip())
+    word = _folded((bracketed.group(1) if bracketed else spelling).strip())
+    return _EXACT.get(word) or _SMALL.get(word.casefold())
+
+
+_CALIBRATED = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s/].*)$")
+
+
+def told_unit(text: str, place: str) -> Unit:
+    """Return the unit that a person gave, with a factor before it or without.
+
+    Parameters
+    ----------
+    text : str
+        A unit, ``mm``; or what one unit of the file's numbers is, ``35.15 N`` (also ``35.15 N/V``).
+    place : str
+        Option it was given by, for the message.
+
+    Raises
+    ------
+    InputError
+        If there is no such unit, or the factor is 0.
+
+    Examples
+    --------
+    >>> told_unit("35.15 N/V", "--force-unit").factor, told_unit("2 m/s", "--position-unit").quantity
+    (35.15, 'velocity')
+    """
+    calibrated = _CALIBRATED.match(text.strip())
+    unit = find_unit(calibrated.group(2) if calibrated else text)
+    if unit is None and calibrated:
+        of_one, _, reading = calibrated.group(2).rpartition("/")
+        per = find_unit(reading)
+        unit = None if per is not None and per.quantity == "time" else find_unit(of_one)
+    factor = float(calibrated.group(1)) if calibrated else 1.0
+    if unit is None or factor == 0 or not math.isfinite(factor):
+        known = ", ".join(words.split()[0] for words in _SPELLED.values())
+        raise InputError(
+            f"{place} {text!r} is no unit; known are {known}, {', '.join(_READINGS.split()[:3])} …, and a number before "
+            "one of them for a sensor's calibration, as in '35.15 N'"
+        )
+    return Unit(text.strip(), unit.quantity, factor * unit.factor, unit.target)
+
+
+_IN_HEADER = (
+    re.compile(r"^(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]\s*$"),
+    re.compile(r"^(?P<name>.*?)\s+in\s+(?P<unit>[^\s\d]+)$"),
+    re.compile(
+        r"^(?P<name>.*?[^\W_])[\s_/,:;|.-]+(?P<unit>[^\W_]+(?:/|_per_| per )(?:s|sec|min)|(?!in_)[^\W_]+_s)$"
+    ),
+    re.compile(r"^(?P<name>.*?)\s*[/,:;|]\s*(?P<unit>[^\s\d]+)$"),
+    re.compile(r"^(?P<name>.*[^\s_.-])[\s_.-]+(?P<unit>[^\s_]+)$"),
+    re.compile(r"^(?P<name>.*[a-zà-ÿ])(?P<unit>[A-Z][a-z]{0,2}|[mk]N)$"),
+)
+
+
+def name_and_unit(cell: str) -> tuple[str, str]:
+    """Part a header's cell into name and unit; the unit is empty where the cell states none that is known.
+
+    Examples
+    --------
+    >>> name_and_unit("Kraft [kN]"), name_and_unit("disp_in"), name_and_unit("Weg in mm"), name_and_unit("forceN")
+    (('Kraft', 'kN'), ('disp', 'in'), ('Weg', 'mm'), ('force', 'N'))
+    """
+    cell = cell.strip()
+    for pattern in _IN_HEADER:
+        found = pattern.match(cell)
+        if found and found["name"] and find_unit(found["unit"]):
+            return found["name"].strip(), found["unit"]
+    return cell, ""

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable
-from lumbar.records.importing.units import SPEEDS, Unit, find_unit, told_unit
+from lumbar.records.importing.raw_table import SPEEDS, Asked, RawColumn, RawTable, Unit, find_unit, told_unit
 
 ROLES = ("time", "position", "force")
 NONE = "none"

@@ -16,8 +16,14 @@ from lumbar.records.importing.dialect import (
     find_blocks,
     find_dialect,
 )
-from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
-from lumbar.records.importing.units import find_unit, name_and_unit
+from lumbar.records.importing.raw_table import (
+    Asked,
+    RawColumn,
+    RawTable,
+    StatedRate,
+    find_unit,
+    name_and_unit,
+)
 from lumbar.records.text_rows import stop_at_many
 
 _LONGEST_LABEL = 1000

@@ -10,8 +10,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.records.importing.dialect import FEWEST_ROWS
-from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
-from lumbar.records.importing.units import name_and_unit
+from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate, name_and_unit
 from lumbar.records.matlab_file import load_matlab
 from lumbar.records.unpacking import check_size
 
