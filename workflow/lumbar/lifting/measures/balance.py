@@ -19,6 +19,7 @@ in closed form.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -94,6 +95,16 @@ class BaseOfSupport:
         vectors = np.stack([*normals, *away], axis=1)
         length = np.linalg.norm(vectors, axis=2, keepdims=True)
         return vectors / np.where(length > 1e-12, length, np.nan)
+
+
+def corners_around(points: np.ndarray) -> np.ndarray:
+    """Corners of the hull around those of some points that are known, in order; of fewer than three, or all on a line, these."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    points = points[np.isfinite(points).all(axis=1)]
+    with suppress(QhullError, ValueError):
+        return points[ConvexHull(points).vertices]
+    return points
 
 
 def hull_around(*bases: BaseOfSupport) -> BaseOfSupport:

@@ -193,6 +193,13 @@ def base_of_support(lifter: Lifter) -> tuple[BaseOfSupport, np.ndarray]:
     return hull_around(*feet), np.stack([foot.grounded.any(axis=1) for foot in feet], axis=1)
 
 
+def base_in(course: pd.DataFrame) -> BaseOfSupport:
+    """The base at the instants of some rows of a course, as far as corners stand on the ground."""
+    columns = [[f"base_{corner}_{axis}_m" for axis in "xy"] for corner in range(1, CORNERS + 1)]
+    corners = np.stack([course[pair].to_numpy(float) for pair in columns], axis=1)
+    return BaseOfSupport(corners, np.isfinite(corners).all(axis=2))
+
+
 def _ends_of_foot(lifter: Lifter, side: str) -> tuple[np.ndarray, np.ndarray]:
     """Heel and toe, shape (n, 3); one that has no marker lies a foot's length from the other."""
     heel, toe = (lifter.points.get(f"{side}_{name}") for name in ("HEEL", "TOE"))

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from lumbar.lifting.measures.balance import BaseOfSupport
-from lumbar.lifting.measures.course import CORNERS
+from lumbar.lifting.measures.balance import corners_around
+from lumbar.lifting.measures.course import CORNERS, base_in
 from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.lifting.quality.sheet import QualitySheet
 from lumbar.lifting.quality.trajectories import LABORATORY_M
@@ -138,21 +138,26 @@ def support_figure(lifts: list[dict], functional_share: float) -> Figure:
 def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: dict) -> None:
     """One person above their feet at the instant of the smallest margin; the origin is the middle of the base."""
     at = deposit["margin_of_stability_m"].idxmin()
-    corners = np.array(
-        [[deposit.loc[at, f"base_{i}_{axis_}_m"] for axis_ in "xy"] for i in range(1, CORNERS + 1)]
-    )
-    base = BaseOfSupport(corners[None], np.isfinite(corners).all(axis=1)[None])
-    origin = base.centre[0]
+    base = base_in(deposit.loc[[at]])
+    origin, corners = base.centre[0], base.corners[0]
 
     def place(points):
         return 1e3 * (points - origin)
 
     for foot in (corners[: CORNERS // 2], corners[CORNERS // 2 :]):
         if np.isfinite(foot).all():
-            axis.fill(*place(_hull(foot)).T, facecolor=_LIGHT, edgecolor=_GREY, linewidth=0.8, label="_feet")
+            axis.fill(
+                *place(corners_around(foot)).T,
+                facecolor=_LIGHT,
+                edgecolor=_GREY,
+                linewidth=0.8,
+                label="_feet",
+            )
     functional = base.functional(functional_share)
     label = f"functional base ({functional_share:.0%})"
-    axis.plot(*place(_hull(functional.corners[0], closed=True)).T, color="black", linewidth=1.0, label=label)
+    outline = corners_around(functional.corners[0])
+    closed = np.vstack([outline, outline[:1]])
+    axis.plot(*place(closed).T, color="black", linewidth=1.0, label=label)
     path = deposit[["xcom_x_m", "xcom_y_m"]].to_numpy()
     centre = place(deposit[["com_x_m", "com_y_m"]].to_numpy())
     axis.plot(*centre.T, color=_GREY, linewidth=0.8, label="centre of mass")
@@ -162,18 +167,6 @@ def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: di
     margin = 1e3 * deposit.loc[at, "margin_of_stability_m"]
     nearest = place(deposit.loc[at, ["xcom_x_m", "xcom_y_m"]].to_numpy(float))
     note(axis, f"{margin:+.0f} mm", nearest, (6, 4), fontsize=7, bbox=_WHITE)
-
-
-def _hull(points: np.ndarray, closed: bool = False) -> np.ndarray:
-    """Corners of the convex hull in order; fewer than three stay as they are."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    points = points[np.isfinite(points).all(axis=1)]
-    try:
-        points = points[ConvexHull(points).vertices]
-    except QhullError:  # all on a line: a person on the toes of one foot
-        return points
-    return np.vstack([points, points[:1]]) if closed else points
 
 
 _DRAWN = {
@@ -187,7 +180,6 @@ _DRAWN = {
     "box": tuple(f"BOX_{number}" for number in range(1, 9)),
 }
 """What is drawn: the first of these landmarks that a file holds."""
-_STYLES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 _GAP = "#bbbbbb"
 _FINDING = "#D55E00"
 _WHOLE = 0.98
@@ -239,7 +231,7 @@ def _heights(axis, sheet: QualitySheet, points, time, meant) -> None:
         if label is None:
             continue
         text = words if words == label else f"{words} ({label})"
-        color, line = SERIES[index % len(SERIES)], _STYLES[index % len(_STYLES)]
+        color, line = SERIES[index % len(SERIES)], _LINES[index % len(_LINES)]
         height = points[label][:, 2]
         with np.errstate(invalid="ignore"):  # one number would flatten all others
             shown = np.where(np.abs(height) < LABORATORY_M, height, np.nan)

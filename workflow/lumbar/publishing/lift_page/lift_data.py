@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lumbar.lifting.measures.balance import BaseOfSupport
-from lumbar.lifting.measures.course import CORNERS
+from lumbar.lifting.measures.balance import corners_around
+from lumbar.lifting.measures.course import CORNERS, base_in
 from lumbar.lifting.movement.centre_of_mass import COMS
 from lumbar.lifting.movement.joint_centres import MID_HIP
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
@@ -130,11 +129,7 @@ def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[s
     if BALANCE[-2] not in course:
         return {}
     drawn = course.iloc[frames]
-    corners = np.stack(
-        [drawn[[f"base_{i}_{axis}_m" for axis in "xy"]].to_numpy(float) for i in range(1, CORNERS + 1)],
-        axis=1,
-    )
-    base = BaseOfSupport(corners, np.isfinite(corners).all(axis=2))
+    base = base_in(drawn)
     outlines = {"base": base, "used": base.functional(share)}
     columns = {name: drawn[name].to_numpy(float) for name in BALANCE}
     columns["direction"] = drawn["margin_direction"].to_numpy(str)
@@ -146,13 +141,9 @@ def balance_columns(course: pd.DataFrame, share: float, frames: slice) -> dict[s
 
 def _outline(points: np.ndarray) -> np.ndarray:
     """Convex hull of known points in order and closed, shape (`CORNERS` + 1, 2); its last corner fills the rest."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    points = points[np.isfinite(points).all(axis=1)]
+    points = corners_around(points)
     if not len(points):
         return np.full((CORNERS + 1, 2), np.nan)
-    with suppress(QhullError, ValueError):  # all on a line, or fewer than three: drawn as they are
-        points = points[ConvexHull(points).vertices]
     return np.vstack([points, *[points[:1]] * (CORNERS + 1 - len(points))])
 
 
