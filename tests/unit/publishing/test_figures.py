@@ -397,10 +397,11 @@ def test_comparison_shows_segment_residual_floor_and_shares(tests):
     (periodic, simulated), (other, response) = tests
     floor = noise_floor(periodic)
     found = [compare_record(periodic, simulated, floor), compare_record(other, response, floor, "multisine")]
-    figure = comparison_figure(periodic, simulated, found, segment=(6.0, 9.0))
+    figure = comparison_figure(periodic, simulated, found)
+    low, high = default_segment(periodic, simulated, found[0].start)
     response_axis, residual_axis, shares = figure.axes
     measured, model = (line.get_ydata() for line in response_axis.lines)
-    inside = (periodic.time >= 6.0 - 1e-9) & (periodic.time <= 9.0 + 1e-9)
+    inside = (periodic.time >= low - 1e-9) & (periodic.time <= high + 1e-9)
     assert measured == pytest.approx(periodic["output"][inside])
     assert model == pytest.approx(simulated[inside])
     assert residual_axis.lines[0].get_ydata() == pytest.approx(measured - model)

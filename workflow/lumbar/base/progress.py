@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TypeVar
@@ -31,9 +31,9 @@ def going_on(words: str = "") -> None:
         watcher(words)
 
 
-def track(items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+def track(items: Collection[Item], label: str) -> Iterator[Item]:
     """Yield `items`, saying on standard error how many are done and how long the rest may take, at most every two seconds."""
-    total = len(items) if total is None else total  # type: ignore[arg-type]
+    total = len(items)
     last = began = time.monotonic()
     for done, item in enumerate(items):
         going_on(f"{label}: {done} of {total}")

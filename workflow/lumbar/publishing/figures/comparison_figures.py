@@ -51,9 +51,8 @@ def comparison_figure(
     simulated: np.ndarray,
     comparisons: list[Comparison],
     model: str = "KB",
-    segment: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw a segment of one record with its residual, and what the model leaves of every record's variance.
+    """Draw a typical segment of one record with its residual, and what the model leaves of every record's variance.
 
     Parameters
     ----------
@@ -65,11 +64,9 @@ def comparison_figure(
         Of all records, this one among them.
     model : str
         Name of the model as it is to stand in the legend.
-    segment : (float, float), optional
-        Seconds; default a stretch whose error is typical.
     """
     mine = next(item for item in comparisons if item.record == record.name)
-    low, high = segment or default_segment(record, simulated, mine.start)
+    low, high = default_segment(record, simulated, mine.start)
     inside = (record.time >= low - 1e-9) & (record.time <= high + 1e-9)
     figure, axes = new_figure(
         DOUBLE_COLUMN, 3.4, nrows=2, ncols=2, width_ratios=(1.9, 1), height_ratios=(1.7, 1), sharex="col"

@@ -53,11 +53,7 @@ class Interval:
             raise ZeroDivisionError("an interval that is divided by contains zero")
         return self * _outward(1 / other.high, 1 / other.low)
 
-    __radd__ = __add__
     __rmul__ = __mul__
-
-    def __rsub__(self, other) -> Interval:
-        return _interval(other) - self
 
     def square(self) -> Interval:
         """Return the squares, never below zero."""
