@@ -198,7 +198,9 @@ def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
     assert "was not computed" in page.locator("#message").inner_text()
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
+@pytest.mark.parametrize(
+    ("scheme", "width"), [("light", 1280), pytest.param("dark", 390, marks=pytest.mark.nightly)]
+)
 def test_axe_finds_nothing_serious(new_page, saved, scheme, width):
     page = new_page(saved, viewport={"width": width, "height": 900}, color_scheme=scheme)
     page.get_by_role("button", name="Set this path aside").click()
@@ -341,7 +343,7 @@ def own(tmp_path_factory):
         yield address
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
 def test_own_recordings_page_is_for_everybody(new_page, own, scheme):
     options = {"color_scheme": scheme, "bypass_csp": True}  # axe-core is no script of the page
     page = new_page(own, ready="#choose", viewport={"width": 390, "height": 844}, **options)

@@ -134,7 +134,9 @@ def test_nothing_is_wider_than_the_page(page):
     fits(page, 390, 1280, 1920)
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
+@pytest.mark.parametrize(
+    ("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.nightly), ("dark", 390)]
+)
 def test_axe_finds_nothing_serious(new_page, page_file, scheme, width):
     page = new_page(page_file, viewport={"width": width, "height": 900}, color_scheme=scheme)
     assert serious(page) == []

@@ -95,6 +95,7 @@ def test_friction_damper(folder, shared):
     assert min(100 * (1 - (1 - vaf / 100) ** 0.5) for vaf in unseen) >= 68
 
 
+@pytest.mark.nightly
 def test_box_transfer(folder, shared):
     (folder / "config" / "coarse.yaml").write_text(COARSE_BASINS, encoding="utf-8")
     results = run_study(folder, shared, "box_transfer", "config/coarse.yaml")

@@ -7,6 +7,7 @@ import pytest
 
 from running import FORKING, copy_project, snakemake
 
+pytestmark = pytest.mark.nightly
 SMALL = """
 stability: {limits: {knots: 84}}
 pushes: {push: {per_lift: 16}, outcome: {horizon_s: 1.5}}

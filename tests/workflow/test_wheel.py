@@ -135,6 +135,7 @@ def test_tissue_tests_become_models_a_diagnosis_and_fmus(lumbar, installed):
     assert not list(installed.rglob("*zig*"))
 
 
+@pytest.mark.nightly
 def test_surgeons_participants_and_lifts(lumbar):
     from lumbar.base.files import write_csv
     from lumbar.twin.lifting_recordings import write_lift

@@ -396,6 +396,7 @@ def test_gravity_of_the_settings_reaches_the_effects(run, tmp_path):
     assert added == [None, {"g": 3.71}]
 
 
+@pytest.mark.nightly
 def test_compare_locate_and_refine(run, friction, tmp_path):
     folder = tmp_path / "two"
     folder.mkdir()

@@ -117,7 +117,13 @@ def diagnosed(position, force):
     return found
 
 
-@pytest.mark.parametrize("lines", [np.arange(1, 26), np.arange(1, 250)], ids=["low band", "up to Nyquist"])
+@pytest.mark.parametrize(
+    "lines",
+    [
+        pytest.param(np.arange(1, 26), id="low band"),
+        pytest.param(np.arange(1, 250), id="up to Nyquist", marks=pytest.mark.nightly),
+    ],
+)
 def test_a_force_that_repeats_exactly_is_diagnosed(lines):
     position = multisine(5, lines=lines)
     found = diagnosed(position, np.tile(relaxing_force(position)[-500:], 5))

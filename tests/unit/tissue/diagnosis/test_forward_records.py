@@ -42,7 +42,9 @@ def friction():
     return records, lumbar.diagnose(records, train="train", settings=FORCE_IN)
 
 
-@pytest.mark.parametrize("hidden", ["hardening_stiffness", "hysteresis"])
+@pytest.mark.parametrize(
+    "hidden", ["hysteresis", pytest.param("hardening_stiffness", marks=pytest.mark.nightly)]
+)
 def test_what_is_hidden_is_named(hidden):
     found = lumbar.diagnose(forward_records(hidden), train="train", settings=FORCE_IN).verdict
     assert (found.verdict, found.selected, found.complete) == ("named", (hidden,), True)
@@ -137,6 +139,7 @@ def test_a_sensor_that_is_not_surely_better_is_no_crash(friction):
     assert not judge.surely_better(base, SimpleNamespace(effects=("absolute_value",), fit=base.fit))
 
 
+@pytest.mark.nightly
 def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path, capsys):
     """Recorded as force in, motion out and not said so: flagged, with the line of YAML; with it the study runs."""
     records, _ = friction

@@ -15,6 +15,7 @@ from scipy.signal import butter, cheby1, cheby2, freqs, lfilter, lsim
 import lumbar
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record, RecordSet
+from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
@@ -141,8 +142,11 @@ def test_dynamics_without_an_equation_are_no_base():
     assert linear_base(linear_dynamics(experiment(late))) is None
 
 
-def test_the_best_linear_model_is_told_kept_and_exported(tmp_path):
-    found = lumbar.diagnose(RecordSet(recorded(resonances)), base="KB", train="training")
+@pytest.mark.parametrize("law", [False, pytest.param(True, marks=pytest.mark.nightly)])
+def test_the_best_linear_model_is_told_kept_and_exported(law, tmp_path):
+    settings = StudySettings(improvement=ImprovementSettings(propose_law=law))
+    records = RecordSet(recorded(resonances))
+    found = lumbar.diagnose(records, base="KB", train="training", settings=settings)
     assert found.verdict.verdict == "unexplained"
     assert "As linear_dynamics these dynamics stand in refined.json" in str(found)
     found.save(tmp_path, pictures=False)
@@ -151,7 +155,7 @@ def test_the_best_linear_model_is_told_kept_and_exported(tmp_path):
     assert "linear_dynamics" in (tmp_path / "diagnosis.html").read_text()
     assert models[0].scores.test_rms < 1.15 * SIGMA
     written = lumbar.export_fmu(
-        tmp_path / "refined.json", tmp_path / "fmu", ["linear_dynamics"], rate_Hz=1000
+        tmp_path / "refined.json", tmp_path / "fmu", ["linear_dynamics"], rate_Hz=1000, targets=["host"]
     )
     assert len(written) == 2
 

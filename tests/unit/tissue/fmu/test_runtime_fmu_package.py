@@ -47,6 +47,7 @@ def test_documentation_states_data_equation_and_feedthrough(fmu_folder):
         assert words in page
 
 
+@pytest.mark.nightly
 def test_the_same_bytes_from_another_folder_and_a_cold_cache(fmu_models, fmu_folder, zig_cache, tmp_path):
     chosen = [model for model in fmu_models if model.name == "KB"]
     export_fmus(chosen, tmp_path / "elsewhere", "synthetic twin", TARGET, tmp_path / "cold cache")

@@ -168,6 +168,7 @@ def test_parameters_are_those_of_the_fmu(unzipped, player):
     assert np.abs(player(folder, reference, "force_limit=2")).max() == 2.0
 
 
+@pytest.mark.nightly
 @with_wine
 @pytest.mark.parametrize("name", ["KB", "effects"])
 def test_windows_plays_the_reference_to_the_same_bits(name, unzipped, player, windows_player):

@@ -75,6 +75,7 @@ def run_client(build: dict, target: str, mode: str, name: str, *arguments, befor
     return done.stdout.strip()
 
 
+@pytest.mark.nightly
 @ON_LINUX
 @with_wine
 @pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
@@ -86,7 +87,7 @@ def test_forces_on_windows_are_those_on_linux(name, platform_fmus):
 
 @ON_LINUX
 @with_qemu
-@pytest.mark.parametrize("name", ["KB", NONLINEAR["name"]])
+@pytest.mark.parametrize("name", ["KB", pytest.param(NONLINEAR["name"], marks=pytest.mark.nightly)])
 def test_forces_on_arm_are_those_on_intel(name, platform_fmus):
     linux = run_client(platform_fmus("x86_64-linux"), "x86_64-linux", "hash", name, STEPS)
     arm = platform_fmus("aarch64-linux")
@@ -108,6 +109,7 @@ def test_eight_instances_in_threads_are_alike(name, platform_fmus):
     assert run_client(platform_fmus("x86_64-linux"), "x86_64-linux", "threads", name, 50_000) == "0"
 
 
+@pytest.mark.nightly
 @ON_LINUX
 @with_wine
 def test_all_platforms_fit_into_200_kilobytes(zig_cache, tmp_path):
