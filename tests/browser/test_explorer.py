@@ -201,11 +201,12 @@ def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
 @pytest.mark.parametrize(
     ("scheme", "width"), [("light", 1280), pytest.param("dark", 390, marks=pytest.mark.nightly)]
 )
-def test_axe_finds_nothing_serious(new_page, saved, scheme, width):
+def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_page(new_page, saved, scheme, width):
     page = new_page(saved, viewport={"width": width, "height": 900}, color_scheme=scheme)
     page.get_by_role("button", name="Set this path aside").click()
     add(page, "Inertia")  # the message is there
     assert serious(page) == []
+    fits(page, 390, 1280, 1920)
 
 
 def test_keyboard_reaches_every_choice(new_page, saved):
@@ -215,11 +216,6 @@ def test_keyboard_reaches_every_choice(new_page, saved):
         page.keyboard.press("Tab")
         reached.add(page.evaluate("document.activeElement.id || document.activeElement.textContent"))
     assert {"restart", "record", "first", "second"} <= reached
-
-
-def test_nothing_is_wider_than_the_page(new_page, saved):
-    page = new_page(saved)
-    fits(page, 390, 1280, 1920)
 
 
 @contextmanager

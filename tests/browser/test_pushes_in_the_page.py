@@ -130,13 +130,10 @@ def test_time_is_gone_through_by_keyboard_and_everything_follows(page):
     assert all(url.startswith(("file:", "data:", "blob:")) for url in page.asked)
 
 
-def test_nothing_is_wider_than_the_page(page):
-    fits(page, 390, 1280, 1920)
-
-
 @pytest.mark.parametrize(
     ("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.nightly), ("dark", 390)]
 )
-def test_axe_finds_nothing_serious(new_page, page_file, scheme, width):
+def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_page(new_page, page_file, scheme, width):
     page = new_page(page_file, viewport={"width": width, "height": 900}, color_scheme=scheme)
     assert serious(page) == []
+    fits(page, 390, 1280, 1920)
