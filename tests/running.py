@@ -25,6 +25,12 @@ PLAIN, FORKING = "plain", "forking"
 pictures that are `pictures.sketched`."""
 
 
+def python(*arguments: str | Path) -> str:
+    """Run a Python of its own, which must end well; what it prints."""
+    command = [sys.executable, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
 @dataclass(frozen=True)
 class Run:
     """What one call of Snakemake said."""

@@ -98,21 +98,39 @@ def fmu_positions():
     return np.cumsum(np.random.default_rng(7).standard_normal(200)) * 0.2
 
 
-@pytest.fixture
-def run(capsys):
-    """Call the command; return its exit status, standard output and standard error."""
+class Command:
+    """Calls the command in this process."""
 
-    from lumbar import cli
+    def __init__(self, capsys):
+        self.capsys = capsys
 
-    def call(*arguments):
+    def __call__(self, *arguments) -> tuple[int, str, str]:
+        """Return its exit status, standard output and standard error."""
+        from lumbar import cli
+
         try:
             status = cli.main([str(argument) for argument in arguments])
         except SystemExit as end:
             status = end.code
-        captured = capsys.readouterr()
+        captured = self.capsys.readouterr()
         return status, captured.out, captured.err
 
-    return call
+    def done(self, *arguments) -> str:
+        """Return what it prints; it must do what it is asked."""
+        status, out, err = self(*arguments)
+        assert status == 0, err
+        return out
+
+    def refused(self, *arguments) -> str:
+        """Return its refusal, of status 1 and without a traceback."""
+        status, _, err = self(*arguments)
+        assert status == 1 and "Traceback" not in err
+        return err
+
+
+@pytest.fixture
+def run(capsys) -> Command:
+    return Command(capsys)
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,10 @@
 """Tissue tests simulated in fine steps, apart from the library's own solvers: everything in them is known."""
 
 import numpy as np
+from periodic_records import record
 from scipy.signal import lfilter
 
-from lumbar.records.record import Channel, Record
+from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 
 FINE = 20
@@ -33,8 +34,7 @@ def sampled(name: str, step: float, position, force, noise: float, seed: int, ze
     """Record of every `FINE`-th step, with white noise (N) and the force sensor's zero (N)."""
     position, force = position[::FINE].copy(), force[::FINE].copy()
     force += zero + noise * np.random.default_rng(seed + 900).standard_normal(len(force))
-    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-    return Record(name, np.arange(len(position)) * step, channels)
+    return record(position, force, name, step=step)
 
 
 def experiment(

@@ -28,10 +28,15 @@ def noise(size: int, seed: int, pole: float = 0.0) -> np.ndarray:
 
 
 def record(
-    position: np.ndarray, force: np.ndarray, name: str = "multisine", period: float | None = None
+    position: np.ndarray,
+    force: np.ndarray,
+    name: str = "multisine",
+    period: float | None = None,
+    step: float = STEP,
+    source: str = "",
 ) -> Record:
     channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-    return Record(name, np.arange(len(position)) * STEP, channels, period=period)
+    return Record(name, np.arange(len(position)) * step, channels, source, period)
 
 
 def noisy_record(periods: int, sigma: float, seed: int, pole: float = 0.0, samples: int = 500, extra=None):

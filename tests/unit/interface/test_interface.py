@@ -2,8 +2,6 @@
 
 import filecmp
 import re
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +19,7 @@ from lumbar.settings.signals import SignalsSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import BootstrapSettings, TissueSettings
 from lumbar.twin.examples import example_records
+from running import python
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +48,7 @@ def test_import_loads_nothing_that_a_verb_needs_later():
     script = "import sys, lumbar; print(*sorted(name for name in sys.modules if name.split('.')[0] in " + (
         "('numpy', 'scipy', 'pandas', 'matplotlib', 'pydantic', 'control') or name.startswith('lumbar.')))"
     )
-    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert loaded.stdout.strip() == ""
+    assert python("-c", script).strip() == ""
 
 
 @pytest.mark.parametrize("name", lumbar.__all__)
@@ -173,8 +171,7 @@ def test_the_verdict_is_written_before_what_may_fail_beside_it(diagnosis, tmp_pa
 
 def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_path):
     """One stage, two callers, the same bytes."""
-    status, out, err = run("diagnose", folder, "--output", tmp_path / "command")
-    assert status == 0, err
+    out = run.done("diagnose", folder, "--output", tmp_path / "command")
     diagnosis.save(tmp_path / "object", pictures=False)
     assert out.splitlines() == str(diagnosis).splitlines()
     names = sorted(path.name for path in (tmp_path / "command").iterdir())

@@ -50,7 +50,7 @@ def test_a_dry_run_shows_and_writes_nothing(run, sources):
 
 def test_records_and_a_study_are_written(run, sources, tmp_path, project):
     output = tmp_path / "records"
-    status, out, _ = run(
+    out = run.done(
         "import",
         sources / "labview.lvm",
         sources / "excel_deutsch.csv",
@@ -59,7 +59,6 @@ def test_records_and_a_study_are_written(run, sources, tmp_path, project):
         "--licence",
         "CC0",
     )
-    assert status == 0
     assert out.splitlines()[-1].endswith(f"next: lumbar diagnose {output} --output out")
     assert sorted(path.name for path in output.iterdir()) == [
         "excel_deutsch.csv",
@@ -78,8 +77,7 @@ def test_records_and_a_study_are_written(run, sources, tmp_path, project):
         str(output / "labview.csv"),
         str(output / "excel_deutsch.csv"),
     ]
-    status, out, _ = run("check", output)
-    assert status == 0
+    out = run.done("check", output)
     assert "labview.csv: 600 samples, 200 Hz, 3 s; input: position in mm, output: force in N" in out
 
 
@@ -107,33 +105,28 @@ def test_recordings_side_by_side_in_one_file(run, tmp_path):
     records = lumbar.read(tmp_path / "records")
     assert records.names == ["fit", "unseen"]
     np.testing.assert_allclose(records["unseen"]["output"], 3 * np.cos(time), atol=1e-6)
-    status, _, err = run("import", file, file, *told, "--name", "a", "--dry-run")
-    assert status == 1
+    err = run.refused("import", file, file, *told, "--name", "a", "--dry-run")
     assert "--name names one file, and 2 are given" in err
 
 
 def test_the_force_is_the_input_of_tests_that_their_load_drove(run, sources, tmp_path, project):
     output = tmp_path / "records"
-    status, out, _ = run("import", sources / "labview.lvm", "--forward", "--output", output)
-    assert status == 0
+    out = run.done("import", sources / "labview.lvm", "--forward", "--output", output)
     assert out.splitlines()[-1].endswith(f"next: lumbar diagnose {output} --forward --output out")
     text = (output / "study.yaml").read_text()
     assert load_study(yaml.safe_load(text), project, [output / "study.yaml"]).settings.improvement.forward
-    status, _, err = run("import", sources / "excel_deutsch.csv", "--output", output)
-    assert status == 1
+    err = run.refused("import", sources / "excel_deutsch.csv", "--output", output)
     assert "its records were imported as driven by the load (--forward)" in err
 
 
 def test_what_a_person_wrote_is_not_overwritten(run, sources, tmp_path):
-    status, _, err = run("import", sources / "labview.lvm", "--output", sources)
-    assert status == 1
+    err = run.refused("import", sources / "labview.lvm", "--output", sources)
     assert "holds excel_deutsch.csv, which were not imported" in err
     output = tmp_path / "records"
     assert run("import", sources / "labview.lvm", "--output", output)[0] == 0
     study = output / "study.yaml"
     study.write_text(study.read_text() + "# mine\n")
-    status, _, err = run("import", sources / "labview.lvm", "--output", output)
-    assert status == 1
+    err = run.refused("import", sources / "labview.lvm", "--output", output)
     assert "study.yaml: was changed since it was made" in err
     assert study.read_text().endswith("# mine\n")
 
@@ -143,8 +136,7 @@ def test_records_of_other_units_do_not_join(run, tmp_path):
         (tmp_path / f"{name}.txt").write_text(f"time_s,position_{unit},force_N\n" + rows(","))
     output = tmp_path / "records"
     assert run("import", tmp_path / "a.txt", "--output", output)[0] == 0
-    status, _, err = run("import", tmp_path / "b.txt", "--output", output)
-    assert status == 1
+    err = run.refused("import", tmp_path / "b.txt", "--output", output)
     assert "a has time_s, position_mm, force_N, but b has time_s, angle_rad, force_N" in err
 
 
@@ -156,8 +148,7 @@ def test_records_that_the_default_layout_does_not_read(run, tmp_path, project):
             "angle [deg],torque [V]\n" + rows(",", columns=(POSITION, clipped))
         )
         told = ("--force-unit", "V", "--rate", rate, "--accept-clipped", "--output", tmp_path / "no: records")
-        status, out, _ = run("import", tmp_path / f"{name}.txt", *map(str, told))
-        assert status == 0
+        out = run.done("import", tmp_path / f"{name}.txt", *map(str, told))
     assert "--config" in out.splitlines()[-1]
     path = tmp_path / "no: records" / "study.yaml"
     study = load_study(yaml.safe_load(path.read_text()), project, [path]).settings
@@ -178,8 +169,7 @@ def test_all_files_are_told_of_at_once(run, tmp_path):
     assert err.count("give --force-unit") == 1
     assert f"b.txt: as {tmp_path / 'a.txt'}" in err
     assert "d.txt: no such file" in err
-    status, _, err = run("import", tmp_path, "--dry-run")
-    assert status == 1
+    err = run.refused("import", tmp_path, "--dry-run")
     assert "a folder; name the files in it that are recordings" in err
 
 
@@ -192,8 +182,7 @@ def test_a_wrong_command_line(run, sources):
 
 def test_files_of_one_name(run, sources, tmp_path):
     (tmp_path / "labview.csv").write_bytes(FILES["tidy.csv"][0])
-    status, _, err = run("import", sources / "labview.lvm", tmp_path / "labview.csv", "--dry-run")
-    assert status == 1
+    err = run.refused("import", sources / "labview.lvm", tmp_path / "labview.csv", "--dry-run")
     assert "would all be the record 'labview'" in err
 
 

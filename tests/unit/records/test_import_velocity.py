@@ -75,8 +75,7 @@ def test_a_velocity_is_integrated_and_it_is_said(tmp_path, head, told):
 
 def test_what_is_kept_says_so_too(run, tmp_path):
     imported(tmp_path, "time_s,v [mm/s],force_N")
-    status, out, _ = run("import", tmp_path / "trial.csv", "--output", tmp_path / "records")
-    assert status == 0
+    out = run.done("import", tmp_path / "trial.csv", "--output", tmp_path / "records")
     [entry] = json.loads((tmp_path / "records/imported.json").read_text())["records"]
     for text in (out, (tmp_path / "records/study.yaml").read_text(), entry["notes"][0]):
         assert "is the integral of column 2 'v' [mm/s]" in text

@@ -1,9 +1,10 @@
 """A rule depends on every library file its script imports, and on no other."""
 
-import sys
 from pathlib import Path
 
 import pytest
+
+from running import python
 
 
 @pytest.fixture
@@ -38,17 +39,14 @@ def test_an_effect_of_the_catalogue_is_a_source_of_what_diagnoses(dependencies, 
 
 def test_everything_that_a_script_loads_is_declared(dependencies, project, tmp_path):
     """Compare with what Python itself loads from the library."""
-    import subprocess
-
     script = (
         "import sys, runpy\n"
         "from lumbar.tissue.survey.survey_analysis import analyse_survey\n"
         "from lumbar.records.ratings import read_ratings\n"
         "print('\\n'.join(m.__file__ for n, m in sys.modules.items() if n.split('.')[0] == 'lumbar'))\n"
     )
-    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     declared = dependencies.library_sources("survey_tables.py")
-    files = [str(Path(line).resolve()) for line in loaded.stdout.split()]
+    files = [str(Path(line).resolve()) for line in python("-c", script).split()]
     assert files
     assert set(files) <= set(declared)
 

@@ -113,14 +113,11 @@ def test_what_could_not_be_checked_is_said(lift_file, tmp_path):
 
 
 def test_a_folder_is_called_a_folder(lift_file, run):
-    status, _, err = run("inspect", lift_file.parent)
-    assert status == 1
-    assert "a folder; give the files in it" in err
+    assert "a folder; give the files in it" in run.refused("inspect", lift_file.parent)
 
 
 def test_a_picture_in_another_format_is_refused_before_anything_is_read(tmp_path, run):
-    status, _, err = run("inspect", tmp_path / "absent.c3d", "--picture", tmp_path / "x.png")
-    assert status == 1
+    err = run.refused("inspect", tmp_path / "absent.c3d", "--picture", tmp_path / "x.png")
     assert "pictures are written as .svg or .pdf" in err
     assert "absent.c3d" not in err
 
