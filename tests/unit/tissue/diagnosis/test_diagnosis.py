@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from periodic_records import record
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.columns import read_record
-from lumbar.records.record import Channel, Record
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
@@ -154,8 +154,7 @@ def synthetic(name, force, seed, seconds=40):
     position *= 5 / np.abs(position).max()
     clean = force(time, position)
     values = clean + 0.01 * random.standard_normal(len(time))
-    channels = {"input": Channel(position, "position", "mm"), "output": Channel(values, "force", "N")}
-    return Record(name, time, channels, name)
+    return record(position, values, name, source=name)
 
 
 def test_what_no_effect_explains_is_said_to_be_unexplained():

@@ -5,6 +5,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import periodic_records
 import pytest
 import yaml
 from column_files import write_records
@@ -13,7 +14,7 @@ from scipy.signal import lfilter
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.interface.diagnosis import Diagnosis, ProposedLaw
-from lumbar.records.record import Channel, Record
+from lumbar.records.record import Record
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.finding import Finding
@@ -59,8 +60,7 @@ def record(name: str, position: np.ndarray, added, seed: int) -> Record:
     velocity = np.gradient(position, STEP, edge_order=2)
     noise = NOISE * np.random.default_rng(seed).standard_normal(len(position))
     force = tissue(position) + added(position, velocity) + noise
-    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-    return Record(name, np.arange(len(position)) * STEP, channels)
+    return periodic_records.record(position, force, name, step=STEP)
 
 
 def records(added, seed: int = 0) -> list[Record]:
@@ -252,13 +252,12 @@ def test_of_noise_no_surface_explains_a_share():
 
 
 def test_the_command_says_that_nothing_is_missing(run, tmp_path):
-    status, out, _ = run(
+    out = run.done(
         "propose",
         write_records(tmp_path / "tests", records(nothing), "%.8f"),
         "--output",
         tmp_path / "law.yaml",
     )
-    assert status == 0
     assert out.startswith("No law is needed")
     assert not (tmp_path / "law.yaml").exists()
 
@@ -267,15 +266,13 @@ def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkey
     found = ProposedLaw(needle, TISSUE, "needle tests")
     monkeypatch.setattr("lumbar.interface.diagnosis.propose", lambda *_, **__: found)
     folder = write_records(tmp_path / "tests", records(depth_friction), "%.8f")
-    status, out, _ = run("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
-    assert status == 0
+    out = run.done("propose", folder, "--output", tmp_path / "law.yaml", "--picture", tmp_path / "law")
     assert "max(z, 0)*tanh(v/v_s)" in out
     assert yaml.safe_load((tmp_path / "law.yaml").read_text(encoding="utf-8"))["name"] == "law"
     assert (tmp_path / "law.svg").is_file()
     assert (tmp_path / "law.pdf").is_file()
     for name in ("coulomb_friction", "My law"):
-        status, _, err = run("propose", folder, "--output", tmp_path / f"{name}.yaml")
-        assert status == 1
+        err = run.refused("propose", folder, "--output", tmp_path / f"{name}.yaml")
         assert name in err
 
 

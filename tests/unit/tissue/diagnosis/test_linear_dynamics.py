@@ -14,7 +14,7 @@ from scipy.signal import butter, cheby1, cheby2, freqs, lfilter, lsim
 
 import lumbar
 from lumbar.records.columns import read_record
-from lumbar.records.record import Channel, Record, RecordSet
+from lumbar.records.record import Record, RecordSet
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.study_settings import StudySettings
@@ -91,8 +91,7 @@ def recorded(
         position = motion(seed, seconds, step)
         force = response(impedance, position, step) + extra(position) + 0.04
         force = force + sigma * noise(len(position), seed + 50)
-        channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-        records.append(Record(name, np.arange(len(position)) * step * clock, channels))
+        records.append(record(position, force, name, step=step * clock))
     return records
 
 

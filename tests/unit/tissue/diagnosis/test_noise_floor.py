@@ -1,8 +1,6 @@
 """Period and noise floor against simulations in which both are known."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -11,28 +9,26 @@ from scipy.stats import chi2
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.noise.noise_floor import find_period, noise_floor
+from running import python
+
+REPEATED, SECONDS = multisine(4, seed=3), np.arange(4000) * STEP
 
 
-def test_period_is_found_exactly():
-    position = multisine(4)
-    assert find_period(record(position, relaxing_force(position))) == pytest.approx(5.0)
-
-
-def test_period_survives_rounding_and_noise_in_the_position():
-    position = multisine(4, seed=3)
-    for measured in (np.round(position, 5), position + 0.005 * np.std(position) * noise(len(position), 1)):
-        assert find_period(record(measured, position)) == pytest.approx(5.0)
-
-
-def test_shortest_period_is_found():
-    position = np.sin(2 * np.pi * 0.5 * np.arange(2000) * STEP)
-    assert find_period(record(position, position)) == pytest.approx(2.0)
-
-
-def test_a_faint_slow_component_makes_the_period_long():
-    time = np.arange(4000) * STEP
-    position = np.sin(2 * np.pi * time) + 0.01 * np.sin(2 * np.pi * 0.1 * time)
-    assert find_period(record(position, position)) == pytest.approx(10.0)
+@pytest.mark.parametrize(
+    ("position", "period"),
+    [
+        pytest.param(REPEATED, 5.0, id="exact"),
+        pytest.param(np.round(REPEATED, 5), 5.0, id="rounded"),
+        pytest.param(REPEATED + 0.005 * np.std(REPEATED) * noise(2000, 1), 5.0, id="noisy"),
+        pytest.param(REPEATED[:-501], 5.0, id="a sample lost at the end"),
+        pytest.param(np.sin(np.pi * SECONDS[:2000]), 2.0, id="the shortest"),
+        pytest.param(
+            np.sin(2 * np.pi * SECONDS) + 0.01 * np.sin(0.2 * np.pi * SECONDS), 10.0, id="faint and slow"
+        ),
+    ],
+)
+def test_the_period_is_found(position, period):
+    assert find_period(record(position, position)) == pytest.approx(period)
 
 
 def test_a_sine_whose_period_is_no_whole_number_of_samples():
@@ -47,11 +43,6 @@ def test_fewer_than_three_periods_are_no_period(periods):
     position = multisine(3, seed=5)[: int(periods * 500)]
     assert find_period(record(position, position)) is None
     assert noise_floor(record(position, position)) is None
-
-
-def test_a_lost_sample_at_the_end_is_forgiven():
-    position = multisine(3, seed=5)[:-1]
-    assert find_period(record(position, position)) == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize("kind", ["chirp", "noise", "ramp", "steps", "constant"])
@@ -261,8 +252,7 @@ def test_only_numpy_is_loaded():
         "import sys, lumbar.tissue.diagnosis.noise.noise_floor\n"
         "print([name for name in ('scipy', 'pandas', 'statsmodels', 'matplotlib') if name in sys.modules])"
     )
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"
+    assert python("-c", script).strip() == "[]"
 
 
 @pytest.mark.parametrize("seed", range(3))

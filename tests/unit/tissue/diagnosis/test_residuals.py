@@ -14,7 +14,7 @@ import yaml
 from column_files import write_columns
 from fine_tissue import FINE, branch, sampled, sines
 from numpy.testing import assert_allclose
-from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
+from periodic_records import multisine, noise, noisy_record, record, relaxing_force
 from scipy.signal import lfilter
 
 from lumbar import cli
@@ -171,11 +171,6 @@ def test_the_table_holds_what_was_found(tmp_path):
     assert alone.frame["noise_floor_rms"].isna().all()
 
 
-def test_the_sampling_time_does_not_matter_to_what_is_left_out():
-    test, force = aperiodic(1000, 0.3, 1)
-    assert compare_record(test, force, start=0.5).samples == 1000 - round(0.5 / STEP)
-
-
 def share(force, base: str = "KB", periods: int = 8, lines=None):
     """Share of a base's error on a multisine, whose force is a function of its position."""
     position = multisine(periods, lines=lines)
@@ -185,11 +180,8 @@ def share(force, base: str = "KB", periods: int = 8, lines=None):
     return nonlinear_share(experiment, fit_base(Structure(BASES[base]), experiment.training))
 
 
-def test_what_a_spring_leaves_of_a_relaxing_material_is_linear():
+def test_what_is_left_of_a_linear_material_of_higher_order_is_linear():
     assert share(relaxing_force, base="LE") < 0.02
-
-
-def test_what_a_second_order_material_leaves_is_linear():
     assert share(lambda z: lfilter([0.5, -0.6, 0.3], [1.0, -1.5, 0.7], z)) < 0.02
 
 

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fine_tissue import branch, experiment
+from periodic_records import record as recorded
 from scipy.signal import lfilter
 from sensor_records import clean_records, tissue_record
 
 import lumbar
 from lumbar.records.columns import read_record
-from lumbar.records.record import Channel, Record
+from lumbar.records.record import Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.tissue.diagnosis.fitting.uncertainty import zero_interval
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
@@ -119,13 +120,7 @@ def test_rests_crests_and_flat_tops_are_no_held_samples():
     crest = np.sin(2 * np.pi * (time - 0.005))  # two equal samples at every crest
     for position in (stairs, crest, np.clip(crest, -0.5, 0.5)):
         force = lfilter([0.1], [1, -0.9], position) + 0.01 * np.random.default_rng(1).standard_normal(4000)
-        record = Record(
-            "rest",
-            time,
-            {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")},
-        )
-        assert "held_samples" not in kinds(record)
-        assert "dropped_samples" not in kinds(record)
+        assert not {"held_samples", "dropped_samples"} & set(kinds(recorded(position, force)))
 
 
 def test_rows_that_are_missing_are_filled_and_told(tmp_path):
@@ -183,11 +178,9 @@ def test_a_tool_that_shakes_is_no_noise_of_its_sensor():
         + 0.01 * rng.standard_normal(len(time))
     )
     force = 0.4 * moved + 1e-3 * rng.standard_normal(len(time))
-    channels = {"input": Channel(moved, "position", "mm"), "output": Channel(force, "force", "N")}
-    assert kinds(Record("shaking", time, channels)) == []
+    assert kinds(recorded(moved, force)) == []
     measured = moved + 0.01 * rng.standard_normal(len(time))
-    channels = {"input": Channel(measured, "position", "mm"), "output": channels["output"]}
-    assert kinds(Record("noisy", time, channels)) == []  # half of it is motion: nothing sure can be said
+    assert kinds(recorded(measured, force)) == []  # half of it is motion: nothing sure can be said
 
 
 def test_the_band_is_left_as_it_is_up_to_its_ends():
@@ -215,8 +208,7 @@ def test_long_records_take_little_memory():
         + 1e-3 * rng.standard_normal(len(time))
     )
     force = 0.4 * np.sin(2 * np.pi * 0.37 * time) + 0.01 * rng.standard_normal(len(time))
-    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-    record = Record("long", time, channels)
+    record = recorded(position, force, step=1e-3)
     tracemalloc.start()
     found = sensor_faults(record)
     peak = tracemalloc.get_traced_memory()[1]
@@ -323,8 +315,7 @@ def moved_mass(noise: float, mass: float = MASS, stiffness: float = 0.0) -> Reco
     force = stiffness * position + DAMPING * speed - mass * (size * rate**2 * np.sin(angle)).sum(axis=1)
     force += random.normal(0, 0.01 * np.std(force), len(force))
     seen = position + noise * random.standard_normal(len(TIME))
-    channels = {"input": Channel(seen, "position", "mm"), "output": Channel(force, "force", "N")}
-    return Record("axis", TIME, channels)
+    return recorded(seen, force, step=TIME[1])
 
 
 def told_mass(record: Record) -> float:

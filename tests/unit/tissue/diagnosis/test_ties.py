@@ -7,13 +7,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from periodic_records import record
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
 from hidden_effects.catalogue import form_named
 from hidden_effects.form import Scales, calibrated, simulate
 from hidden_effects_cases import recorded_motion
-from lumbar.records.record import Channel, Record
+from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.evidence.discrimination import (
     excitation_family,
     motion_csv,
@@ -82,8 +83,7 @@ def recorded(motion, effect, noise: float, seed: int) -> Record:
     force = motion.sampled(simulate(motion, TRUE_TISSUE, [effect]))
     force = force + noise * np.random.default_rng(seed).standard_normal(len(force))
     position = motion.sampled(motion.position)
-    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-    return Record(motion.record, np.arange(len(force)) / RATE_HZ, channels, motion.record)
+    return record(position, force, motion.record, step=1 / RATE_HZ, source=motion.record)
 
 
 def one_sine(name: str, seed: int, seconds: float):
@@ -234,8 +234,7 @@ def pressed(step: float) -> list[Record]:
         depth = size * np.exp(0.2 * time)
         force = (TRUE_TISSUE.elastic + 0.1 * 0.2 * depth) * depth
         force += 0.01 * np.random.default_rng(seed).standard_normal(len(time))
-        channels = {"input": Channel(depth, "position", "mm"), "output": Channel(force, "force", "N")}
-        records.append(Record(name, time, channels))
+        records.append(record(depth, force, name, step=step))
     return records
 
 
