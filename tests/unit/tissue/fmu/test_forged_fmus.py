@@ -2,12 +2,13 @@
 
 import os
 import random
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+
+from running import python
 
 XML = "modelDescription.xml"
 MOST_MB, MOST_SECONDS = 500, 20
@@ -115,10 +116,7 @@ def flipped(sound: Path, path: Path, seed: int) -> Path:
 
 def refused(path: Path) -> None:
     command = [str(Path(sys.executable).with_name("lumbar")), "check", str(path)]
-    told = subprocess.run(
-        [sys.executable, "-c", MEASURED, *command], capture_output=True, text=True, check=True
-    ).stdout
-    head, _, words = told.partition("\n")
+    head, _, words = python("-c", MEASURED, *command).partition("\n")
     status, megabytes, seconds = map(float, head.split())
     assert status == 1 and words.strip(), (path.name, words)
     assert "Traceback" not in words and "root:" not in words, (path.name, words)

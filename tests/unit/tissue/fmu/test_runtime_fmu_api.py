@@ -2,13 +2,10 @@
 
 import math
 
-import fmpy
 import pytest
 from c_programs import ON_LINUX
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
 from runtime_models import (
     FORCE,
     FORCE_LIMIT,
@@ -81,31 +78,6 @@ def test_values_out_of_range_are_errors_and_change_nothing(version, reference, v
     with pytest.raises(FMICallException):
         put(slave, reference, value)
     assert [get(slave, known) for known in range(1, 7)] == before
-
-
-@pytest.mark.parametrize("version", [2, 3])
-def test_wrong_steps_are_errors(version, fmu_instance):
-    slave = fmu_instance("KB", version)
-    with pytest.raises(FMICallException):
-        slave.doStep(0.0, 0.01)
-    slave.exitInitializationMode()
-    for start, step in ((0.0, 0.0), (0.0, -0.01), (0.0, math.nan), (0.5, 0.01), (0.0, math.inf)):
-        with pytest.raises(FMICallException):
-            slave.doStep(start, step)
-    slave.doStep(0.0, 0.01)
-    slave.terminate()
-    with pytest.raises(FMICallException):
-        slave.doStep(0.01, 0.01)
-
-
-def test_a_wrong_token_is_refused(fmu_folder, tmp_path):
-    for version, kind in ((2, FMU2Slave), (3, FMU3Slave)):
-        unzipped = tmp_path / str(version)
-        fmpy.extract(str(fmu_folder / f"KB_fmi{version}.fmu"), str(unzipped))
-        slave = kind(guid="other", unzipDirectory=str(unzipped), modelIdentifier="KB", instanceName="x")
-        with pytest.raises(Exception, match="instantiate"):
-            slave.instantiate()
-        slave.freeLibrary()
 
 
 def test_fmi2_warns_of_the_late_feedthrough(fmu_instance, capfd):

@@ -143,12 +143,10 @@ def test_the_commands_sign_and_verify(run, keys, tmp_path):
     assert {path.name for path in out.iterdir()} == {
         f"KB_fmi{version}.fmu{ending}" for version in (2, 3) for ending in ("", ".sig")
     }
-    status, printed, _ = run("check", out, "--key", public(keys["lab"]))
-    assert status == 0
+    printed = run.done("check", out, "--key", public(keys["lab"]))
     assert printed.count("the same library; signed with ED25519 key SHA256:") == 2
     flipped(out / "KB_fmi3.fmu")
     status, printed, told = run("check", out, "--key", public(keys["lab"]))
     assert (status, printed) == (1, "")
     assert "KB_fmi3.fmu: the file is not what was signed" in told
-    status, _, told = run("check", tmp_path / "models.json", "--key", public(keys["lab"]))
-    assert status == 1
+    run.refused("check", tmp_path / "models.json", "--key", public(keys["lab"]))

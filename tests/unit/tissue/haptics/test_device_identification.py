@@ -216,8 +216,7 @@ def test_the_command_writes_what_render_takes(run, tmp_path):
     write_example(tmp_path / "device.csv")
     lines = (tmp_path / "device.csv").read_text().splitlines(keepends=True)
     (tmp_path / "device.csv").write_text("".join(lines[:4000]))
-    status, out, _ = run("device", tmp_path / "device.csv", "--output", tmp_path / "device.yaml")
-    assert status == 0
+    out = run.done("device", tmp_path / "device.csv", "--output", tmp_path / "device.yaml")
     loaded = lumbar.load_settings(tmp_path / "device.yaml").runtime.device
     for name, key in TRUTH.items():
         told = re.search(rf"^{name} +(\S+)", out, re.MULTILINE)[1]
@@ -237,9 +236,7 @@ def test_a_file_that_cannot_be_taken_leaves_nothing_behind(run, tmp_path):
     lines = ["time_s,force_N,position_mm", *(f"{tick / 1000},{tick % 7},{tick % 5}" for tick in range(1000))]
     lines[99] = lines[99].replace(",", ",x", 1)
     (tmp_path / "device.csv").write_text("\n".join(lines))
-    status, _, err = run("device", tmp_path / "device.csv", "--output", tmp_path / "device.yaml")
-    assert status == 1
-    assert "line 100" in err
+    assert "line 100" in run.refused("device", tmp_path / "device.csv", "--output", tmp_path / "device.yaml")
     assert not (tmp_path / "device.yaml").exists()
     (tmp_path / "other.csv").write_text("\n".join(lines[:50]))
     (tmp_path / "device.csv").write_text("\n".join(lines[:50]))

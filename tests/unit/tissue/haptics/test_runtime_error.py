@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from c_programs import ON_LINUX
 from effect_entries import effect_entry
+from periodic_records import record
 from runtime_models import TARGET, about, entry, models_json, selected
 from tissue_fits import fitted
 
 from lumbar.base.errors import InputError
-from lumbar.records.record import Channel, Record
+from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import find_models
 from lumbar.tissue.fmu.build.package import export_fmus
@@ -117,8 +118,7 @@ def ramp(samples: int) -> Record:
     """A push at constant speed into a spring, measured with an error of constant size."""
     position = SPEED * STEP * np.arange(samples)
     force = SPRING * position + NOISE * (-1.0) ** np.arange(samples)
-    channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-    return Record("multisine", STEP * np.arange(samples), channels)
+    return record(position, force)
 
 
 def costs(samples: int, **settings) -> dict[str, dict]:

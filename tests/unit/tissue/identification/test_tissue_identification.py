@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 import pytest
+from periodic_records import record
 from viscoelastic import discretise, kelvin_boltzmann
 
 from lumbar.base.errors import InputError
@@ -48,14 +49,7 @@ def tissue_record(name, seed, samples=1500, noise=0.3, offset=(3.0, -2.0), scale
     motion = np.convolve(rng.standard_normal(samples + 20), np.hanning(15))[20 : samples + 20]
     force = discretise(kelvin_boltzmann(**TRUTH), 0.01).simulate(motion)
     force = force + noise * force.std() * rng.standard_normal(samples)
-    return Record(
-        name,
-        step * np.arange(samples),
-        {
-            "input": Channel(scale[0] * motion + offset[0], "position", "mm"),
-            "output": Channel(scale[1] * force + offset[1], "force", "N"),
-        },
-    )
+    return record(scale[0] * motion + offset[0], scale[1] * force + offset[1], name, step=step)
 
 
 @pytest.fixture(scope="module")
@@ -184,8 +178,7 @@ def higher_order_record(noise, samples=3000):
     inputs = rng.standard_normal(samples)
     force = TransferFunction((2.0, -1.0, 0.5), (1.0, -1.2, 0.5)).simulate(inputs)
     force = force + noise * force.std() * rng.standard_normal(samples)
-    channels = {"input": Channel(inputs, "position", "mm"), "output": Channel(force, "force", "N")}
-    return Record("biproper", 0.01 * np.arange(samples), channels)
+    return record(inputs, force, "biproper")
 
 
 def test_a_biproper_system_is_found_so_and_its_feed_through_is_that_of_the_system():
@@ -240,12 +233,7 @@ def test_an_unstable_model_has_no_free_run_in_any_table():
     outputs = np.zeros(400)
     for k in range(1, 400):
         outputs[k] = 1.04 * outputs[k - 1] + 0.1 * inputs[k - 1]
-    record = Record(
-        "growing",
-        0.01 * np.arange(400),
-        {"input": Channel(inputs, "position", "mm"), "output": Channel(outputs, "force", "N")},
-    )
-    data = IdentificationData.from_record(record, 0.5)
+    data = IdentificationData.from_record(record(inputs, outputs, "growing"), 0.5)
     data = dataclasses.replace(data, outputs=outputs)
     regression = ReducedRegression(inputs, outputs, 2)
     candidates = search("MW", [ArxStructure(1, (1,))], np.array([0.0, 0.01]), regression, data, [data])
@@ -257,12 +245,8 @@ def test_an_unstable_model_has_no_free_run_in_any_table():
 
 
 def test_a_pure_sine_is_said_to_determine_two_coefficients_only():
-    time = 0.01 * np.arange(2000)
-    channels = {
-        "input": Channel(np.sin(2 * np.pi * time), "position", "mm"),
-        "output": Channel(np.cos(2 * np.pi * time), "force", "N"),
-    }
-    result, _ = identify(Record("sine", time, channels), [], SETTINGS, 1)
+    turns = 2 * np.pi * 0.01 * np.arange(2000)
+    result, _ = identify(record(np.sin(turns), np.cos(turns), "sine"), [], SETTINGS, 1)
     fit = fit_of(result, "KB", "arx")
     assert (fit.scores.rank, fit.scores.free_parameters) == (2, 3)
     assert fit.scores.condition_number is None
@@ -387,12 +371,12 @@ def study(project, shared):
 def test_units_of_the_recording(study):
     """The header says sines of 30 degrees amplitude; the torque of the 40 % level stays below 0.15 N·m."""
     _, records = study
-    for record in records:
-        assert record["input"].max() - record["input"].min() == pytest.approx(60 * 3.14159 / 180, rel=0.02)
-        assert abs(record["output"]).max() < 0.15
-        assert record.sampling_time == pytest.approx(0.005)
+    for one in records:
+        assert one["input"].max() - one["input"].min() == pytest.approx(60 * 3.14159 / 180, rel=0.02)
+        assert abs(one["output"]).max() < 0.15
+        assert one.sampling_time == pytest.approx(0.005)
         # 20 s at 200 Hz less the ends that the resampling filter cannot see whole.
-        assert len(record) == 4000 - 20
+        assert len(one) == 4000 - 20
 
 
 def test_a_spring_explains_little_and_fits_on_one_sine_fail_on_another(study):

@@ -1,12 +1,11 @@
 """A fitted model: what it converts to, what it prints, and that its file says the same again or what is wrong."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import control
 import numpy as np
+import periodic_records
 import pytest
 from effect_entries import BASE_NUMBERS, COMBINATIONS, effect_entry
 from scipy.integrate import solve_ivp
@@ -23,6 +22,7 @@ from lumbar.tissue.models.fitted_model import FittedModel, models_document, read
 from lumbar.tissue.models.model_data import FittedParameter, Port, Scores
 from lumbar.tissue.models.tissue_models import KB
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
+from running import python
 
 T = 0.01
 PORTS = Port("position", "mm", 3.0), Port("force", "N", -2.0)
@@ -68,8 +68,7 @@ def tissue_records(spring=0.5, branch=3.0, relaxation=0.034) -> list[Record]:
         position = np.convolve(rng.standard_normal(2030), np.hanning(25))[25:2025]
         force = truth.simulate(position)
         force = force + 0.02 * force.std() * rng.standard_normal(len(force))
-        channels = {"input": Channel(position, "position", "mm"), "output": Channel(force, "force", "N")}
-        records.append(Record(name, T * np.arange(len(position)), channels))
+        records.append(periodic_records.record(position, force, name))
     return records
 
 
@@ -239,8 +238,8 @@ def test_reading_the_class_loads_no_slow_library():
     script = (
         "import sys, lumbar.tissue.models.fitted_model; print(*{name.split('.')[0] for name in sys.modules})"
     )
-    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
-    assert not {"control", "scipy", "pandas", "pydantic", "matplotlib"} & set(loaded.split())
+    slow = {"control", "scipy", "pandas", "pydantic", "matplotlib"}
+    assert not slow & set(python("-c", script).split())
 
 
 def test_parameters_are_reached_by_name():
