@@ -8,6 +8,7 @@ import pytest
 
 from running import copy_project, snakemake
 
+pytestmark = pytest.mark.nightly
 STUDY = """
 study: groups
 chapters: [lifting, stability]
@@ -83,7 +84,6 @@ def test_a_person_whose_file_was_copied_is_all_that_is_lifted_and_computed_anew(
     assert "third_23kg: basins of attraction" in run.text and "expert_23kg: " not in run.text
 
 
-@pytest.mark.nightly
 def test_a_lift_without_a_deposit_leaves_the_others_their_basins(study):
     """The window of one trial ends while the box is carried: its rows say why they are empty, the run goes on."""
     (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")

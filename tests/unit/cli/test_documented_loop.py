@@ -39,14 +39,12 @@ def records(tmp_path, monkeypatch):
     return write
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("page", "start", "stop", "folder"),
     [
         ("docs/index.md", "### What is your model missing?", "### From Python", "FOLDER"),
-        pytest.param(
-            *("docs/tissue/tutorial.md", "## 1. ", "## 5. ", "results/thesis/twin/two_hidden_effects"),
-            marks=pytest.mark.nightly,
-        ),
+        ("docs/tissue/tutorial.md", "## 1. ", "## 5. ", "results/thesis/twin/two_hidden_effects"),
     ],
 )
 def test_the_loop_runs_as_it_stands(run, project, records, tmp_path, page, start, stop, folder):

@@ -344,6 +344,7 @@ FIRST_VIEWS = {
 """What the force of each effect depends on."""
 
 
+@pytest.mark.statistical
 def test_hidden_effects(shared):
     """On all records together what comes first is what the hidden effect depends on; on a chirp alone it often is not."""
     labels = json.loads((shared / "hidden_effects" / "labels.json").read_text())

@@ -29,6 +29,7 @@ def kinds(record: Record) -> list[str]:
     return [finding.kind for finding in sensor_faults(record)]
 
 
+@pytest.mark.statistical
 def test_sound_records_are_not_accused_and_come_back_as_they_are():
     accused = Counter()
     for record in clean_records(100, seed=7):
