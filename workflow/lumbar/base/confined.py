@@ -60,22 +60,16 @@ def confined(
     """
     if harmless and size <= SHORT:
         return parse()
-    opened = [Path(source)] if opens else []
-    answer, late, status = (asked_of_template if _has_threads() else child.asked_of_fork)(parse, opened)
+    kind, value = answered(parse, [Path(source)] if opens else [], kinds)
     large = f"{source}: its {size / 1e6:.2g} MB"
-    if answer is None:
-        ended = signal.Signals(os.WTERMSIG(status)) if os.WIFSIGNALED(status) else None
-        if ended is signal.SIGXCPU or late:
-            raise InputError(
-                f"{large} take longer than {child.SECONDS} s to read; save the recording by itself"
-            )
-        raise InputError(f"{source}: broken: its reader ended ({ended.name if ended else status})")
-    try:
-        kind, value = unpacked(answer, {item.__name__: item for item in kinds})
-    except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
-        raise InputError(f"{source}: broken: its reader answers what no file of its kind holds") from error
     if kind == "value":
         return value
+    if kind == "late":
+        raise InputError(f"{large} take longer than {child.SECONDS} s to read; save the recording by itself")
+    if kind == "ended":
+        raise InputError(f"{source}: broken: its reader ended ({value})")
+    if kind == "forged":
+        raise InputError(f"{source}: broken: its reader answers what no file of its kind holds") from value
     if kind == "memory":
         raise InputError(
             f"{large} need more memory than a reader has, {child.MEMORY / 1e6:.0f} MB at most; save the recording by itself"
@@ -83,6 +77,24 @@ def confined(
     if kind == "defect":
         raise InputError(f"{source}: broken: its reader stopped at {value[0]}") from RuntimeError(value[1])
     raise next((item for item in _errors(LumbarError) if item.__name__ == kind), InputError)(value)
+
+
+def answered(parse: Callable[[], Any], opened: list[Path], kinds: tuple[type, ...] = ()) -> tuple[str, Any]:
+    """What comes of a function in a child process, which may read these files and folders alone: kind of the answer, and it.
+
+    The kinds are "value"; the name of a `LumbarError`, with its words; "defect", an error with its place and its traceback;
+    "memory"; "late"; "ended", with the name of the signal or the status; and "forged", with what is wrong with the answer.
+    """
+    answer, late, status = (asked_of_template if _has_threads() else child.asked_of_fork)(parse, opened)
+    if answer is None:
+        ended = signal.Signals(os.WTERMSIG(status)) if os.WIFSIGNALED(status) else None
+        if ended is signal.SIGXCPU or late:
+            return "late", None
+        return "ended", ended.name if ended else status
+    try:
+        return unpacked(answer, {item.__name__: item for item in kinds})
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
+        return "forged", error
 
 
 def _errors(kind: type[LumbarError]) -> list[type[LumbarError]]:

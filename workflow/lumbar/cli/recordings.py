@@ -37,9 +37,6 @@ def run_import(options) -> None:
 
 def run_check(options) -> None:
     """Check the files and print one line for each."""
-    from lumbar.lifting.quality.body import read_upright
-    from lumbar.records.checking import check_recordings
-
     settings = given_settings(options)
     files = _files(options.paths)
     fmus = [file for file in files if _is_fmu(file)]
@@ -55,6 +52,11 @@ def run_check(options) -> None:
         ):
             print(f"runtime: {check}")
     plan = [_reading(file, options.chapter, settings) for file in files if not _is_fmu(file)]
+    if not plan:
+        return
+    from lumbar.lifting.quality.body import read_upright
+    from lumbar.records.checking import check_recordings
+
     for chapter, recordings in check_recordings(plan, read_upright).items():
         for description in recordings:
             print(f"{chapter}: {_line(description)}")

@@ -160,14 +160,16 @@ def pooled_prediction(
     file_of: dict[str, str | os.PathLike] = {}
     frames = []
     for path, source in zip(outcomes, states, strict=True):
-        frame = pd.read_csv(path)
+        frame = read_table(path, "pushes")
         file_of |= dict.fromkeys(frame["lift"].unique(), source)
         frames.append(frame)
     drawn = pd.concat([frame for frame in frames if len(frame)] or frames, ignore_index=True)
     del frames
 
     def states_of(names: Sequence[str]) -> pd.DataFrame:
-        read = (pd.read_csv(path) for path in dict.fromkeys(file_of[name] for name in names))
+        read = (
+            read_table(path, "states of pushes") for path in dict.fromkeys(file_of[name] for name in names)
+        )
         return pd.concat([frame[frame["lift"].isin(names)] for frame in read], ignore_index=True)
 
     return _scored(drawn, states_of, settings, seed, data)

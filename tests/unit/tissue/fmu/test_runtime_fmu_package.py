@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import zipfile
 from contextlib import nullcontext
+from types import SimpleNamespace
 
 import fmpy
 import numpy as np
@@ -90,9 +91,13 @@ def test_a_compiler_that_fails_without_a_word_is_an_error(fmu_models, zig_cache,
     """Killed, or done without a library: both leave no FMU."""
     (tmp_path / "ziglang").mkdir()
     (tmp_path / "ziglang" / "__init__.py").touch()
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    for body, words in (("", "exit code 0"), ("import os\nos.abort()\n", "exit code -6")):
-        (tmp_path / "ziglang" / "__main__.py").write_text(body)
+    monkeypatch.setattr(
+        compiler, "find_spec", lambda _: SimpleNamespace(origin=str(tmp_path / "ziglang" / "__init__.py"))
+    )
+    program = tmp_path / "ziglang" / "zig"
+    for body, words in (("", "exit code 0"), ("kill -ABRT $$\n", "exit code -6")):
+        program.write_text(f"#!/bin/sh\n{body}")
+        program.chmod(0o755)
         with pytest.raises(InputError, match=rf"{words}(?s:.*)remove its cache(?s:.*)it said nothing"):
             export_fmus(fmu_models[:1], tmp_path / "fmu", "", TARGET, zig_cache)
     assert not (tmp_path / "fmu").exists()

@@ -1,20 +1,23 @@
 """Forces of finished FMUs in time against a simulation written out in Python, their table and figure."""
 
+import os
+import signal
 import struct
-import sys
 import zipfile
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from c_programs import ON_LINUX
 from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put, selected
 
+from lumbar.base import landlock
 from lumbar.base.errors import InputError
 from lumbar.publishing.figures.runtime_figures import fmu_force_figure
 from lumbar.publishing.figures.style import save
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.reference_response import push_profile, reference_output
-from lumbar.tissue.fmu.check.file_check import play_libraries
+from lumbar.tissue.fmu.check import playing
 from lumbar.tissue.fmu.check.fmu_check import check_fmus, check_input, check_table, push
 from study_settings import changed
 
@@ -263,11 +266,28 @@ def test_check_input_uses_the_range_and_its_seed_counts(fmu_models):
         assert 0 < model.dynamics.rounding_bound(inputs, reference) < 1e-9
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="the stand-in for Python is a shell script")
 def test_no_library_is_blamed_for_a_check_that_is_killed_from_outside(tmp_path, monkeypatch):
-    killed = tmp_path / "killed"
-    killed.write_text("#!/bin/sh\nkill -9 $$\n")
-    killed.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(killed))
+    monkeypatch.setattr(playing, "problems_of", lambda _: os.kill(os.getpid(), signal.SIGKILL))
+    monkeypatch.setattr(playing, "UnzippedFmu", lambda _: None)
+    monkeypatch.setattr("lumbar.base.confined._has_threads", lambda: False)
     with pytest.raises(InputError, match="killed from outside"):
-        play_libraries([(tmp_path,)], tmp_path)
+        playing.play_library(tmp_path)
+
+
+@pytest.mark.skipif(not landlock.version(), reason="a kernel without Landlock")
+def test_a_library_reads_and_writes_no_other_file_while_it_is_played(tmp_path, monkeypatch):
+    def tried(_):
+        outside = tmp_path / "outside"
+        with suppress(OSError):
+            outside.write_text("written", encoding="utf-8")
+        with suppress(OSError):
+            return [outside.with_name("secret").read_text(encoding="utf-8")]
+        return ["not read"]
+
+    (tmp_path / "secret").write_text("read", encoding="utf-8")
+    (tmp_path / "fmu").mkdir()
+    monkeypatch.setattr(playing, "problems_of", tried)
+    monkeypatch.setattr(playing, "UnzippedFmu", lambda _: None)
+    monkeypatch.setattr("lumbar.base.confined._has_threads", lambda: False)
+    assert playing.play_library(tmp_path / "fmu") == ["not read"]
+    assert not (tmp_path / "outside").exists()

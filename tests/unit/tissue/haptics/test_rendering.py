@@ -19,7 +19,9 @@ from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.export_model import export_models
+from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.reference_response import reference_push
+from lumbar.tissue.fmu.check.instance import UnzippedFmu
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
 from lumbar.tissue.haptics.device_table import with_device
 from lumbar.tissue.haptics.judgement import analyse, judge, judge_exported, judge_fmu, run_loop
@@ -109,7 +111,7 @@ def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models, zig_cache):
     """From what the library answers alone: damping, gain, and the loop with the library in it."""
     settings = RuntimeSettings(compiler_cache=str(zig_cache))
     model = next(model for model in fmu_models if model.name == name)
-    found, remarks = judge_fmu(fmu_folder / f"{name}_fmi3.fmu", settings)
+    found, remarks = judge_fmu(fmu_folder / f"{name}_fmi3.fmu", settings, trust=True)
     assert remarks == ()
     expected = render_model(model, STYLUS)
     assert found.analysis.damping == pytest.approx(analyse(expected, STYLUS).damping, rel=1e-6)
@@ -120,6 +122,34 @@ def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models, zig_cache):
         found.hands.share == pytest.approx(hands.share, abs=0.01)
         and found.hands.fit.keys() == hands.fit.keys()
     )
+
+
+@ON_LINUX
+def test_an_fmu_that_this_machine_makes_too_is_judged_by_its_record_without_being_run(
+    fmu_folder, fmu_models, zig_cache, tmp_path, monkeypatch
+):
+    """What the library does is in the record; one with effects is stepped, itself and no copy of it."""
+
+    def forbidden(_):
+        raise AssertionError("the library was loaded")
+
+    settings = RuntimeSettings(compiler_cache=str(zig_cache))
+    stepped = judge_fmu(fmu_folder / "KB+coulomb_friction_fmi3.fmu", settings)
+    answered = judge_fmu(fmu_folder / "KB+coulomb_friction_fmi3.fmu", settings, trust=True)
+    assert stepped[1] == answered[1] == ()
+    assert stepped[0].analysis.gain == pytest.approx(answered[0].analysis.gain, rel=1e-6)
+    np.testing.assert_array_equal(stepped[0].run.samples, answered[0].run.samples)
+    monkeypatch.setattr(UnzippedFmu, "slave", property(forbidden))
+    model = next(model for model in fmu_models if model.name == "KB")
+    found, remarks = judge_fmu(fmu_folder / "KB_fmi3.fmu", settings)
+    assert remarks == () and found.finding == judge_exported(model, settings, model.identified).finding
+    (foreign,) = export_fmus([model], tmp_path, "", ["x86_64-windows"], zig_cache, versions=["3.0"])
+    for trust in (False, True):
+        elsewhere, remarks = judge_fmu(foreign, settings, trust)
+        assert elsewhere.finding == found.finding
+        assert remarks == (
+            "KB_fmi3.fmu was judged by its record: it has no library for this machine to play",
+        )
 
 
 @ON_LINUX

@@ -8,7 +8,7 @@ from viscoelastic import discretise, dynamic_stiffness, kelvin_boltzmann, maxwel
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.models import tissue_models as models
 from lumbar.tissue.models.tissue_models import in_words
-from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
+from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction, filtered
 
 KB_ELEMENTS = {"k1": 0.4, "k2": 3.2, "b": 0.13}
 T = 0.01
@@ -28,6 +28,18 @@ def test_equation_of_table_2_1_follows_from_the_mechanical_analogue(model, syste
     np.testing.assert_allclose(dynamic_stiffness(model.network, elements, s), expected, rtol=1e-12)
     base = FirstOrder.of_base(**system.base_parameters())
     assert (base.k, base.nu, base.gamma) == pytest.approx((system.k, system.nu, system.gamma))
+
+
+def test_transfer_functions_are_played_to_the_bits_of_scipy():
+    draws = np.random.default_rng(0)
+    for _ in range(300):
+        numerator = draws.normal(size=draws.integers(1, 9))
+        denominator = np.poly(draws.uniform(-1, 1, draws.integers(0, 9))) * draws.uniform(0.5, 2)
+        inputs = draws.normal(size=draws.integers(1, 200))
+        expected = signal.lfilter(numerator, denominator, inputs)
+        np.testing.assert_array_equal(filtered(numerator, np.atleast_1d(denominator), inputs), expected)
+    away = filtered((1.0,), (1.0, -1e200), np.ones(9))
+    np.testing.assert_array_equal(away, signal.lfilter((1.0,), (1.0, -1e200), np.ones(9)))
 
 
 def test_kelvin_voigt_is_improper_and_not_identified():

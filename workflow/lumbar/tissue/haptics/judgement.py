@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -271,11 +272,14 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
 
 
 def judge_exported(
-    exported: ExportModel, settings: RuntimeSettings, fitted: FittedModel | None = None
+    exported: ExportModel,
+    settings: RuntimeSettings,
+    fitted: FittedModel | None = None,
+    file: Path | None = None,
 ) -> Judgement:
     """Judge a model as it is exported, a linear one by its difference equation, others with the FMU itself in the loop.
 
-    `fitted` is what it was exported from: intervals of its parameters count.
+    `fitted` is what it was exported from: intervals of its parameters count. `file` is its FMU, where there is one.
     """
     device = settings.device
     meets = render_model(exported, device)
@@ -289,8 +293,8 @@ def judge_exported(
 
     with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
         cache = cache_folder(settings.compiler_cache)
-        (file,) = export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])
-        with UnpackedFmu(file) as fmu:
+        made = file or export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])[0]
+        with UnpackedFmu(made) as fmu:
             return Judgement(meets, analyse(meets, device), worst_run(fmu, meets, device), fitted, hands)
 
 
@@ -308,7 +312,8 @@ def judge_fmu(
 ) -> tuple[Judgement, tuple[str, ...]]:
     """Judge an FMU for FMI 3.0 at its own rate; the judgement, and what to know of it.
 
-    Its library is run as `lumbar.tissue.fmu.check.file_check.check_files` runs it; else its record is judged.
+    A library for this machine that is trusted is judged by what it answers. Of any other file the record is judged, which is
+    what the library does where this machine makes the same one of it, to the byte; else that is said.
 
     Raises
     ------
@@ -318,24 +323,25 @@ def judge_fmu(
     from lumbar.tissue.effects.catalogue import catalogues_with
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.build.record import read_record
-    from lumbar.tissue.fmu.check.file_check import UNKNOWN, all_sound, check_files
+    from lumbar.tissue.fmu.check.file_check import NO_LIBRARY, UNKNOWN, all_sound, check_files
     from lumbar.tissue.fmu.check.lint import open_fmu
     from lumbar.tissue.haptics.rendered_model import UnpackedFmu
 
     known = catalogues_with(list(effect_files))
-    (check,) = all_sound(check_files([path], cache_folder(settings.compiler_cache), known, False, trust))
-    model = None if check.left_out else read_record(parsed_json(open_fmu(path)[0][RECORD], RECORD), known)[0]
-    if check.unknown:
+    cache = cache_folder(settings.compiler_cache)
+    (check,) = all_sound(check_files([path], cache, known, built_anew=False, trust=trust, played=trust))
+    files = open_fmu(path)[0]
+    if ElementTree.fromstring(files["modelDescription.xml"]).get("fmiVersion") == "2.0":
+        raise InputError(f"{path}: FMI 2.0; take the file for FMI 3.0 of the same model, <model>_fmi3.fmu")
+    model = None if check.left_out else read_record(parsed_json(files[RECORD], RECORD), known)[0]
+    if not check.played:
+        why = UNKNOWN if check.unknown else NO_LIBRARY
         if model is None:
-            raise InputError(f"{path}: {check.left_out}; {UNKNOWN}")
-        judged = judge_exported(model, settings, model.identified)
-        return judged, (f"{path.name} was judged by its record: {UNKNOWN}",)
+            raise InputError(f"{path}: {check.left_out}; {why}")
+        judged = judge_exported(model, settings, model.identified, path if check.same_bytes else None)
+        return judged, () if check.same_bytes else (f"{path.name} was judged by its record: {why}",)
     device = settings.device
     with UnpackedFmu(path) as fmu:
-        if fmu.fmu.version == 2:
-            raise InputError(
-                f"{path}: FMI 2.0; take the file for FMI 3.0 of the same model, <model>_fmi3.fmu"
-            )
         meets = fmu.rendered(device)
         fit = (model.moving_average, model.identified) if model else (1, None)
         hands = stable_share(meets, *fit, device)

@@ -25,6 +25,7 @@ from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, propagation
 from lumbar.tissue.haptics.ticks.sequence import REACHED, PeriodicModel, in_ticks, shares
 from lumbar.tissue.haptics.ticks.uneven import spans
+from lumbar.tissue.models.transfer_function import filtered
 
 LONGEST_GAP_S = 0.25
 """``longest_gap`` of ``tissue_force.h``."""
@@ -102,8 +103,6 @@ def from_tick_to_tick(model: SampledModel, samples: int, held: bool) -> SampledM
     The positions are those of the ticks, interpolated by a filter, and of the forces those of the ticks are left
     (P. P. Vaidyanathan, Multirate Systems and Filter Banks (1993), section 4.2).
     """
-    from scipy.signal import lfilter
-
     late, first = (np.ones(samples), 0) if held else (np.bartlett(2 * samples + 1)[1:-1], samples - 1)
     poles = np.roots(model.denominator) ** samples
     denominator = np.real(np.atleast_1d(np.poly(poles)))
@@ -111,7 +110,7 @@ def from_tick_to_tick(model: SampledModel, samples: int, held: bool) -> SampledM
     order = (len(model.numerator) - 1 + (samples - 1) * (len(poles) + 1)) // samples
     impulse = np.zeros(order * samples + 1 + first)
     impulse[: len(late)] = late[: len(impulse)]
-    forces = lfilter(model.numerator, model.denominator, impulse)[first::samples]
+    forces = filtered(model.numerator, model.denominator, impulse)[first::samples]
     return replace(
         model,
         numerator=np.convolve(denominator, forces)[: order + 1],

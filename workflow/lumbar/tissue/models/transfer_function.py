@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -92,6 +93,28 @@ class TransferFunction:
     def largest_lag(self) -> int:
         """Samples of the past that the recursion needs."""
         return max(len(self.numerator), len(self.denominator)) - 1
+
+
+def filtered(numerator: Sequence[float], denominator: Sequence[float], inputs: np.ndarray) -> np.ndarray:
+    """Return the output of a transfer function from rest, in direct form II transposed; all of shape (samples,).
+
+    The same bits as `scipy.signal.lfilter`, whose import takes longer than a few thousand samples take here.
+    """
+    first = float(denominator[0])
+    forth = [float(value) / first for value in numerator]
+    if len(denominator) == 1:
+        return np.convolve(forth, inputs)[: len(inputs)]
+    back = [float(value) / first for value in denominator]
+    order = max(len(forth), len(back)) - 1
+    through, *forth = forth + [0.0] * (order + 1 - len(forth))
+    back = back[1:] + [0.0] * (order + 1 - len(back))
+    state, outputs = [0.0] * (order + 1), []
+    for value in inputs.tolist():
+        output = state[0] + through * value
+        outputs.append(output)
+        for place in range(order):
+            state[place] = state[place + 1] + value * forth[place] - output * back[place]
+    return np.array(outputs)
 
 
 class StateSpace(NamedTuple):

@@ -170,7 +170,8 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
     InputError
         The compiler is not installed, its cache cannot be written, or it refuses the sources.
     """
-    if find_spec("ziglang") is None:
+    package = find_spec("ziglang")
+    if package is None or package.origin is None:
         raise InputError(
             "no C compiler: the package ziglang is not installed; install the environment of envs/"
         )
@@ -182,7 +183,14 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
             f"runtime.compiler_cache: {cache} cannot be made ({error.strerror}); name another"
         ) from error
     platform = TARGETS[target]
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", platform.triple, *FLAGS, *platform.kind]
+    command = [
+        str(Path(package.origin).with_name("zig")),
+        "cc",
+        "-target",
+        platform.triple,
+        *FLAGS,
+        *platform.kind,
+    ]
     # Names relative to the sources' folder: no path of this machine can enter the library.
     command += [source.name for source in sources]
     command += [*platform.libraries, "-o", library.name]

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.tissue.models.transfer_function import StateSpace, TransferFunction, observer_form
+from lumbar.tissue.models.transfer_function import StateSpace, TransferFunction, filtered, observer_form
 
 MAX_STATES = 16
 _NEAR_ONE = 1e-9
@@ -78,11 +78,8 @@ class LinearModel:
 
     def response(self, inputs: np.ndarray) -> np.ndarray:
         """Return the output by the transfer function itself, from rest; shape (samples,)."""
-        from scipy.signal import lfilter
-
         late = np.concatenate([np.zeros(self.delay), inputs])[: len(inputs)]
-        with np.errstate(over="ignore", invalid="ignore"):
-            return lfilter(self._spread(self.numerator), self._spread(self.denominator), late)
+        return filtered(self._spread(self.numerator), self._spread(self.denominator), late)
 
     @property
     def transfer_function(self) -> TransferFunction:
@@ -116,11 +113,9 @@ class LinearModel:
         Every step rounds each of its terms by up to machine epsilon, and the poles carry each rounding on: their
         effect is at most the 1-norm of the impulse response of 1/denominator times that of one step.
         """
-        from scipy.signal import lfilter
-
         impulse = np.zeros(len(inputs))
         impulse[0] = 1.0
-        amplification = np.abs(lfilter([1.0], self.denominator, impulse)).sum()
+        amplification = np.abs(filtered([1.0], self.denominator, impulse)).sum()
         largest = np.abs(outputs).max()
         terms = np.abs(self.numerator).sum() * np.abs(inputs).max() + np.abs(self.denominator).sum() * largest
         return float(np.finfo(float).eps * amplification * terms / largest) if largest else 0.0

@@ -12,6 +12,7 @@ from lumbar.base.errors import NumericalError
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.guards import guard_forces
 from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.models.transfer_function import filtered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,10 +31,8 @@ _DURATIONS = {"rest": 0.1, "push": 0.25, "hold": 0.4, "withdraw": 0.25, "end": 0
 
 def moving_average(deviations: np.ndarray, samples: int, at_rest: bool = False) -> np.ndarray:
     """Return the moving average over the newest samples, from rest at 0 or at the first of them."""
-    from scipy.signal import lfilter
-
     first = deviations[0] if at_rest else 0.0
-    return first + lfilter(np.full(samples, 1 / samples), [1.0], deviations - first)
+    return first + filtered([1 / samples] * samples, [1.0], deviations - first)
 
 
 def model_output(model: ExportModel, inputs: np.ndarray, late: bool = False) -> np.ndarray:

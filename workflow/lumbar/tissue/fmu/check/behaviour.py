@@ -1,25 +1,18 @@
 """What the library in an FMU does: against its description and reference signals, and against its own sources.
 
-Runs apart (``python -m lumbar.tissue.fmu.check.behaviour``, see `lumbar.tissue.fmu.check.file_check`): a library that is
-wrong may crash it. That these sources, compiled, do what FMI asks of them is tested once, not for every file
-(tests/unit/tissue/fmu/test_runtime_behaviour.py).
+Runs apart (`lumbar.tissue.fmu.check.playing`): a library that is wrong may crash it. That these sources, compiled, do what
+FMI asks of them is tested once, not for every file (tests/unit/tissue/fmu/test_runtime_behaviour.py).
 """
 
 from __future__ import annotations
 
-import faulthandler
-import json
 import math
-import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 from lumbar.tissue.fmu.check.instance import Instance, Motion, UnzippedFmu, modes, way_in_words
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, slow_push, told_meaning
 
-SECONDS = 120
-"""A library that plays for longer hangs: it takes a fraction of one."""
 REFERENCE_TOLERANCE = 1e-9
 """Largest difference from the reference, relative to its largest force: the reference comes from Python, and rounding
 differs. Whether an export agrees to the last digits is for `lumbar.tissue.fmu.check.fmu_check`."""
@@ -253,34 +246,3 @@ def _answers_to_steps(fmu: UnzippedFmu, event_mode: bool, motion: Motion) -> Ite
         taken = instance.steps(begin, length)
         yield f"a step of {length:g} s at {begin:g} s where {now:g} s is reached", {"taken": taken}
     yield "after these steps", _by_sample(instance.play(motion.random(_SAMPLES, 10)))
-
-
-def result_file(work: Path, number: int) -> Path:
-    """Where the problems of a job are written."""
-    return work / f"problems-{number}.json"
-
-
-def main() -> None:
-    """Check FMUs in folders, or compare two, up to the first problem; write what is found as JSON, whole or not at all.
-
-    Standard input holds, as JSON, a folder for the results and the jobs: lists of folders by number.
-    """
-    import fmpy.fmi2
-    import fmpy.fmi3  # noqa: F401 - while what to play is still prepared
-
-    folder, jobs = json.load(sys.stdin)
-    work = Path(folder)
-    for number, folders in jobs.items():
-        faulthandler.dump_traceback_later(SECONDS, exit=True)
-        fmus = [UnzippedFmu(Path(folder)) for folder in folders]
-        found = problems_of(fmus[0]) if len(fmus) == 1 else first_difference(*fmus)
-        written = work / f"{number}.part"
-        written.write_text(json.dumps(found), encoding="utf-8")
-        written.replace(result_file(work, number))
-        if found:
-            break
-    faulthandler.cancel_dump_traceback_later()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,18 +1,12 @@
-"""Checking one FMU file by itself: what it says, what its library does where it may crash or hang, what its sources give."""
+"""Checking one FMU file by itself: what it says, what its library does, and what its sources give."""
 
 from __future__ import annotations
 
-import json
-import os
 import shutil
-import signal
-import subprocess
-import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
@@ -20,85 +14,12 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, library_of
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.fmu.check import behaviour
 from lumbar.tissue.fmu.check.agreement import hold_together
-from lumbar.tissue.fmu.check.behaviour import SECONDS, result_file
 from lumbar.tissue.fmu.check.lint import open_fmu
+from lumbar.tissue.fmu.check.playing import play_library
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.model_entry import Catalogues
 from lumbar.tissue.models.structure import Structure
-
-
-@contextmanager
-def waiting_player() -> Iterator[subprocess.Popen]:
-    """A process that makes itself ready to play while others prepare what; it ends with the block."""
-    # The scripts of the workflow find this package by sys.path, which a new process does not inherit.
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command, pipe = [sys.executable, "-m", behaviour.__name__], subprocess.PIPE
-    with subprocess.Popen(
-        command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=environment
-    ) as player:
-        try:
-            yield player
-        finally:
-            player.kill()
-
-
-def play_libraries(
-    jobs: Sequence[tuple[Path, ...]], work: Path, waiting: subprocess.Popen | None = None
-) -> list[list[str]]:
-    """Return the problems that the libraries of these FMUs show.
-
-    Libraries share a process: starting one costs more than playing a library. A library with which something is wrong ends it,
-    and one that failed after others is played again in a process of its own: what the others did cannot be laid at its door.
-
-    Parameters
-    ----------
-    jobs : sequence of tuple of Path
-        Folder of an unzipped FMU; with a second one the two are compared.
-    work : Path
-        Folder for what the processes find.
-    waiting : subprocess.Popen, optional
-        A player that nobody has asked yet.
-
-    Returns
-    -------
-    list of list of str
-        One sentence per problem, for each job.
-
-    Raises
-    ------
-    InputError
-        The check itself fails.
-    """
-    found: dict[int, list[str]] = {}
-    for number in range(len(jobs)):
-        result_file(work, number).unlink(missing_ok=True)
-    while rest := [number for number in range(len(jobs)) if number not in found]:
-        asked = {number: [str(folder) for folder in jobs[number]] for number in rest}
-        with nullcontext(waiting) if waiting else waiting_player() as player:
-            _, said = player.communicate(json.dumps([str(work), asked]))
-        waiting = None
-        finished = [number for number in rest if result_file(work, number).is_file()]
-        for number in finished:
-            found[number] = json.loads(result_file(work, number).read_text(encoding="utf-8"))
-        if not finished:
-            found[rest[0]] = [_failure(player.returncode, said)]
-    return [found[number] for number in range(len(jobs))]
-
-
-def _failure(status: int, said: str) -> str:
-    """Why a process ended before its first library had been played."""
-    if status < 0:
-        if -status == signal.SIGKILL:  # which no library sends to itself
-            raise InputError("the check was killed from outside, as where memory runs out; check again")
-        return f"the library crashes with signal {-status}; it must play"
-    if status and "Timeout (" in said:
-        return f"the library does not come back within {SECONDS} s; it must play a push in a second"
-    if status == 0:
-        return "the library ends the program that plays it; it must play"
-    raise InputError(f"the check itself failed:\n{said[-2000:]}")
-
 
 Files = Mapping[str, bytes]
 """Contents of an FMU by their path in it."""
@@ -106,6 +27,8 @@ UNKNOWN = (
     "its library is not the one that this version makes of its record, nobody vouches for it, and it was not run: lumbar check "
     "--key KEY.pub runs what its owner signed, --trust anything"
 )
+
+NO_LIBRARY = "it has no library for this machine to play"
 
 
 @dataclass(frozen=True)
@@ -128,9 +51,7 @@ class FileCheck:
 
     def __str__(self) -> str:
         """One line for a sound file."""
-        found = (
-            f"sound as a file; {UNKNOWN if self.unknown else 'it has no library for this machine to play'}"
-        )
+        found = f"sound as a file; {UNKNOWN if self.unknown else NO_LIBRARY}"
         if self.played:
             built = "the same library" if self.same_bytes else "a library of the same forces"
             found = f"sound; plays its reference, and its sources give {built}"
@@ -144,6 +65,7 @@ def check_files(
     catalogues: Catalogues = CATALOGUES,
     built_anew: bool = True,
     trust: bool = True,
+    played: bool = True,
 ) -> list[FileCheck]:
     """Check FMUs: each file by itself, then, where these are sound, all that it says, its library and its sources.
 
@@ -157,6 +79,8 @@ def check_files(
         Whether the library is held to the sources beside it: not where it has just been made of them.
     trust : bool
         Whether any library is run; else that alone which is, to the byte, what this machine makes of sources that are known.
+    played : bool
+        Whether libraries are run at all.
 
     Raises
     ------
@@ -168,33 +92,22 @@ def check_files(
             raise InputError(f"{path}: no such file")
     opened = [open_fmu(path) for path in paths]
     libraries = [None if problems else _library(files) for files, problems in opened]
+    checks: list[FileCheck] = []
     with tempfile.TemporaryDirectory(prefix="lumbar-check-") as name:
         work = Path(name)
-        with waiting_player() if any(libraries) else nullcontext() as player:
-            checks = [_said(path, *found, catalogues) for path, found in zip(paths, opened, strict=True)]
-            sound = [
-                number for number, check in enumerate(checks) if libraries[number] and not check.problems
-            ]
-            if not trust:
-                for number in sound:
-                    files, name = opened[number][0], str(libraries[number])
-                    known = not checks[number].left_out and _compiled(files, name, cache) == files[name]
-                    checks[number] = replace(checks[number], unknown=not known)
-                sound = [number for number in sound if not checks[number].unknown]
-            for number in sound:
-                with zipfile.ZipFile(paths[number]) as archive:
-                    archive.extractall(work / f"shipped-{number}")
-            found = play_libraries([(work / f"shipped-{number}",) for number in sound], work, player)
-        for number, problems in zip(sound, found, strict=True):
-            checks[number] = replace(checks[number], problems=tuple(problems), played=True)
-            if built_anew and not problems:
-                checks[number] = _built_anew(
-                    checks[number],
-                    opened[number][0],
-                    str(libraries[number]),
-                    work / f"shipped-{number}",
-                    cache,
-                )
+        for number, (path, found) in enumerate(zip(paths, opened, strict=True)):
+            check, files, library = _said(path, *found, catalogues), found[0], libraries[number]
+            if library and not check.problems and not trust:
+                known = not check.left_out and _compiled(files, library, cache) == files[library]
+                check = replace(check, same_bytes=known, unknown=not known)
+            if library and played and not check.problems and not check.unknown:
+                folder = work / f"shipped-{number}"
+                with zipfile.ZipFile(path) as archive:
+                    archive.extractall(folder)
+                check = replace(check, problems=tuple(play_library(folder)), played=True)
+                if built_anew and not check.problems and not check.same_bytes:
+                    check = _built_anew(check, files, library, folder, cache)
+            checks.append(check)
     return checks
 
 
@@ -219,7 +132,7 @@ def _built_anew(check: FileCheck, files: Files, library: str, shipped: Path, cac
     shutil.copytree(shipped, folder, ignore=shutil.ignore_patterns("sources", "binaries", "documentation"))
     (folder / library).parent.mkdir(parents=True)
     (folder / library).write_bytes(built)
-    return replace(check, problems=tuple(play_libraries([(shipped, folder)], shipped.parent)[0]))
+    return replace(check, problems=tuple(play_library(shipped, folder)))
 
 
 def all_sound(checks: list[FileCheck]) -> list[FileCheck]:
