@@ -9,6 +9,7 @@ import pytest
 from asking import ended
 
 from lumbar.base.errors import InputError
+from lumbar.interface.importing import import_recordings
 from lumbar.page_server import own_recordings
 from lumbar.page_server.own_recordings import OwnDiagnosis, OwnRecordings
 from lumbar.page_server.recording_preview import FIELDS, in_fields
@@ -52,6 +53,22 @@ def test_columns_and_units_are_found_and_what_is_open_is_asked_for(own_tab, cont
     assert any("not of" in text or "unit" in text for texts in state["fields"].values() for text in texts)
     _, state = own_tab("remove", {"file": "other.txt"})
     assert [item["file"] for item in state["files"]] == ["multisine.txt"]
+
+
+def test_a_file_alone_is_imported_once_and_several_are_held_to_each_other(contents, monkeypatch):
+    counts = []
+
+    def counted(files, **choices):
+        counts.append(len(files))
+        return import_recordings(files, **choices)
+
+    monkeypatch.setattr(own_recordings, "import_recordings", counted)
+    own = OwnRecordings("own")
+    own.look({"force_unit": "N"})
+    (first, content), (second, other) = contents.items()
+    assert own.add(first, content)["common"] == "" and counts == [1]
+    other = other.replace(b"pos [m]", b"pos [deg]")
+    assert "angle" in own.add(second, other)["common"] and counts == [1, 1, 1, 2]
 
 
 def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents, begin):

@@ -194,9 +194,10 @@ class OwnRecordings:
                 self.choices = checked_choices(choices)
             except InputError as error:
                 in_fields(str(error), wrong)
-            files = [self._file(name, wrong) for name in self.files]
+            read = [self._file(name, wrong) for name in self.files]
+            files, counts = [shown for shown, _ in read], [count for _, count in read]
             common = ""
-            if files and not any(item["wrong"] or "record" not in item for item in files):
+            if sum(counts) > 1 and all(counts):  # a recording alone agrees with itself
                 try:
                     self._imported()
                 except InputError as error:
@@ -210,15 +211,16 @@ class OwnRecordings:
                 "choices": self.choices | {"trim": [_finite(end) for end in self.choices.get("trim", ())]},
             }
 
-    def _file(self, name: str, wrong: dict[str, list[str]]) -> dict[str, Any]:
-        """What is told of one file; what a field decides goes to `wrong`."""
+    def _file(self, name: str, wrong: dict[str, list[str]]) -> tuple[dict[str, Any], int]:
+        """What is told of one file, and how many recordings it holds; what a field decides goes to `wrong`."""
         shown: dict[str, Any] = {"file": name, "columns": [], "wrong": []}
         try:
             read = self._foreign(name)
             shown["columns"] = tables_columns(read.table)
-            return shown | preview(import_recordings([read], **self.choices))
+            imported = import_recordings([read], **self.choices)
+            return shown | preview(imported), len(imported)
         except Exception as error:
-            return shown | {"wrong": in_fields(page_message(error), wrong)}
+            return shown | {"wrong": in_fields(page_message(error), wrong)}, 0
 
     def _foreign(self, name: str) -> ForeignFile:
         asked = Asked(self.choices.get("table"), self.choices.get("encoding"))
