@@ -22,7 +22,7 @@ import numpy as np
 from fuzzed_files import changed, read_any, sound_files
 from scipy.io import savemat
 
-from lumbar.base.child import plain_of
+from lumbar.base.child_answer import plain_of
 from lumbar.base.errors import InputError
 
 SECRET = b"4711.0815 -1234.5678\n" * 60

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from lumbar.base import child
-from lumbar.base.child import unpacked
+from lumbar.base.child_answer import unpacked
 from lumbar.base.child_template import asked_of_template
 from lumbar.base.errors import InputError, LumbarError
 
