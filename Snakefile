@@ -50,5 +50,6 @@ rule all:
     input:
         made(ARTEFACTS),
         modelled(),
+        rules.report_page.output.page,
     message:
         f"Study {STUDY}: everything is made"

@@ -37,6 +37,8 @@ onsuccess:
     failed = announcement(missing) if study.has("stability") and missing.is_file() else ""
     print(closing if failed in closing else f"{closing}\n{failed}")
     print(f"Results of the study {STUDY!r} ({study.data_label}): {address(f'results/{STUDY}')}")
+    if Path(at_hand(f"results/{STUDY}/report.html")).is_file():
+        print(f"All of it on one page: {address(f'results/{STUDY}/report.html')}")
 
 
 onerror:

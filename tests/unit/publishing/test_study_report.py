@@ -296,3 +296,9 @@ def test_summary_counts_the_verdicts(published, thesis_as_results):
     table = summary_table(claims, "synthetic twin")
     assert len(table.frame) == len(claims)
     assert f"{len(claims)} claims" in table.notes[0]
+
+
+def test_the_page_begins_with_what_was_found(page):
+    told = page[page.index('<section id="found">') : page.index('<section id="state">')]
+    assert "named. Missing: inertia." in told and "unexplained. Missing: inertia." in told
+    assert "does not hold" in told and 'href="#state-claims"' in told

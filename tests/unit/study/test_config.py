@@ -108,20 +108,20 @@ def test_all_wrong_keys_are_named_at_once(config, folder):
     config["survey"] |= {
         "resmaples": 10,
         "confidence": 95,
-        "zeros": "drop",
         "layout": {"scale_points": "five"},
     }
     config["colour"] = "blue"
     config["data_source"] = {"name": "x", "licence": "none"}
     config["tissue"]["records"][0]["period_s"] = "1e1"
     config["tissue"]["training"] = ["chirp", "chirp"]
+    config["tissue"]["layout"] = {"format": "excel"}
     config["lifting"]["subjects"] = ["nobody"]
     message = message_of(config, folder)
     for words in (
         "seed: found -1; allowed: whole number ≥ 0 (Seed of",
         "survey.resmaples: unknown key; did you mean 'resamples'?; allowed: file, note,",
         "survey.confidence: found 95; allowed: number ≥ 0.5, ≤ 0.999",
-        'survey.zeros: found "drop"; allowed: pratt, wilcox',
+        'tissue.layout.format: found "excel"; allowed: text, mat',
         'survey.layout.scale_points: found "five"; allowed: whole number ≥ 2, ≤ 11',
         "colour: unknown key; allowed: study, title,",
         "data_source.obtain: missing; allowed: text (Where to get the files)",
@@ -510,13 +510,13 @@ def test_an_absent_file(tmp_path):
 
 def test_messages_name_the_file_that_said_it_last(tmp_path):
     upper = tmp_path / "upper.yaml"
-    upper.write_text("title: x\nsurvey:\n  confidence: 95\n  zeros: pratt\n  zeros: wilcox\nseed: 5\n")
+    upper.write_text("title: x\nsurvey:\n  confidence: 95\n  note: a\n  note: b\nseed: 5\n")
     lower = tmp_path / "lower.yaml"
     lower.write_text("chapters: [survey]\nsurvey: {confidence: 0.9, resamples: 3}\n")
     config = {
         "title": "x",
         "chapters": ["survey"],
-        "survey": {"confidence": 95, "zeros": "wilcox", "resamples": 3},
+        "survey": {"confidence": 95, "note": "b", "resamples": 3},
         "seed": -5,
     }
     with pytest.raises(InputError) as caught:
@@ -524,7 +524,7 @@ def test_messages_name_the_file_that_said_it_last(tmp_path):
     message = str(caught.value)
     assert f"{upper}, line 3: survey.confidence: found 95" in message
     assert f"{lower}, line 2: survey.resamples: found 3" in message
-    assert f"{upper}, lines 4 and 5: key 'survey.zeros' stands twice" in message
+    assert f"{upper}, lines 4 and 5: key 'survey.note' stands twice" in message
     assert "--config: seed: found -5" in message
     assert "4 problems" in message
 
