@@ -54,6 +54,9 @@ def test_a_wrong_command_line_ends_with_2(run):
     status, _, err = run("nonsense")
     assert status == 2
     assert "nonsense" in err
+    status, _, err = run("diagnos", "folder")
+    assert status == 2
+    assert "no command 'diagnos'; did you mean 'diagnose'?" in err
 
 
 def test_starting_up_loads_no_heavy_package():

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
+from difflib import get_close_matches
 from typing import TextIO, cast
 
 from lumbar.base.environment import use_one_thread
@@ -50,16 +52,27 @@ class _Version(argparse.Action):
         parser.exit()
 
 
+class _Parser(argparse.ArgumentParser):
+    """A misspelt command is told with the one that is meant."""
+
+    def error(self, message: str):
+        wrong = re.match(r"argument COMMAND: invalid choice: '(.+?)'", message)
+        close = get_close_matches(wrong[1], COMMANDS, n=1) if wrong else []
+        super().error(f"no command {wrong[1]!r}; did you mean {close[0]!r}?" if wrong and close else message)
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="lumbar",
         description="Soft-tissue force-feedback models and lifting stability: does on files and folders "
         "what the Snakemake workflow does on a study, with settings that all have defaults.",
         epilog="'lumbar COMMAND --help' explains a command and gives examples.",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    commands = parser.add_subparsers(
+        title="commands", metavar="COMMAND", required=True, parser_class=argparse.ArgumentParser
+    )
     add_commands(commands, COMMANDS)
     return parser
 
