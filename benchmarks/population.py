@@ -30,6 +30,7 @@ from lumbar.lifting.population.contrast import (  # noqa: E402
 )
 from lumbar.lifting.population.sample_size import person_mean_sd, persons_needed, power  # noqa: E402
 from lumbar.lifting.population.variance_components import variance_components  # noqa: E402
+from lumbar.lifting.pushes.roc import area_interval, areas, left_out, sort_scores  # noqa: E402
 from simulated_people import UNEQUAL, draw_group, draw_pair  # noqa: E402
 
 TARGET = 0.03, 0.07
@@ -147,6 +148,27 @@ def power_test(rng, difference, person_sd, trial_sd, trials, paired, runs) -> tu
     return persons, power(difference, sd, persons, paired=paired), found / runs
 
 
+def pushed(rng, persons, spread, steepness, own) -> tuple[np.ndarray, ...]:
+    """Scores, steps and persons of 24 pushes each: scores scatter by `spread` between persons, thresholds by `own`."""
+    person = np.repeat(np.arange(persons), 24)
+    score = rng.normal(size=person.size) + rng.normal(0, spread, persons)[person]
+    odds = steepness * score + rng.normal(0, own, persons)[person]
+    return score, rng.random(person.size) < 1 / (1 + np.exp(-odds)), person
+
+
+def area_intervals(rng, persons, kind, true, runs) -> dict[str, float]:
+    """Share of intervals of an area under the ROC that leave the true one out."""
+    outside = {"area, jackknife": 0, "area, percentiles": 0}
+    for _ in range(runs):
+        scores, whole = sort_scores(*pushed(rng, persons, *kind)), np.ones((1, persons))
+        interval = area_interval(areas(scores, whole)[0], areas(scores, left_out(persons)))
+        drawn = areas(scores, rng.multinomial(persons, np.full(persons, 1 / persons), 400))
+        low, high = np.nanpercentile(drawn, [2.5, 97.5])
+        outside["area, jackknife"] += interval is None or not interval[0] <= true <= interval[1]
+        outside["area, percentiles"] += not low <= true <= high
+    return {name: count / runs for name, count in outside.items()}
+
+
 def calibration(runs: int) -> pd.DataFrame:
     """Return all rows of the table."""
     rng, rows = np.random.default_rng(20), []
@@ -185,6 +207,13 @@ def calibration(runs: int) -> pd.DataFrame:
         }
         shares["MixedLM's own p (z)"] = wald(rng, persons, 3, correlation, max(runs // 5, 1))
         add("for comparison", persons, 3, correlation, shares, used=False)
+    for kind in ((0.5, 1.5, 0.7), (0.3, 6.0, 2.0), (1.0, 4.0, 0.5)):
+        everybody = sort_scores(*pushed(rng, 20000, *kind))
+        true = float(areas(everybody, np.ones((1, 20000)))[0])
+        for persons in (6, 8, 10, 20):
+            shares = area_intervals(rng, persons, kind, true, runs)
+            for name, used in (("area, jackknife", True), ("area, percentiles", False)):
+                add(f"who steps, area {true:.3f}", persons, 24, "", {name: shares[name]}, used)
     return pd.DataFrame(rows)
 
 

@@ -69,7 +69,7 @@ def left_out(persons: int) -> np.ndarray:
 def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return Student's 95 % interval of an estimate from those without each person or trial, shape (persons, ...).
 
-    Percentiles of a bootstrap of 6 to 20 persons cover 78 to 94 % instead (``benchmarks/population.py``).
+    Percentiles of a bootstrap of 6 to 20 persons cover 77 to 93 % of areas instead (``benchmarks/population.py``).
     """
     from scipy.stats import t
 
