@@ -63,8 +63,5 @@ def test_one_person_more_is_all_that_is_made(study):
     planned = run_study(study, 4, "--dry-run")
     assert planned.status == 0, planned.text[-3000:]
     made = {name: count for name, count in planned.jobs.items() if name not in ("all", "total")}
-    own, pooled = (
-        ("twin_person", "measure_person", "push_person"),
-        ("compare_people", "predict_steps", "report_page"),
-    )
+    own, pooled = ("twin_person", "measure_person", "push_person"), ("compare_people", "predict_steps")
     assert made == dict.fromkeys((*own, *pooled), 1)
