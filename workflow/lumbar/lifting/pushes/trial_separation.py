@@ -24,7 +24,7 @@ from lumbar.base.errors import InputError
 from lumbar.lifting.measures.balance import FUNCTIONAL_SHARE, pendulum_rate
 from lumbar.lifting.movement.centre_of_mass import FOOT_SHARE, SHANK, THIGH
 from lumbar.lifting.movement.cleaning import derivative
-from lumbar.lifting.pushes.roc import area
+from lumbar.lifting.pushes.roc import area, jackknife_interval
 from lumbar.lifting.stability.comparison.perturbed_trials import (
     PHASE_POINTS,
     Trial,
@@ -203,17 +203,6 @@ def separation_table(frame: pd.DataFrame, groups: list[str], data: str, feedback
 
 
 FEWEST_TRIALS = 4
-COVERAGE = 0.95
-
-
-def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Student's interval of an estimate from those without each trial, shape (trials, ...)."""
-    from scipy.stats import t
-
-    count = len(left_out)
-    error = np.sqrt((count - 1) / count * ((left_out - left_out.mean(axis=0)) ** 2).sum(axis=0))
-    half = t.ppf(0.5 + COVERAGE / 2, count - 1) * error
-    return value - half, value + half
 
 
 def estimate_feedback(
