@@ -6,7 +6,7 @@
  */
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
-import { TissueForce } from "./tissue_force.mjs";
+import { TissueForce } from "../../workflow/lumbar/tissue/fmu/tissue_force.mjs";
 
 function rows(text) {
     return text.trimEnd().split(/\r?\n/).slice(1).map((row) => {

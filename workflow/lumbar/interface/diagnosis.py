@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_json, write_text
@@ -236,6 +236,15 @@ class Diagnosis:
         """The thesis's models, ridge ARX and output error, of the same records; none beside force as the input."""
         return ThesisModels() if self.settings.forward else thesis_models(self.verdict, self.study.tissue)
 
+    @cached_property
+    def pushed(self) -> dict[str, Any] | None:
+        """Base and refined model under the reader's hand; None beside force as the input."""
+        from lumbar.publishing.explorer.push import pushed_models
+
+        if self.settings.forward:
+            return None
+        return pushed_models([self.models[0], *self.models[1:][-1:]], self.study.runtime, self.data)
+
     def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
         """Return the page that one can look around in: every model that was fitted beside every record.
 
@@ -244,7 +253,7 @@ class Diagnosis:
         pictures : mapping of str to path, optional
             SVG files by caption, shown with the evidence.
         thesis : bool
-            Whether the thesis's models stand beside; identifying them takes a few seconds.
+            Whether the thesis's models stand beside, and models can be pushed; identifying and compiling takes a few seconds.
         """
         from lumbar.publishing.explorer.page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_blocks
@@ -262,6 +271,7 @@ class Diagnosis:
             evidence_blocks(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
             [*own, *beside.models],
             beside.remark,
+            self.pushed if thesis else None,
         )
 
     def save(

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 _CODE = "<!-- Bokeh's code -->"
 """Stands for it where names are looked for."""
-_UNIQUE = re.compile(r"\b[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}\b")
-_NUMBERED = re.compile(r"\bp\d{4,}\b")
+# In quotes: unquoted the same letters may stand in the pictures' data.
+_UNIQUE = re.compile(r"""(?<=["'])[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}(?=["'])""")
+_NUMBERED = re.compile(r"""(?<=["'])p\d{4,}(?=["'])""")
 
 
 def beside(*names: str, folder: Path = Path(__file__).parent) -> str:

@@ -83,6 +83,8 @@ class ExplorerPage:
     """Models that are shown beside those of the diagnosis: the thesis's."""
     others_remark: str = ""
     """What is to be said of those that are not."""
+    push: dict[str, Any] | None = None
+    """Models under the reader's hand: `lumbar.publishing.explorer.push.pushed_models`."""
 
     @cached_property
     def step(self) -> int:
@@ -127,7 +129,7 @@ class ExplorerPage:
         floor = experiment.floor
         return {
             "title": self.title,
-            "style": beside("explorer.css"),
+            "style": beside("explorer.css", "push.css"),
             "behaviour": beside("dark.js", "where.js", "explorer.js"),
             "data": self.data,
             "verdict": verdict.verdict,
@@ -148,7 +150,16 @@ class ExplorerPage:
             "served": served,
             "study": study,
             "content": self._content(served),
+            "push": self.push,
+            "player": self._player(),
         }
+
+    def _player(self) -> str:
+        if self.push is None:
+            return ""
+        from lumbar.publishing.explorer.push import loader
+
+        return loader() + beside("push.js")
 
     @property
     def title(self) -> str:
@@ -180,6 +191,7 @@ class ExplorerPage:
             "trained": [record.name for record in self.records if record.trained],
             "pictures": [name for name, *_ in PICTURES],
             "excitations": self._excitations(),
+            "push": self.push,
             "models": {model.key: model_facts(model, located.get(model.key, [])) for model in self.models},
         }
 
