@@ -169,8 +169,16 @@ def test_all_files_are_told_of_at_once(run, tmp_path):
     assert err.count("give --force-unit") == 1
     assert f"b.txt: as {tmp_path / 'a.txt'}" in err
     assert "d.txt: no such file" in err
-    err = run.refused("import", tmp_path, "--dry-run")
-    assert "a folder; name the files in it that are recordings" in err
+
+
+def test_files_of_a_folder(run, tmp_path):
+    assert "no recordings (" in run.refused("import", tmp_path, "--dry-run")
+    for name in ("b.csv", "a.txt", "c.dat"):
+        (tmp_path / name).write_bytes(FILES["tidy.csv"][0])
+    for name in ("README.txt", "notes.md"):
+        (tmp_path / name).write_text("words\n")
+    run.done("import", tmp_path, "--output", tmp_path / "records")
+    assert lumbar.read(tmp_path / "records").names == ["a", "b", "c"]
 
 
 def test_a_wrong_command_line(run, sources):

@@ -174,7 +174,7 @@ def test_keys_that_contradict_each_other(config, folder):
         "survey.scale_labels: 2 names; survey.layout.scale_points is 5",
         "tissue.training.1: 'step' is no record",
         "runtime.trained_on: 'chirps'",
-        "improvement.effects.0: 'coulomb_fricton' is no effect; effects: ",
+        "improvement.effects.0: 'coulomb_fricton' is no effect; did you mean 'coulomb_friction'?; effects: ",
         "coulomb_friction, ",
     ):
         assert words in message

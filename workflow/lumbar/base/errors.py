@@ -6,6 +6,8 @@ import errno
 import re
 import shutil
 import traceback
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 
@@ -50,6 +52,24 @@ def user_message(error: BaseException) -> str | None:
             "large or too small in the records and settings"
         )
     return None
+
+
+def did_you_mean(word: object, known: Iterable[str]) -> str:
+    """Return a question after the known name that is most like a word; empty where none is.
+
+    Examples
+    --------
+    >>> did_you_mean("frction", ["coulomb_friction", "hysteresis"])
+    "; did you mean 'coulomb_friction'?"
+    >>> did_you_mean("inertia", ["delay"])
+    ''
+    """
+    names = list(known)
+    # A part of a long name is less like the whole than like the word that is meant.
+    alike = {part.casefold(): name for name in names for part in name.split("_")}
+    alike |= {name.casefold(): name for name in names}
+    close = get_close_matches(str(word).casefold(), alike, 1, 0.65)
+    return f"; did you mean {alike[close[0]]!r}?" if close else ""
 
 
 _COMMANDS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")

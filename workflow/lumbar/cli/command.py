@@ -8,11 +8,10 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
-from difflib import get_close_matches
 from typing import TextIO, cast
 
 from lumbar.base.environment import use_one_thread
-from lumbar.base.errors import printable, user_message
+from lumbar.base.errors import did_you_mean, printable, user_message
 from lumbar.base.files import check_place
 from lumbar.cli import device, explore, lifting, recordings, tissue
 from lumbar.cli.options import add_commands
@@ -53,12 +52,20 @@ class _Version(argparse.Action):
 
 
 class _Parser(argparse.ArgumentParser):
-    """A misspelt command is told with the one that is meant."""
+    """Says of a misspelt command or option which is meant."""
+
+    def parse_known_args(self, args=None, namespace=None):
+        given = sys.argv[1:] if args is None else args
+        options = self._option_string_actions
+        for option in (word.partition("=")[0] for word in given if word.startswith("--")):
+            meant = did_you_mean(option, options)
+            if meant and self.get_default("run") and not any(known.startswith(option) for known in options):
+                self.error(f"no option {option}{meant}")
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str):
         wrong = re.match(r"argument COMMAND: invalid choice: '(.+?)'", message)
-        close = get_close_matches(wrong[1], COMMANDS, n=1) if wrong else []
-        super().error(f"no command {wrong[1]!r}; did you mean {close[0]!r}?" if wrong and close else message)
+        super().error(f"no command {wrong[1]!r}{did_you_mean(wrong[1], COMMANDS)}" if wrong else message)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -70,9 +77,7 @@ def build_parser() -> argparse.ArgumentParser:
         epilog="'lumbar COMMAND --help' explains a command and gives examples.",
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    commands = parser.add_subparsers(
-        title="commands", metavar="COMMAND", required=True, parser_class=argparse.ArgumentParser
-    )
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     add_commands(commands, COMMANDS)
     return parser
 

@@ -36,11 +36,18 @@ def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
 
+def _port(text: str) -> int:
+    if not (text.isdecimal() and 0 <= int(text) <= 65535):
+        raise argparse.ArgumentTypeError(f"{text!r}: a number from 0 to 65535 is needed; 0 takes a free one")
+    return int(text)
+
+
 TYPES = {
     "path": Path,
     "float": float,
     "int": int,
     "names": _names,
+    "port": _port,
     "span": _span,
     "named_span": _named_span,
 }

@@ -110,7 +110,7 @@ def export_fmu(
     >>> lumbar.export_fmu("refined/refined.json", "fmu", rate_Hz=1000)  # doctest: +SKIP
     [PosixPath('fmu/KB+coulomb_friction_fmi2.fmu'), PosixPath('fmu/KB+coulomb_friction_fmi3.fmu')]
     """
-    from lumbar.tissue.fmu.build.compiler import cache_folder
+    from lumbar.tissue.fmu.build.compiler import cache_folder, resolve_targets
     from lumbar.tissue.fmu.build.export_model import export_models
     from lumbar.tissue.fmu.build.package import export_fmus
     from lumbar.tissue.fmu.check.file_check import check_new_files
@@ -122,6 +122,7 @@ def export_fmu(
     )
     selected, read_from = chosen_models(model, settings, names, trained_on, effect_files)
     cache = cache_folder(settings.compiler_cache)
+    resolve_targets(settings.targets)  # a wrong one is told before the models are judged
     asked = with_device(export_models(selected, settings), settings, selected)
     written = export_fmus(asked, Path(folder), data or read_from, settings.targets, cache)
     check_new_files(written, asked, cache)

@@ -13,6 +13,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import read_json, require_file
+from lumbar.interface.reading import COLUMN_ENDINGS, is_column_file
 from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, Asked, RawTable
 from lumbar.records.importing.recording import ImportedRecording, to_records
 from lumbar.records.importing.roles import Choices
@@ -81,7 +82,7 @@ def import_recordings(
     Parameters
     ----------
     files : path, or iterable of path or ForeignFile
-        One file per recording: text in any dialect, MATLAB, HDF5 or Excel, also gzipped.
+        One file per recording: text in any dialect, MATLAB, HDF5 or Excel, also gzipped. Of a folder, all that end so.
     time, position, force : str or int, optional
         Column, by name or number counted from 1; ``time="none"`` where there is none.
     time_unit, position_unit, force_unit : str, optional
@@ -141,7 +142,7 @@ def import_recordings(
         clipped=accept_clipped,
     )
     given = [files] if isinstance(files, str | os.PathLike) else files
-    sources = [item if isinstance(item, ForeignFile) else Path(item) for item in given]
+    sources = [source for item in given for source in _sources(item)]
     places = [Path(item.table.source) if isinstance(item, ForeignFile) else item for item in sources]
     problems = Problems("import")
     for option, given_one in (("--cut parts", choices.cut), ("--name names", name)):
@@ -167,6 +168,24 @@ def import_recordings(
         problems.add("", f"{shared} would all be the record {name!r}", "rename all but one of them")
     problems.raise_if_any()
     return ImportedRecordings(tuple(recordings))
+
+
+_ENDINGS = (*COLUMN_ENDINGS, ".tsv", ".dat", ".asc", ".lvm", ".mat", ".h5", ".hdf5", ".xlsx")
+"""Of the files that are taken of a folder, also with .gz."""
+
+
+def _sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]:
+    if isinstance(given, ForeignFile):
+        return [given]
+    path = Path(given)
+    if not path.is_dir():
+        return [path]
+    found: list[Path | ForeignFile] = [
+        file for file in sorted(path.iterdir()) if is_column_file(file, _ENDINGS)
+    ]
+    if not found:
+        raise InputError(f"{given}: no recordings ({', '.join(_ENDINGS)}, also with .gz)")
+    return found
 
 
 def _with_sign(recording: ImportedRecording, flipped: bool) -> ImportedRecording:

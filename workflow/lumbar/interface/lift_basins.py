@@ -9,6 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import NOT_SAID, Result, read_table
@@ -80,7 +81,13 @@ def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
     """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pendulums.csv`` where it is there."""
     from lumbar.lifting.stability.model.trajectories import LiftStates
 
-    facts = facts or read_json(path.with_suffix(".json"))
+    beside = path.with_suffix(".json")
+    if facts is None and path.is_file() and not beside.is_file():
+        raise InputError(
+            f"{beside}: no such file; 'lumbar lift' makes {path} and it of a marker file: the states of a pendulum, and what it "
+            "is made of"
+        )
+    facts = read_json(beside) if facts is None else facts
     others = path.with_name("other_pendulums.csv")
     read = partial(read_table, what="pendulum states")
     return LiftStates(read(path), facts, read(others) if others.is_file() else None)

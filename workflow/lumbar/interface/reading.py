@@ -191,10 +191,10 @@ def column_files(folder: Path) -> list[Path]:
     return files
 
 
-def is_column_file(path: Path) -> bool:
+def is_column_file(path: Path, endings: tuple[str, ...] = COLUMN_ENDINGS) -> bool:
     """Whether the name is that of a column file, and not of words about the data such as ``LICENSE.txt``."""
     name = path.name.lower().removesuffix(".gz")
-    return path.is_file() and name.endswith(COLUMN_ENDINGS) and not _ABOUT.fullmatch(name)
+    return path.is_file() and name.endswith(endings) and not _ABOUT.fullmatch(name)
 
 
 def is_marker_file(path: Path) -> bool:

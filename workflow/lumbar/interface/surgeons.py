@@ -161,6 +161,10 @@ def design_signals(
     if isinstance(band, Bandwidth):
         values = {**band.values, "data": band.data}
     elif isinstance(band, str | os.PathLike):
+        if not Path(band).is_file():
+            raise InputError(
+                f"{band}: no such file of 'lumbar bandwidth'; hertz are given as a number (--band)"
+            )
         values = read_json(Path(band))
     elif not 0 < band < settings.rate_Hz / 2:
         raise InputError(f"the band is {band:g} Hz; allowed: above 0 and below {settings.rate_Hz / 2:g} Hz")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated, Literal, get_args
 
-from lumbar.base.errors import InputError
+from lumbar.base.errors import InputError, did_you_mean
 from lumbar.settings.key import UNIQUE, Each, FolderName, key, required, settings
 from lumbar.settings.layout import ColumnLayout, RecordSettings
 
@@ -33,8 +33,9 @@ def system_of(base: str) -> Literal["tissue", "pendulum"]:
         For an unknown one, with those that there are.
     """
     if base not in BASE_NAMES and not is_data(base):
+        meant = did_you_mean(base, BASE_NAMES)
         raise InputError(
-            f"unknown base model {base!r}; known are {', '.join(BASE_NAMES)} and files, BASE.yaml"
+            f"unknown base model {base!r}{meant}; known are {', '.join(BASE_NAMES)} and files, BASE.yaml"
         )
     return "pendulum" if base == "pendulum" else "tissue"
 

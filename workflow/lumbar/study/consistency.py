@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.base.errors import LumbarError, Problems
+from lumbar.base.errors import LumbarError, Problems, did_you_mean
 from lumbar.base.yaml_file import way_of
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.stability import GROUPS, weight_problems
@@ -157,7 +157,7 @@ def _check_effects(
     for number, name in enumerate(effects):
         if name not in known:
             allowed = f"effects: {', '.join(known)}; improvement.effect_files may define more"
-            add(f"{key}.{number}", f"{name!r} is no effect", allowed)
+            add(f"{key}.{number}", f"{name!r} is no effect{did_you_mean(name, known)}", allowed)
 
 
 def _check_twin_lifts(study: Study, sources: Mapping[str, Origins], problems: Problems) -> None:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from difflib import get_close_matches
 from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
-from lumbar.base.errors import Problems
+from lumbar.base.errors import Problems, did_you_mean
 from lumbar.base.yaml_file import YamlFile
 from lumbar.settings.key import Each
 from lumbar.settings.plain import name_of, plain, types_of
@@ -274,8 +273,22 @@ def _explained(kind: type, content: dict, error: dict) -> tuple[tuple, str, str]
         return where, str(error["ctx"]["error"]), _rule(key_at(kind, where))
     return (
         where,
-        f"found {_shown(value)}",
+        f"found {_shown(value)}{_meant(value, key_at(kind, where))}",
         _rule(key_at(kind, where)) + _number_hint(value, key_at(kind, where)),
+    )
+
+
+def _meant(value: Any, key: KeyType | None) -> str:
+    """Of a word that stands for one of few: the one that it is like."""
+    words = (
+        [word for each in _members(key.kind) if get_origin(each) is Literal for word in get_args(each)]
+        if key
+        else []
+    )
+    return (
+        did_you_mean(value, filter(lambda word: isinstance(word, str), words))
+        if isinstance(value, str)
+        else ""
     )
 
 
@@ -285,9 +298,7 @@ def _is_index(part: Any, value: Any) -> bool:
 
 def _unknown_key(section: KeyType | None, name: str) -> tuple[str, str]:
     known = list(keys_of(section_of(section.kind))) if section and section_of(section.kind) else []
-    close = get_close_matches(str(name), known, 1)
-    meant = f"unknown key; did you mean {close[0]!r}?" if close else "unknown key"
-    return meant, f"allowed: {', '.join(known)}"
+    return f"unknown key{did_you_mean(name, known)}", f"allowed: {', '.join(known)}"
 
 
 def _rule(key: KeyType | None) -> str:

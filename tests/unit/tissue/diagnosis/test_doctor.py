@@ -210,7 +210,9 @@ def test_the_command_prints_and_writes_what_the_verb_does(run, folder, tmp_path)
 
 def test_wrong_options_and_records_are_refused(run, folder, records, tmp_path):
     err = run.refused("doctor", folder, "--base", "KB", "--effects", "hardning")
-    assert "unknown effect hardning; known are hardening_stiffness" in err
+    assert (
+        "unknown effect hardning; did you mean 'hardening_stiffness'?; known are hardening_stiffness" in err
+    )
     assert "nowhere" in run.refused("doctor", tmp_path / "nowhere")
     flipped = FAULTS["sign_flip"].put_into(records, 1.0, 0)
     with pytest.raises(InputError, match="nothing can be put into these records: The sign of the force"):

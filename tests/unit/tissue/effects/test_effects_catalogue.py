@@ -128,7 +128,10 @@ def test_overtones_span_any_wave_of_their_period(motion):
 
 
 def test_unknown_effect_lists_the_known_ones():
-    with pytest.raises(InputError, match=r"unknown effect friction; known are hardening_stiffness"):
+    with pytest.raises(
+        InputError,
+        match=r"unknown effect friction; did you mean 'coulomb_friction'\?; known are hardening_stiffness",
+    ):
         choose(["friction"], TISSUE)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from lumbar.base.errors import InputError
+from lumbar.base.errors import InputError, did_you_mean
 from lumbar.settings.improvement import system_of
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
@@ -172,5 +172,6 @@ def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:
     """
     unknown = [name for name in names if name not in catalogue]
     if unknown:
-        raise InputError(f"unknown effect {', '.join(unknown)}; known are {', '.join(catalogue)}")
+        meant = did_you_mean(unknown[0], catalogue)
+        raise InputError(f"unknown effect {', '.join(unknown)}{meant}; known are {', '.join(catalogue)}")
     return [catalogue[name] for name in names]

@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from platform import machine, system
 
-from lumbar.base.errors import InputError
+from lumbar.base.errors import InputError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,10 @@ def resolve_targets(names: Sequence[str]) -> list[str]:
     """
     unknown = [name for name in names if name not in (*TARGETS, HOST)]
     if unknown or not names:
-        raise InputError(f"runtime.targets: {unknown or 'empty'}; allowed are {HOST}, {', '.join(TARGETS)}")
+        meant = did_you_mean(unknown[0], TARGETS) if unknown else ""
+        raise InputError(
+            f"runtime.targets: {', '.join(unknown) or 'empty'}{meant}; allowed are {HOST}, {', '.join(TARGETS)}"
+        )
     wanted = {host_target() if name == HOST else name for name in names}
     return [name for name in TARGETS if name in wanted]
 

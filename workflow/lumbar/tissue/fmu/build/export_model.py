@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from lumbar.base.errors import NumericalError, Problems
+from lumbar.base.errors import NumericalError, Problems, did_you_mean
 from lumbar.base.files import is_device
 from lumbar.tissue.fmu.build.effect_model import EffectModel, effect_model
 from lumbar.tissue.fmu.build.guards import Guards
@@ -269,8 +269,8 @@ def _find(
     if len(fitting) == 1:
         problems.add(name, "no transfer function", "the thesis ran no other model: take it without -thesis")
     elif not named:
-        known = ", ".join(dict.fromkeys(model.name for model in models))
-        problems.add(name, "no such model in tissue/models.json", f"there are: {known}")
+        known = list(dict.fromkeys(model.name for model in models))
+        problems.add(name, f"no such model{did_you_mean(own_name, known)}", f"there are: {', '.join(known)}")
     else:
         there = "; ".join(f"{model.estimator} on {model.trained_on}" for model in named)
         problems.add(
