@@ -12,6 +12,8 @@ DIAGNOSED = (
         for key in ("layout", "rate_Hz", "settling_s", "search", "ridge", "bootstrap", "inverted_linear")
     ),
     "signals.machine",
+    # Models are compiled for the page.
+    "runtime.compiler_cache",
     "stability.pendulum.gravity_m_s2",
     "seed",
 )

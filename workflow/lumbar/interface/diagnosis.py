@@ -243,7 +243,9 @@ class Diagnosis:
 
         if self.settings.forward:
             return None
-        return pushed_models([self.models[0], *self.models[1:][-1:]], self.study.runtime, self.data)
+        return pushed_models(
+            [self.models[0], *self.models[1:][-1:]], self.study.runtime.compiler_cache, self.data
+        )
 
     def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
         """Return the page that one can look around in: every model that was fitted beside every record.

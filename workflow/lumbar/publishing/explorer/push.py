@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,35 +22,30 @@ _UNLIMITED = 1e9
 """Largest output, in its unit: no device is there that would have to be spared."""
 
 
-def pushed_models(models: Sequence[FittedModel], settings: RuntimeSettings, data: str) -> dict[str, Any]:
+def pushed_models(models: Sequence[FittedModel], compiler_cache: str | None, data: str) -> dict[str, Any]:
     """Return what the page's script plays: libraries and descriptions of the models, and how far the hand may go.
 
     Parameters
     ----------
     models : sequence of FittedModel
         Base first; the handle moves within the motion that it was fitted to.
-    settings : RuntimeSettings
-        The compiler's cache, and where the models rest. Limits, guards and moving average are those of a device and left out.
+    compiler_cache : str, optional
+        As `RuntimeSettings.compiler_cache`. Limits and guards are those of a device, which is not here.
 
     Returns
     -------
     dict
         ``remark`` says why there is no model where one cannot be an FMU or no compiler is installed.
     """
-    bare = replace(
-        settings,
+    bare = RuntimeSettings(
         rate_Hz=max(RATE_HZ, 1 / models[0].sampling_time),
         moving_average_ms=0.0,
         output_limit=_UNLIMITED,
-        output_rate_limit=None,
-        contact=False,
-        device_damping=None,
-        start="first_position",
         unstable="export",
     )
     try:
         exported = export_models(list(models), bare)
-        played = [_played(model, cache_folder(settings.compiler_cache), data) for model in exported]
+        played = [_played(model, cache_folder(compiler_cache), data) for model in exported]
     except LumbarError as error:
         return {"models": [], "remark": str(error)}
     first = models[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from string import ascii_lowercase
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -22,6 +23,7 @@ from lumbar.publishing.figures.style import (
     svg_text,
 )
 from lumbar.records.record import Record
+from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.residuals.compare import Comparison
 from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
 from lumbar.tissue.effects.signature import RATES, Signature, pictured_form, signatures
@@ -81,7 +83,10 @@ def comparison_figure(
     response.plot(time, output.values[inside], color=MEASURED, linewidth=0.9, label="measured")
     dashed = {"linestyle": (0, (4, 1.2)), "linewidth": 1.4}
     response.plot(time, simulated[inside], color=look["color"], label=f"{model}, free run", **dashed)
-    response.set(ylabel=output.label, title=record.name.replace("_", " "))
+    response.set(
+        ylabel=f"{output.quantity.capitalize()} ({unit_in_print(output.unit)})",
+        title=record.name.replace("_", " "),
+    )
     response.legend(loc="upper right", ncols=2)
     head_room(response, 0.18)
     _draw_residual(residual, time, (output.values - simulated)[inside], mine, look)
@@ -96,7 +101,7 @@ def _draw_residual(axis, time: np.ndarray, values: np.ndarray, comparison: Compa
         band = 2 * comparison.floor.rms
         axis.axhspan(-band, band, color="#cccccc", linewidth=0, label="± 2 × noise floor")
     axis.plot(time, values, color=look["color"], linewidth=0.8)
-    axis.set(ylabel=f"Measured − model\n({comparison.unit})", xlabel="Time (s)")
+    axis.set(ylabel=f"Measured − model\n({unit_in_print(comparison.unit)})", xlabel="Time (s)")
     if comparison.floor is not None:
         head_room(axis, 0.25)
         axis.legend(loc="upper right")
@@ -154,7 +159,7 @@ def ladder_figure(rungs: list[dict], unit: str, floor: float | None) -> Figure:
     else:
         axes.set_ylim(0, 1.25 * largest)
     axes.set_xticks(range(len(rungs)), [rung["label"] for rung in rungs])
-    axes.set_ylabel(f"RMS of the simulation error ({unit})")
+    axes.set_ylabel(f"RMS of the simulation error ({unit_in_print(unit)})")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
 
@@ -163,12 +168,13 @@ def draw_error_bars(
     axes, errors: dict[str, list[float]], in_words: Callable[[list[float]], list[str]], floor: float | None
 ) -> None:
     """Draw training and unseen errors side by side, by label, with their values above and the noise floor."""
+    on_white = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.3}
     looks = ({"alpha": 0.45}, {"hatch": "//", "edgecolor": "white"})
     for shift, (label, values), look in zip((-0.19, 0.19), errors.items(), looks, strict=True):
         places = [place + shift for place in range(len(values))]
         axes.bar(places, values, 0.36, color=MODELS["KB"]["color"], label=label, **look)
         for place, value, words in zip(places, values, in_words(values), strict=True):
-            note(axes, words, (place, value), (0, 1), ha="center", size=6)
+            note(axes, words, (place, value), (0, 1), ha="center", size=6, bbox=on_white)
     if floor is not None:
         mark_noise_floor(axes, floor, 0.9)
     axes.grid(visible=False, axis="x")
@@ -206,8 +212,10 @@ def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
     figure, axes = new_figure(
         DOUBLE_COLUMN, 0.25 + 1.75 * len(effects), nrows=len(effects), ncols=3, squeeze=False
     )
-    for row, effect in zip(axes, effects, strict=True):
+    for number, (row, effect) in enumerate(zip(axes, effects, strict=True)):
         _draw_effect(row, effect, system)
+        letter = f"({ascii_lowercase[number % 26]}) " if len(effects) > 1 else ""
+        row[0].set_title(letter + effect.name.replace("_", " "), loc="left", fontweight="bold")
     return figure
 
 
@@ -233,7 +241,6 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
     whole.plot(slow.motion.position[cycle], slow.base[cycle], label=system, **_BASE)
     whole.plot(slow.motion.position[settled], slow.force[settled], color=SERIES[0], label="with the effect")
     whole.set_ylabel(response.capitalize())
-    whole.set_title(effect.name.replace("_", " "), loc="left", fontweight="bold")
     styles = ((slow, RATES[0], SERIES[0], "-"), (fast, RATES[1], SERIES[3], (0, (3, 1))))
     for item, rate, color, line in styles:
         kept = _last_cycle(item, rate)

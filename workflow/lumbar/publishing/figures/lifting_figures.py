@@ -201,7 +201,7 @@ def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
         angles.plot(planar["time_s"], planar["angle_rad"], color=color, linestyle=_LINES[com], label=com)
     angles.set_ylabel("Angle θ (rad)")
     angles.legend()
-    torques.set(xlabel="Time (s)", ylabel="Torque u0 of the total body (N·m)")
+    torques.set(xlabel="Time (s)", ylabel="Torque $u_0$ of the total body (N·m)")
     label_panels((person, angles, torques))
     return figure
 

@@ -14,6 +14,7 @@ from lumbar.publishing.figures.style import (
     mark_noise_floor,
     new_figure,
 )
+from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.residuals.locate import Location
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import SIGNIFICANT_Z, no_cell_stands_out
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent
@@ -47,10 +48,10 @@ def location_figure(location: Location) -> Figure:
     (time, cycles, spectrum), (depth, turning, plane), (whiteness, odd, even) = axes
     _draw_time(time, views["time"], location)
     _draw_cycles(cycles, views["cycles"], location)
-    _draw_spectrum(spectrum, views["frequency"], residual.unit)
+    _draw_spectrum(spectrum, views["frequency"], unit_in_print(residual.unit))
     _draw_map(figure, plane, views["position and velocity"], location)
     _draw_depth(depth, views["depth"], location)
-    _draw_reversals(turning, views["reversals"], residual.unit)
+    _draw_reversals(turning, views["reversals"], unit_in_print(residual.unit))
     _draw_whiteness(whiteness, views["whiteness"])
     correlations = views["correlations"]
     _draw_correlations(odd, correlations, [*LINEAR_FUNCTIONS, *_strongest_odd(correlations)])
@@ -64,9 +65,10 @@ def location_figure(location: Location) -> Figure:
         ("reversals", turning),
     ):
         axis.set_title(_with_share(views[name], residual), loc="right", fontsize=7)
-    floor = "noise unknown" if residual.floor is None else f"noise {residual.floor.rms:.3g} {residual.unit}"
+    unit = unit_in_print(residual.unit)
+    floor = "noise unknown" if residual.floor is None else f"noise {residual.floor.rms:.3g} {unit}"
     figure.suptitle(
-        f"{location.record.replace('_', ' ')}: error {np.sqrt(residual.variance):.3g} {residual.unit} RMS, {floor}",
+        f"{location.record.replace('_', ' ')}: error {np.sqrt(residual.variance):.3g} {unit} RMS, {floor}",
         fontsize=8,
     )
     return figure
@@ -92,7 +94,7 @@ def _draw_time(axis, view: View, location: Location) -> None:
     if residual.floor is not None:
         mark_noise_floor(axis, residual.floor.rms)
     axis.axhline(0, color="black", linewidth=0.5)
-    axis.set(xlabel="Time (s)", ylabel=f"Error ({residual.unit})")
+    axis.set(xlabel="Time (s)", ylabel=f"Error ({unit_in_print(residual.unit)})")
     _room_for_legend(axis, 0.3, ncols=2)
 
 
@@ -104,7 +106,7 @@ def _room_for_legend(axis, share: float, **legend) -> None:
 def _draw_cycles(axis, view: View, location: Location) -> None:
     table, residual = view.table, location.residual
     axis.set_xlabel(f"Amplitude of the cycle ({residual.position_unit})")
-    axis.set_ylabel(f"Error in the cycle ({residual.unit} RMS)")
+    axis.set_ylabel(f"Error in the cycle ({unit_in_print(residual.unit)} RMS)")
     if not len(table["rms"]):
         axis.annotate("too few cycles", (0.5, 0.5), xycoords="axes fraction", ha="center")
         return
@@ -173,7 +175,9 @@ def _draw_map(figure, axis, view: View, location: Location) -> None:
     axis.grid(visible=False)
     axis.set_xlabel(f"{residual.moved.capitalize()} ({residual.position_unit})")
     axis.set_ylabel(f"Velocity ({residual.position_unit}/s)")
-    bar = figure.colorbar(image, ax=axis, label=f"Mean error ({residual.unit}); ×: chance", pad=0.02)
+    bar = figure.colorbar(
+        image, ax=axis, label=f"Mean error ({unit_in_print(residual.unit)}); ×: chance", pad=0.02
+    )
     bar.outline.set_visible(False)
 
 
@@ -190,7 +194,7 @@ def _draw_depth(axis, view: View, location: Location) -> None:
         axis.plot(table["position"], table[name], label=name, **look)
     axis.axhline(0, color="black", linewidth=0.5)
     axis.set_xlabel(f"{residual.moved.capitalize()} ({residual.position_unit})")
-    axis.set_ylabel(f"Mean error ({residual.unit})")
+    axis.set_ylabel(f"Mean error ({unit_in_print(residual.unit)})")
     _room_for_legend(axis, 0.3, ncols=2)
 
 

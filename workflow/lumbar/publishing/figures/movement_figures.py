@@ -79,12 +79,19 @@ def course_figure(lifts: list[dict], functional_share: float) -> Figure:
             else:
                 say_instead(axis, "no markers for it", **_ABSENT)
         axes[0, column].axhline(0.0, color="black", linewidth=0.8)
-        axes[1, column].set_xlabel("time (s)")
+        axes[1, column].set_xlabel("Time (s)")
         _mark_events(axes[:, column], lift)
     axes[0, 0].set_ylim(*MARGIN_MM)
-    axes[0, 0].set_ylabel(f"margin of stability (mm)\nto {functional_share:.0%} of the base")
+    axes[0, 0].set_ylabel(f"Margin of stability (mm)\nto {functional_share:.0%} of the base")
+    courses = [lift["course"].get("margin_of_stability_m") for lift in shown]
+    low, high = MARGIN_MM
+    if any(
+        margin is not None and not low <= 1e3 * margin.min() <= 1e3 * margin.max() <= high
+        for margin in courses
+    ):
+        figure.supxlabel(f"Margins beyond −{-low:g} and {high:g} mm are cut off.", fontsize=6)
     axes[1, 0].set_ylim(bottom=0)
-    axes[1, 0].set_ylabel("moment about L5/S1 (N·m)")
+    axes[1, 0].set_ylabel("Moment about L5/S1 (N·m)")
     if len(lifts) > SHOWN:
         figure.suptitle(f"the first {SHOWN} of {len(lifts)} lifts", fontsize=7, color=_GREY)
     return figure
@@ -125,8 +132,8 @@ def support_figure(lifts: list[dict], functional_share: float) -> Figure:
             say_instead(axis, "no base of support during a deposit", **_ABSENT)
             continue
         _draw_support(axis, deposit, functional_share, looks[lift["facts"]["subject"]])
-        axis.set_xlabel("right (mm)")
-    axes[0, 0].set_ylabel("forward (mm)")
+        axis.set_xlabel("Right (mm)")
+    axes[0, 0].set_ylabel("Forward (mm)")
     handles, labels = next(
         (axis.get_legend_handles_labels() for axis in axes[0] if axis.get_legend_handles_labels()[0]),
         ([], []),
@@ -166,7 +173,7 @@ def _draw_support(axis, deposit: pd.DataFrame, functional_share: float, look: di
     axis.plot(*end, marker="o", markersize=4, color=look["color"], linestyle="none", label="at the release")
     margin = 1e3 * deposit.loc[at, "margin_of_stability_m"]
     nearest = place(deposit.loc[at, ["xcom_x_m", "xcom_y_m"]].to_numpy(float))
-    note(axis, f"{margin:+.0f} mm", nearest, (6, 4), fontsize=7, bbox=_WHITE)
+    note(axis, f"{margin:+.0f} mm".replace("-", "−"), nearest, (6, 4), fontsize=7, bbox=_WHITE)
 
 
 _DRAWN = {

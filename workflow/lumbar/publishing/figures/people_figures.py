@@ -43,7 +43,7 @@ def grid_figure(grid: pd.DataFrame) -> Figure:
         Of `lumbar.lifting.stability.comparison.table_4_1_grid.grid_differences`. Without a comparison, the movements are drawn.
     """
     cells = comparison_cells(grid)
-    null = "null control (θ0 = 0)"
+    null = "null control ($\\theta_0$ = 0)"
     if cells.empty:
         cells = grid[grid["percent"].notna()]
         null = "standing still"
@@ -114,7 +114,7 @@ def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]
     limit = max([1.0, *(np.abs(_effect(item)).max() for item in known)])
     axes.set_xlim(-min(limit, 6.0) * 1.05, min(limit, 6.0) * 1.05)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("difference of the groups / standard deviation between people")
+    axes.set_xlabel("Difference of the groups / standard deviation between people")
     bold = {"transform": axes.transAxes, "fontweight": "bold"}
     axes.text(0.0, 1.01, f"← {groups[1]} safer", color=SECOND, **bold)
     axes.text(1.0, 1.01, f"{groups[0]} safer →", color=FIRST, ha="right", **bold)

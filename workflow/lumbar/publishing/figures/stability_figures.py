@@ -129,7 +129,7 @@ def figure_4_3(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
             column[2].plot(phase, rows["rho"], label=PLANE_TITLES[plane], **_PLANE_LOOKS[plane])
         column[0].set_title(variant.title)
         column[1].set_xlabel("θ (rad)")
-        column[2].set(xlabel="t/T", xlim=(0, 1))
+        column[2].set(xlabel="Time $t/T$", xlim=(0, 1))
     _share_frames(axes[:2], [item.wording for item in shown])
     for axis, plane in zip(axes[:, 0], PLANE_TITLES.values(), strict=False):
         axis.set_ylabel(f"{plane}\n" + r"$\dot\theta$ (rad/s)")
@@ -157,7 +157,7 @@ def figure_4_4(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
             else:
                 say_instead(axis, NO_BASIN)
             if com == "thorax":
-                axis.set_title(f"{variant.title}\n{PLANE_TITLES[plane]}", fontsize=7)
+                axis.set_title(f"{variant.title}\n{PLANE_TITLES[plane]}", fontsize=6.5)
         row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta$ (rad/s)")
     for axis in axes[-1]:
         axis.set_xlabel("θ (rad)")
@@ -257,7 +257,9 @@ def comparison_figure(
             _draw(axis, drawn[plane])
         else:
             say_instead(axis, NO_BASIN)
-        axis.set(title=f"{title}, abdomen" + (f"\n{who}" if who else ""), xlabel="θ − θ0 (rad)")
+        axis.set(
+            title=f"{title}, abdomen" + (f"\n{who}" if who else ""), xlabel="$\\theta - \\theta_0$ (rad)"
+        )
     axes[0].set_ylabel(r"$\dot\theta - \dot\theta_0$ (rad/s)")
     shared_legend(figure, axes, ncols=3)
     return figure
@@ -319,7 +321,9 @@ def _draw(axis, sections: dict[str, np.ndarray]) -> None:
         limit(-extent, extent)
     share = 100 * _enclosed(sections["exact"]) / _enclosed(sections["reached"])
     words = f"exact: {share:.2g} % of all that reach the goal"
-    words += "\nreaches {:.0f} × as far as θ0 ranges, {:.0f} × as $\\dot\\theta_0$".format(*sections["times"])
+    words += "\nreaches {:.0f} × as far as $\\theta_0$ ranges, {:.0f} × as $\\dot\\theta_0$".format(
+        *sections["times"]
+    )
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     axis.text(0.98, 0.96, words, transform=axis.transAxes, ha="right", va="top", fontsize=6, bbox=white)
 

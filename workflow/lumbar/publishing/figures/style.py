@@ -170,6 +170,18 @@ def label_panels(axes) -> None:
         axis.set_title(f"({letter})", loc="left", fontweight="bold")
 
 
+def _letter_the_rest(figure) -> None:
+    """Letter the panels of a figure that were not, before their titles."""
+    panels = [axes for axes in figure.axes if axes.axison and not hasattr(axes, "_colorbar")]
+    if len(panels) < 2 or any(axes.get_title(loc="left") for axes in panels):
+        return
+    for letter, axes in zip("abcdefghijklmnopqrstuvwxyz", panels, strict=False):
+        place = "center" if axes.get_title() else "left"
+        title = axes.get_title(loc=place)
+        look = {} if title else {"fontweight": "bold"}
+        axes.set_title(f"$\\mathbf{{({letter})}}$ {title}" if title else f"({letter})", loc=place, **look)
+
+
 def head_room(axes, share: float) -> None:
     """Leave room above what is drawn, a share of its height, for a legend."""
     bottom, top = axes.get_ylim()
@@ -259,6 +271,7 @@ def save(figure, stem: str | os.PathLike, data: str, who: str = "") -> None:
         own = figure.get_supxlabel()
         below = f"{own}\n{words}" if own else words
         figure.supxlabel(below, x=0.995, ha="right", fontsize=6, color="#555555")
+    _letter_the_rest(figure)
     _settle_layout(figure)
     with (
         replacing(stem.with_name(f"{stem.name}.svg")) as svg,
