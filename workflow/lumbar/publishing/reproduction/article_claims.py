@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import pandas as pd
 
-from lumbar.publishing.reproduction.claim import Claim, Finding, Results
+from lumbar.publishing.reproduction.claim import Claim, Finding, Results, claims_of
 from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
 
 THESIS_MODELS = ("MW", "KB", "HO")
@@ -150,54 +150,36 @@ def _inverted(results: Results) -> Finding:
     return Finding(f"static gains: IL {gains['IL']:.3g}, KB {gains['KB']:.3g}", gains["IL"] * gains["KB"] < 0)
 
 
-_HO_IS = (
-    ("best_vaf", "best %VAF", "vaf_percent", "highest", True),
-    ("best_fit", "best FIT", "fit_percent", "highest", True),
-    ("best_residual", "smallest mean residual", "mean_residual_N", "lowest", True),
-    ("best_nmse_train", "best NMSE in training", "nmse_train", "lowest", False),
-    ("best_nmse_test_1", "best NMSE on the first test record", "nmse_test_1", "lowest", False),
-    ("best_nmse_test_2", "best NMSE on the second test record", "nmse_test_2", "lowest", False),
-    ("poorest_condition", "poorest conditioning", "condition_number", "highest", True),
-    ("poorest_uncertainty", "poorest relative uncertainty", "mru_percent", "highest", False),
-)
-"""Claim, what the HO model is said to have, column of Table 3.1, its end, and whether the twin was made to show it."""
+_HO_IS = {
+    "best_vaf": ("vaf_percent", "highest"),
+    "best_fit": ("fit_percent", "highest"),
+    "best_residual": ("mean_residual_N", "lowest"),
+    "best_nmse_train": ("nmse_train", "lowest"),
+    "best_nmse_test_1": ("nmse_test_1", "lowest"),
+    "best_nmse_test_2": ("nmse_test_2", "lowest"),
+    "poorest_condition": ("condition_number", "highest"),
+    "poorest_uncertainty": ("mru_percent", "highest"),
+}
+"""By claim, the column of Table 3.1 of which the HO model is said to have an end, and which."""
 
 
 def identification_sentences() -> list[Claim]:
     """Return the claims of Chapter 3 up to the models."""
-    table = ("table_3_1",)
-    return [
-        Claim("bandwidth", "3.2.3.1, 3.2.4.1", "The spectrum of the tool's position reaches up to approximately 2.5 Hz", 2.5,
-              "within 0.5 Hz by one of the rules", ("bandwidth",), _bandwidth("position"), True),
-        Claim("bandwidth_velocity", "3.2.4.1", "Surgeons move the tool at up to approximately 2.5 Hz: the velocity's spectrum,"
-              " which the thesis does not assess", 2.5,
-              "within 0.5 Hz by one of the rules", ("bandwidth",), _bandwidth("velocity"), True),
-        Claim("excitation_band", "3.2.4.1", "The signals excite the tissue up to 5 Hz", 5.0,
-              "highest line of the multisine within 0.25 Hz", ("multisine",), _excitation, True),
-        Claim("highest_vaf", "3.2.1, 3.2.9", "The highest %VAF is that of the HO model trained on the multisine",
-              "82.64", "same model and record", table, _highest_of_all, True),
-        *(
-            Claim(f"ho_{name}", "3.2.5", f"The HO model has the {words}", "HO", "for every training record", table,
-                  _ho_is(column, best), built)
-            for name, words, column, best, built in _HO_IS
-        ),
-        Claim("ho_slightly_better", "3.2.5", "The HO model is only slightly more accurate than the KB model",
-              "1.48 points of %VAF on the multisine", "gain of 0 to 5 points for every training record", table,
-              _slightly_better, True),
-        Claim("ho_structure", "5", "The HO model is a biproper transfer function of fourth order", "order 4, biproper",
-              "order and properness of the model trained on the multisine", table, _fourth_order),
-        Claim("multisine_best", "3.2.5", "The multisine gives the best error metrics", "multisine",
-              "highest %VAF of each model", table, _multisine_best),
-        Claim("vaf_sorts_all", "3.2.3.1", "Sorting by %VAF gives the best results of the other metrics as well",
-              "yes", "same order of models in FIT, mean residual and NMSE for every training record", table,
-              _vaf_sorts_all),
-        Claim("mw_is_maxwell", "3.2.3.1, Table 2.1", "Eq. 3.3 is the Maxwell model", "yes",
-              "algebra: static gain of both forms", table, _maxwell),
-        Claim("models_stable", "3.2.3.1", "The identified models are stable", "yes", "all poles inside the unit circle",
-              table, _all_stable),
-        Claim("il_opposite", "3.2.3.1", "The IL model's force is opposite to that of the other models", "opposite",
-              "opposite signs of the static gains of IL and KB", ("models",), _inverted),
-    ]  # fmt: skip
+    judges = {
+        "bandwidth": _bandwidth("position"),
+        "bandwidth_velocity": _bandwidth("velocity"),
+        "excitation_band": _excitation,
+        "highest_vaf": _highest_of_all,
+        **{f"ho_{name}": _ho_is(column, best) for name, (column, best) in _HO_IS.items()},
+        "ho_slightly_better": _slightly_better,
+        "ho_structure": _fourth_order,
+        "multisine_best": _multisine_best,
+        "vaf_sorts_all": _vaf_sorts_all,
+        "mw_is_maxwell": _maxwell,
+        "models_stable": _all_stable,
+        "il_opposite": _inverted,
+    }
+    return claims_of("identification", judges)
 
 
 def _participants(results: Results) -> Finding:
@@ -294,43 +276,20 @@ def _closer_is_preferred(results: Results) -> Finding:
 
 def rating_sentences() -> list[Claim]:
     """Return the claims on the survey."""
-    survey = ("survey",)
-    printed = "to the printed digit"
-    people = [
-        ("clinician", "clinicians", 75.6),
-        ("dry_needling", "had practised dry needling", 15.6),
-        ("acupuncture", "had practised acupuncture", 13.3),
-        ("palpation", "had practised palpation", 93.3),
-        ("<5", "had less than 5 years of experience", 11.1),
-        (">20", "had over 20 years of experience", 35.6),
-    ]
-    return [
-        Claim("participants", "3.2.4.2", "45 people took part", 45, "equal", survey, _participants, True),
-        *(
-            Claim(f"participants.{group}", "3.2.4.2", f"{share} % of the participants: {words}", share, printed,
-                  survey, _share(group, share), True)
-            for group, words, share in people
-        ),
-        Claim("kruskal_wallis", "3.2.4.2", "The models are not all rated alike (Kruskal–Wallis)", "p < 0.05",
-              "p < 0.05", survey, _kruskal, True),
-        Claim("pairs_differ", "3.2.4.2", "All pairs of models differ except KB and HO (Mann–Whitney)", "p < 0.05",
-              "p < 0.05 for all but KB and HO", survey, _all_but_kb_ho("p_value"), True),
-        Claim("pairs_differ_holm", "3.2.4.2", "They still differ after Holm's correction", "p < 0.05",
-              "adjusted p < 0.05 for all but KB and HO", survey, _all_but_kb_ho("p_holm"), True),
-        Claim("pairs_differ_paired", "3.2.4.2", "The same pairs differ when each participant's own answers are compared",
-              "not computed", "adjusted Wilcoxon p < 0.05 for all but KB and HO, zero ranks kept or not", survey, _paired_agrees),
-        Claim("highest_median_mode", "3.2.4.2", "Median and mode are highest for the KB and HO models", "4 and 4",
-              "KB and HO alone have the largest median and mode", ("table_3_2",), _highest_middle, True),
-        Claim("mode_count", "3.2.4.2", "The mode count is higher for the HO than for the KB model", "16 and 14",
-              "HO above KB", ("table_3_2",), _mode_count, True),
-        Claim("best_ho", "3.2.4.2", "Most participants picked the HO model as the best", "37.8 %", "largest share",
-              survey, _best("highest", "HO"), True),
-        Claim("best_il", "3.2.5", "Fewest participants picked the IL model as the best", "4.4 %", "smallest share",
-              survey, _best("lowest", "IL"), True),
-        Claim("picks_separate", "3.2.5", "The picks show which of the dynamic models is preferred",
-              "HO preferred over the others", "chi-square p < 0.05 among MW, KB and HO", survey, _picks_separate),
-        Claim("closer_is_preferred", "3.2.5, 3.2.9",
-              "The closer a model matches the signals, the better it is rated", "MW < KB ≤ HO",
-              "median rating does not fall with %VAF on the multisine", ("table_3_1", "table_3_2"),
-              _closer_is_preferred, True),
-    ]  # fmt: skip
+    people = {"clinician": 75.6, "dry_needling": 15.6, "acupuncture": 13.3, "palpation": 93.3}
+    people |= {"<5": 11.1, ">20": 35.6}
+    judges = {
+        "participants": _participants,
+        **{f"participants.{group}": _share(group, printed) for group, printed in people.items()},
+        "kruskal_wallis": _kruskal,
+        "pairs_differ": _all_but_kb_ho("p_value"),
+        "pairs_differ_holm": _all_but_kb_ho("p_holm"),
+        "pairs_differ_paired": _paired_agrees,
+        "highest_median_mode": _highest_middle,
+        "mode_count": _mode_count,
+        "best_ho": _best("highest", "HO"),
+        "best_il": _best("lowest", "IL"),
+        "picks_separate": _picks_separate,
+        "closer_is_preferred": _closer_is_preferred,
+    }
+    return claims_of("survey", judges)

@@ -9,7 +9,7 @@ import pandas as pd
 from lumbar.lifting.stability.comparison.percent_differences import comparison_names
 from lumbar.lifting.stability.comparison.table_4_1_grid import comparison_cells, expressing
 from lumbar.lifting.stability.comparison.tuning_criterion import WITHIN, is_met, reach_ratios, span
-from lumbar.publishing.reproduction.claim import Claim, Finding, Results
+from lumbar.publishing.reproduction.claim import Claim, Finding, Results, claims_of
 from lumbar.settings.stability import GROUPS
 
 _PERCENT = ["lateral_bending_percent", "flexion_extension_percent"]
@@ -171,44 +171,21 @@ def sentences(synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
     groups : tuple of str
         Whom the study compares in place of the thesis's expert and novice; the statements use these names.
     """
-    table, areas, names = ("table_4_1",), ("boa",), comparison_names(groups)
-    first, second = groups
+    names, (first, second) = comparison_names(groups), groups
     between = names["expert_vs_novice"]
-    return [
-        Claim("expert_larger", "4.2.5", f"The {first}'s basins are larger than the {second}'s in lateral bending",
-              "2.27 to 4.44 %", "positive for all three COMs", table,
-              _compared(between, synthetic, _positive_in_bending)),
-        Claim("lateral_largest", "4.2.5", "The largest differences are in lateral bending", "lateral bending",
-              "larger than in flexion/extension for all three COMs", table,
-              _compared(between, synthetic, _larger_in_bending)),
-        Claim("expert_unchanged", "4.2.5", f"A lighter box hardly changes the {first}'s basins", "−0.87 to 0.07 %",
-              "at most 1 % for every COM and plane", table,
-              _compared(names["decrease_in_mass_expert"], synthetic, _at_most_1)),
-        Claim("novice_susceptible", "4.2.1, 4.2.5", f"The {second} is more susceptible to changes of the box's mass",
-              "up to 7.51 %", f"mean size of the change larger than the {first}'s", table,
-              _novice_susceptible(synthetic, names, groups)),
-        Claim("trajectories_matter", "4.2.1, 4.2.6",
-              f"The differences between {first} and {second} come from the trajectories they select", "yes",
-              "as people stand, less than half is left when every trajectory is replaced by θ0 = 0",
-              ("table_4_1_grid",), _trajectories_matter(synthetic, [between])),
-        Claim("trajectories_matter_with_mass", "4.2.1, 4.2.6",
-              "The differences between boxes come from the trajectories selected for them", "yes",
-              f"the same of both changes of mass, the {first}'s and the {second}'s", ("table_4_1_grid",),
-              _trajectories_matter(synthetic, [names[f"decrease_in_mass_{name}"] for name in GROUPS])),
-        Claim("alternation_certifies", "4.2.5", "The sum-of-squares programmes certify that the basins are invariant",
-              "yes", "no knot of the thesis's procedure violates Eq. 4.6", areas, _alternation_certifies),
-        Claim("alternation_converges", "4.2.4", "Two alternations give the average cross-section", "two alternations",
-              "four change no average area by more than 1 %", areas, _alternation_converges),
-        Claim("basins_reach_goal", "4.2.5", "Simulation confirms that the basins reach the goal", "proposed as future work",
-              "no simulated start leaves a funnel of the thesis's procedure", areas,
-              _no_exits("thesis", "Eqs 4.5 to 4.7, in the thesis's wording")),
-        Claim("exact_is_invariant", "4.2.5", "Basins with the exact ρ(t) reach the goal", "proposed as future work",
-              "no simulated start leaves the exact funnel, which stands beside the thesis's", areas,
-              _no_exits("exact", "fixed V, exact ρ(t); not a sentence of the thesis")),
-        Claim("basins_like_states", "4.2.3.2, 4.2.5",
-              "Q and R are such that basins are of the order of magnitude of the states", "Figure 4.3",
-              f"every basin reaches at most {WITHIN:g} times as far from the trajectory as its movement ranges, and a "
-              "tenth at least, in angle and velocity", areas, _basins_like_states),
-        Claim("expands_backward", "4.2.4", "The basin expands away from the goal set", "Figure 4.3",
-              "initial area above final area for every basin", areas, _expands_backward),
-    ]  # fmt: skip
+    lighter = {name: names[f"decrease_in_mass_{name}"] for name in GROUPS}
+    judges = {
+        "expert_larger": _compared(between, synthetic, _positive_in_bending),
+        "lateral_largest": _compared(between, synthetic, _larger_in_bending),
+        "expert_unchanged": _compared(lighter["expert"], synthetic, _at_most_1),
+        "novice_susceptible": _novice_susceptible(synthetic, names, groups),
+        "trajectories_matter": _trajectories_matter(synthetic, [between]),
+        "trajectories_matter_with_mass": _trajectories_matter(synthetic, list(lighter.values())),
+        "alternation_certifies": _alternation_certifies,
+        "alternation_converges": _alternation_converges,
+        "basins_reach_goal": _no_exits("thesis", "Eqs 4.5 to 4.7, in the thesis's wording"),
+        "exact_is_invariant": _no_exits("exact", "fixed V, exact ρ(t); not a sentence of the thesis"),
+        "basins_like_states": _basins_like_states,
+        "expands_backward": _expands_backward,
+    }
+    return claims_of("basins", judges, first=first, second=second, within=WITHIN)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+from lumbar.base.yaml_file import shipped_yaml
 
 HOLDS = "holds"
 DOES_NOT_HOLD = "does not hold"
@@ -28,6 +31,9 @@ class Finding:
     """Why the data cannot tell, or what else a reader should know."""
 
 
+Judge = Callable[[Results], Finding]
+
+
 @dataclass(frozen=True)
 class Claim:
     """One quantitative or ordering claim."""
@@ -44,10 +50,26 @@ class Claim:
     """When this run is said to agree."""
     needs: tuple[str, ...]
     """Names of the results it is judged on."""
-    judge: Callable[[Results], Finding]
+    judge: Judge
     """From the results to a `Finding`."""
     built_into_twin: bool = False
     """Whether the synthetic twin was made to show it."""
+
+
+def claims_of(part: str, judges: Mapping[str, Judge], **words) -> list[Claim]:
+    """Claims of one part of ``claims.yaml``, in its order, with their judges; `words` stand for ``{…}`` in their texts."""
+    said = shipped_yaml(Path(__file__).with_name("claims.yaml"))[part]
+    return [
+        Claim(
+            id=name,
+            statement=entry.pop("statement").format(**words),
+            criterion=entry.pop("criterion").format(**words),
+            needs=tuple(entry.pop("needs")),
+            judge=judges[name],
+            **entry,
+        )
+        for name, entry in said.items()
+    ]
 
 
 def verdict(claim: Claim, finding: Finding, synthetic: bool) -> str:
