@@ -1,4 +1,4 @@
-"""Tables whose words stand beside their module, in ``tables.yaml``: title, notes, and each column at one place."""
+"""Tables whose words stand in the ``tables.yaml`` nearest to their module: title, notes, and each column at one place."""
 
 from __future__ import annotations
 
@@ -14,7 +14,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_read = cache(shipped_yaml)
+@cache
+def _tables(module: str) -> dict[str, Any]:
+    """Descriptions in the ``tables.yaml`` beside a module, or in the nearest folder above it."""
+    files = (folder / "tables.yaml" for folder in Path(module).parents)
+    return shipped_yaml(next(file for file in files if file.is_file()))
+
+
+def columns_of(module: str, name: str) -> list[str]:
+    """Columns of a description, in its order; `module` and `name` as of `described`."""
+    return list(_tables(module)[name]["columns"])
 
 
 def described(
@@ -31,7 +40,7 @@ def described(
     Parameters
     ----------
     module : str
-        ``__file__`` of the module, which ``tables.yaml`` lies beside.
+        ``__file__`` of the module, which ``tables.yaml`` lies beside or above.
     name : str
         Of the table there. A column says what it ``is``, or also its ``header``, its ``decimals`` (then it holds floats),
         whether cells may be ``empty`` and whether it is among the ``first``; ``*`` in its name stands for any words.
@@ -46,7 +55,7 @@ def described(
     """
     import pandas as pd
 
-    said, words = _read(Path(module).with_name("tables.yaml"))[name], words or {}
+    said, words = _tables(module)[name], words or {}
     if not isinstance(values, pd.DataFrame):
         names = [column for column in said["columns"] if column not in without]
         floats = [column for column in names if "decimals" in said["columns"][column]]

@@ -7,7 +7,7 @@ import pytest
 
 from lumbar.lifting.movement.centre_of_mass import trunk_centre
 from lumbar.lifting.movement.lift import analyse_lift
-from lumbar.lifting.movement.model_spread import COLUMNS, model_spread, spread_lines, spread_table
+from lumbar.lifting.movement.model_spread import model_spread, spread_lines, spread_table
 from lumbar.records.markers import read_markers
 from study_settings import changed, study_settings, subject_settings
 
@@ -169,5 +169,5 @@ def test_the_table_of_all_lifts_says_what_plates_and_skin_do(spread):
         },
     }
     table = spread_table([spread.reset_index()], [facts], "test")
-    assert list(table.frame.columns) == ["lift", *COLUMNS]
+    assert list(table.frame.columns) == ["lift", "choice", *spread.columns]
     assert table.notes[0].startswith("x_15kg: no force plates in the file; C7T1 is the marker C7 on the skin")

@@ -10,15 +10,17 @@ from test_stability_areas import SETTINGS, lift
 from test_stability_grid import lift_states, study_of
 
 from lumbar.base.errors import InputError, NumericalError
+from lumbar.lifting.stability import extended_basins as beyond
 from lumbar.lifting.stability.basins import basins_of_lift
 from lumbar.lifting.stability.comparison import table_4_1_controls
 from lumbar.lifting.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.lifting.stability.comparison.percent_differences import comparisons
 from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
-from lumbar.lifting.stability.extended_basins import COLUMNS, extended_basins, extended_table
+from lumbar.lifting.stability.extended_basins import extended_basins, extended_table
 from lumbar.lifting.stability.model.failures import announcement, attempts, failures_frame, failures_table
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES
 from lumbar.publishing.figures.stability_figures import comparison_figure, figure_4_3, figure_4_4
+from lumbar.tables.described import columns_of
 from study_settings import changed
 
 FAST = changed(
@@ -192,7 +194,7 @@ def test_extended_basins_hold_every_loop_and_check():
     """Limits that cannot bind leave the nominal basin, and the table says so; those that bind cost area and hold."""
     settings = changed(SETTINGS, limits=FEET, checks=["simulation", "extended"])
     frame, failures = extended_basins(lift()[:2], settings, seed=1)
-    assert not failures and list(frame.columns) == list(COLUMNS)
+    assert not failures and list(frame.columns) == columns_of(beyond.__file__, "extended_basins")
     counts = frame.groupby(["loop", "method", "sign"]).size()
     assert (counts == 2).all() and len(counts) == 5
     rows = frame.set_index(["loop", "sign", "plane"]).sort_index()

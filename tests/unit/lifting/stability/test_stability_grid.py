@@ -15,7 +15,6 @@ from lumbar.lifting.stability.comparison import table_4_1_grid
 from lumbar.lifting.stability.comparison.percent_differences import Study, comparison_names
 from lumbar.lifting.stability.comparison.table_4_1 import published_sentence, tables_4_1
 from lumbar.lifting.stability.comparison.table_4_1_grid import (
-    AREA_COLUMNS,
     grid_areas,
     grid_differences,
     grid_table,
@@ -33,6 +32,7 @@ from lumbar.lifting.stability.model.trajectories import (
 )
 from lumbar.publishing.figures.people_figures import grid_figure
 from lumbar.settings.stability import CompareSettings
+from lumbar.tables.described import columns_of
 
 FAST = replace(SETTINGS, knots=101, checks=(), grid=replace(SETTINGS.grid, knots=101))
 INVERTED = replace(FAST, pendulum=replace(FAST.pendulum, sign="inverted"))
@@ -182,7 +182,7 @@ def test_an_outsider_gets_the_same_area_from_the_file(fine, convention, still):
 
 
 def test_every_convention_has_its_area_or_a_reason(study):
-    assert list(study.grid.columns) == [*AREA_COLUMNS, "experience"]
+    assert list(study.grid.columns) == [*columns_of(table_4_1_grid.__file__, "grid_areas"), "experience"]
     assert len(study.grid) == 3 * len(GRID) * 6
     assert (study.grid["reason"] == "").all() and study.grid["mean_area"].notna().all()
     without = grid_areas(lift_states(hips=False), INVERTED)

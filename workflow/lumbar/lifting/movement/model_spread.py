@@ -22,6 +22,7 @@ from lumbar.lifting.movement.joint_centres import (
 )
 from lumbar.lifting.movement.pendulum_states import pivot_trajectory
 from lumbar.records.markers import MarkerRecording
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -32,18 +33,6 @@ if TYPE_CHECKING:
     from lumbar.settings.subject import SubjectSettings
 
 CUTOFFS_HZ = (4.0, 6.0, 8.0)
-COLUMNS = {
-    "choice": "segment table and ends, regression of the hips or cut-off in place of the result's; winter with skin is the "
-    "thesis's",
-    "forward_mm": "mean forward offset of the trunk's centre of mass from the result's, mm",
-    "up_mm": "mean upward offset, mm",
-    "distance_mm": "mean distance, mm",
-    "speed_rms_mm_s": "RMS over time of the difference of both velocities, mm/s",
-    "angle_rad": "mean difference of the angle in flexion/extension about the pivot, rad",
-    "angle_rms_rad": "RMS difference of the same angle, rad",
-    "angular_velocity_rms_rad_s": "RMS difference of its rate, rad/s",
-    "note": "reference: the result's own choice; or why the choice, or a number of it, is not possible with this recording",
-}
 REFERENCE = "reference"
 
 
@@ -76,7 +65,7 @@ def model_spread(lift: AnalysedLift, subject: SubjectSettings, settings: Lifting
 
     Segments of different tables are cut at different heights, so that what is compared is the common centre of thorax,
     abdomen and pelvis, without the box, from the start of the deposit to the release, or over the whole recording where
-    there is no deposit. One row per choice, columns `COLUMNS`.
+    there is no deposit. One row per choice, columns those of ``spread.csv``.
     """
     import pandas as pd
 
@@ -85,7 +74,7 @@ def model_spread(lift: AnalysedLift, subject: SubjectSettings, settings: Lifting
     try:
         reference = _motion(own, lift, subject, settings, frames)
     except LumbarError as error:
-        return pd.DataFrame([{"choice": "result", "note": str(error)}], columns=list(COLUMNS))
+        return pd.DataFrame([{"choice": "result", "note": str(error)}], columns=_columns())
     forward = unit(np.cross([0.0, 0.0, 1.0], lift.points.right) * [1.0, 1.0, 0.0])[frames]
     for choice in _choices(lift, own, subject, settings):
         try:
@@ -94,7 +83,12 @@ def model_spread(lift: AnalysedLift, subject: SubjectSettings, settings: Lifting
             rows.append({"choice": choice.name, **differences, "note": note})
         except LumbarError as error:
             rows.append({"choice": choice.name, "note": str(error)})
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=_columns())
+
+
+def _columns() -> list[str]:
+    """Columns of one lift's choices."""
+    return columns_of(__file__, "spread")[1:]
 
 
 def _frames(lift: AnalysedLift) -> slice:
@@ -223,7 +217,7 @@ def spread_table(spreads: Sequence[pd.DataFrame], facts: Sequence[Mapping], data
     from lumbar.lifting.movement.plate_check import PlateCheck
 
     rows = [frame.assign(lift=fact["lift"]) for frame, fact in zip(spreads, facts, strict=True)]
-    frame = pd.concat(rows, ignore_index=True)[["lift", *COLUMNS]]
+    frame = pd.concat(rows, ignore_index=True)[columns_of(__file__, "spread")]
     notes = []
     for fact in facts:
         found = fact["force_plates"]
@@ -232,11 +226,4 @@ def spread_table(spreads: Sequence[pd.DataFrame], facts: Sequence[Mapping], data
         )
         skin = [text for text in fact["segments"]["points"].values() if "mm from the joint's centre" in text]
         notes.append("; ".join([f"{fact['lift']}: {said}", *skin]))
-    return Table(
-        title="Other choices than the result's, and how far each moves the trunk's centre of mass and its pendulum.",
-        frame=frame,
-        definitions={"lift": "subject and mass of the box", **COLUMNS},
-        data=data,
-        notes=tuple(notes),
-        may_be_empty=frozenset(COLUMNS) - {"choice"},
-    )
+    return described(__file__, "spread", frame, data, notes=tuple(notes))

@@ -16,77 +16,26 @@ from lumbar.lifting.population.sample_size import (
     sd_interval,
 )
 from lumbar.lifting.population.variance_components import FEWEST_PERSONS
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     from lumbar.settings.population import PopulationSettings
-
-_KEYS = {
-    "comparison": "A_vs_B: group A less group B at the same box, of different persons; decrease_in_mass_…: the lightest box "
-    "less the heaviest, within the persons of a group who lifted both",
-    "box_mass_kg": "mass of the box in kg",
-    "measure": "what is compared",
-    "plane": "plane of the measure",
-}
-_COMPARISON = {
-    **_KEYS,
-    "unit": "unit of the following four",
-    "first": "mean over persons of the first side (group A, the lightest box)",
-    "second": "mean over persons of the second side",
-    "difference": "first − second: fixed effect of a mixed-effects model with person as the random effect (REML)",
-    "low": "lower end of its 95 % interval: t on the persons' means, weighted 1/(σ_person² + σ_trial²/trials)",
-    "high": "upper end",
-    "df": "degrees of freedom: persons − 2 with groups of equal size, otherwise Satterthwaite's with a scatter for each; "
-    "persons − 1 within persons",
-    "p": "two-sided p value of no difference",
-    "p_holm": "the same adjusted after Holm over all measures and planes of this comparison and box (the note says how many)",
-    "percent": "100(first − second)/second, where the second mean is positive",
-    "percent_low": "lower end of its 95 % interval (Fieller)",
-    "percent_high": "upper end",
-    "bootstrap_low": "lower end of the difference's 95 % interval by cluster bootstrap (whole persons, studentised)",
-    "bootstrap_high": "upper end",
-    "safer": "the side whose values are the safer ones, where the interval leaves 0 out",
-    "persons": "persons on either side",
-    "trials": "trials on either side",
-    "remark": "what is missing and why",
-}
-_PLANNING = {
-    **_KEYS,
-    "unit": "unit of the following four",
-    "person_sd": "standard deviation between people of a group or, within persons, between their changes",
-    "trial_sd": "standard deviation between the trials of one person with one box",
-    "person_mean_sd": "standard deviation of the persons' means (changes) with the trials that they have here",
-    "sought": "difference that a study to be planned shall see",
-    "intraclass_correlation": "σ_person²/(σ_person² + σ_trial²): 1 where all trials of a person are alike",
-    "detectable": "smallest difference that a study of this size sees",
-    "remark": "why there is no number",
-}
 
 
 def comparison_table(comparisons: Sequence[Comparison], data: str) -> Table:
     """Return what differs between groups and boxes."""
     import pandas as pd
 
-    frame = pd.DataFrame([_row(item) for item in comparisons], columns=list(_COMPARISON))
+    frame = pd.DataFrame(
+        [_row(item) for item in comparisons], columns=columns_of(__file__, "measure_comparison")
+    )
     numbers = frame.columns[frame.columns.get_loc("low") : frame.columns.get_loc("safer")]
     frame = frame.astype(dict.fromkeys(numbers, float))
     families = frame.groupby(["comparison", "box_mass_kg"], sort=False)["p"]
     adjusted, sizes = families.transform(_holm), sorted(set(families.count()))
-    return Table(
-        title="What differs between groups of people and between their boxes.",
-        frame=frame.assign(p_holm=adjusted),
-        definitions=_COMPARISON,
-        data=data,
-        notes=(
-            f"No interval rests on fewer than {FEWEST_PERSONS} persons of a group. Trials of one person are no people: they "
-            "make the person's mean more certain and nothing else",
-            f"Holm's adjustment is made within families of {' or '.join(map(str, sizes))} tests, one family for each comparison "
-            "and box; over several families together chance has more to choose from",
-        ),
-        decimals={"df": 1, "p": 4, "p_holm": 4}
-        | dict.fromkeys(("percent", "percent_low", "percent_high"), 1),
-        may_be_empty=frozenset(numbers),
-    )
+    words = {"fewest": FEWEST_PERSONS, "sizes": " or ".join(map(str, sizes))}
+    return described(__file__, "measure_comparison", frame.assign(p_holm=adjusted), data, words)
 
 
 def _row(item: Comparison) -> dict:
@@ -155,38 +104,16 @@ def planning_table(comparisons: Sequence[Comparison], settings: PopulationSettin
     needed = {
         f"persons_with_{count}_trial{'' if count == 1 else 's'}": count for count in settings.planned_trials
     }
-    text = (
-        f"persons (of each group; altogether within persons) with {{}} trials each, at each box, that see the difference "
-        f"sought with a power of {settings.power:g} at the level {settings.significance:g} (noncentral t on person means), were "
-        "the standard deviation known"
+    texts = [name + end for name in needed for end in ("", "_low", "_high", "_assured")]
+    *columns, remark = (
+        name for name in columns_of(__file__, "measure_planning") if not name.startswith("persons_with")
     )
-    further = {
-        "_low": "the same with the standard deviation's lower 95 % limit",
-        "_high": "with its upper one",
-        "_assured": f"with what it stays below with a probability of {settings.assurance:g}: the size to plan with",
-    }
-    texts = {
-        name + end: said
-        for name, count in needed.items()
-        for end, said in {"": text.format(count), **further}.items()
-    }
-    columns = [*list(_PLANNING)[:-1], *texts, "remark"]
+    columns += [*texts, remark]
     frame = pd.DataFrame([_planning_row(item, settings, needed) for item in comparisons], columns=columns)
-    numbers = frozenset(columns[columns.index("person_sd") : -1])
+    numbers = columns[columns.index("person_sd") : -1]
     # Counts with empty cells: as objects they print as whole numbers.
-    frame = frame.astype(dict.fromkeys(numbers - set(texts), float) | dict.fromkeys(texts, object))
-    return Table(
-        title="How many people, with how many trials each, a study needs to see a difference.",
-        frame=frame,
-        definitions=_PLANNING | texts,
-        data=data,
-        notes=(
-            "Standard deviations estimated from few persons are themselves uncertain, and with them the numbers needed: planned "
-            "with the standard deviation as found, fewer than half of all studies have the power wanted. "
-            "Uncertainty of the sought difference, where it is a share of a mean, is left out",
-        ),
-        may_be_empty=numbers,
-    )
+    frame = frame.astype({name: object if name in texts else float for name in numbers})
+    return described(__file__, "measure_planning", frame, data, {"settings": settings})
 
 
 def _planning_row(item: Comparison, settings: PopulationSettings, needed: dict[str, int]) -> dict:

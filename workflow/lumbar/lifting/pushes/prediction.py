@@ -28,6 +28,7 @@ from lumbar.lifting.pushes.roc import (
     sensitivity_at,
     sort_scores,
 )
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -37,27 +38,6 @@ if TYPE_CHECKING:
 
 ALL_SIZES, EQUAL = "all sizes", "equal pushes"
 BOTH = "both"
-COLUMNS = {
-    "contest": "all sizes: random pushes, of which every measure is told size and direction; equal pushes: one size per "
-    "direction, the measure ranks persons and postures",
-    "direction": "of the pushes",
-    "measure": "its name; the note says what each is",
-    "auc": "area under the ROC of the measure alone: share of pairs, one who steps and one who stands, that it orders "
-    "rightly; with all sizes by chances learnt on other persons for each direction, with equal pushes by its level (below 0.5 "
-    "it tells the wrong way round)",
-    "auc_low": "lower end of its 95 % interval over persons (jackknife, on the scale of log odds)",
-    "auc_high": "upper end",
-    "increment": f"area of {KNOWN_WORDS} with the measure less the area without",
-    "increment_low": "lower end of its 95 % interval over persons (jackknife)",
-    "increment_high": "upper end",
-    "sensitivity_95": "share of those who step that the measure alone tells while it is right about 95 % of those who stand",
-    "failures_right": "share of those who step told right by the best threshold of other persons (cross-validated)",
-    "successes_right": "share of those who stand told right by it",
-    "pushes": "pushes in this row",
-    "steps": "pushes of them after which the simulated person must step",
-    "persons": "simulated persons",
-}
-"""Columns of ``push_prediction.csv``."""
 VARIED = {
     "delay": ("delay", (0.7, 1.4)),
     "cost of torque": ("effort", (0.1, 10.0)),
@@ -67,17 +47,6 @@ VARIED = {
 """Traits of all persons that the table of sensitivities changes, and by which factors. A costly torque makes low gains."""
 FOLLOWED = 360
 """Pushes that are followed for each row of it, about: every so many of the contest's."""
-SENSITIVITY_COLUMNS = {
-    "changed": "what no measure is told and was changed for everybody",
-    "factor": "by this factor",
-    "pushes": "pushes that were a test",
-    "steps": "share of them after which the simulated person must step",
-    "known_auc": f"area under the ROC of {KNOWN_WORDS}",
-    "winner": "measure that adds most to them, all sizes, both directions",
-    "winner_increment": "what it adds",
-    "headline_increment": "what the measure adds that adds most without the change",
-    "headline_rank": "its rank",
-}
 HOLMES = (
     "Holmes et al. (2019), backward reachable sets of 11 recorded people standing up: more than 90 % of the failures and more "
     "than 95 % of the successes"
@@ -129,7 +98,7 @@ def chances(contest: Contest, scoring: ScoringSettings, seed: int) -> dict[tuple
 
 
 def prediction_frame(contest: Contest, told: Mapping, scoring: ScoringSettings, seed: int) -> pd.DataFrame:
-    """Score all measures; one row per contest, direction and measure, columns `COLUMNS`, the best first.
+    """Score all measures; one row per contest, direction and measure, the columns of ``push_prediction.csv``, the best first.
 
     A measure without a level at every push (no basin) is left out. `told` is of `chances`.
     """
@@ -152,7 +121,7 @@ def prediction_frame(contest: Contest, told: Mapping, scoring: ScoringSettings, 
                     told[name, ADDED][here], told[KNOWN, ALONE][here], steps, person[here], scoring
                 )
             rows.append(row)
-    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    table = pd.DataFrame(rows, columns=columns_of(__file__, "push_prediction"))
     by = ["contest", "direction", "increment", "auc"]
     order = table[by].assign(contest=[kind == EQUAL for kind in table["contest"]])
     order["direction"] = [[BOTH, *DIRECTIONS].index(item) for item in table["direction"]]
@@ -273,30 +242,17 @@ def _tied(
 
 def prediction_table(contest: Contest, table: pd.DataFrame, verdict: Verdict, data: str) -> Table:
     """Return the two contests as a published table."""
+    words = {
+        "verdict": verdict.sentence,
+        "drawn": contest.drawn,
+        "unsteady": contest.unsteady,
+        "name": KNOWN,
+        "known": KNOWN_WORDS,
+    }
     notes = [
-        verdict.sentence,
-        f"{contest.drawn} pushes were drawn; {contest.unsteady} of them at instants at which the simulated body would step "
-        "without any push, which tests nothing: they are left out",
-        "With pushes of all sizes every measure is told the size and the direction of the push: its chances of a step are those "
-        "of a logistic regression per direction, learnt on other persons. Alone a measure enters with the push as its definition "
-        "says, or, where a push cannot enter, with the size beside it. Equal pushes are equal in N·s, which suits measures in "
-        "N·s better than those in m",
-        "The bodies have three links, a delayed controller and pushes that last; the measures know one pendulum or a posture. "
-        "They share the recorded movement, masses and the markers of the feet; what the bodies can do with them (reach of the "
-        "foot, strength, delay, gains, and how persons differ in these) no measure is told; who steps is who falls",
-        f"{KNOWN}: {KNOWN_WORDS}, each with a weight of its own",
-        *(f"{name}: {item.meaning}" for name, item in PREDICTORS.items() if (table["measure"] == name).any()),
+        f"{name}: {item.meaning}" for name, item in PREDICTORS.items() if (table["measure"] == name).any()
     ]
-    empty = ("auc_low", "auc_high", "increment", "increment_low", "increment_high")
-    return Table(
-        title="Who must step after a push: how well each measure, computed before the push, tells it, and what it adds.",
-        frame=table,
-        definitions=COLUMNS,
-        data=data,
-        notes=tuple(notes),
-        decimals=dict.fromkeys(("auc", "sensitivity_95", "failures_right", "successes_right", *empty), 3),
-        may_be_empty=frozenset(empty),
-    )
+    return described(__file__, "push_prediction", table, data, words, notes=notes)
 
 
 @dataclass(frozen=True)
@@ -332,7 +288,7 @@ def follow(
 def sensitivity_frame(
     followed: Followed, settings: PushesSettings, verdict: Verdict, seed: int
 ) -> pd.DataFrame:
-    """Hold the contest with other bodies and controllers; columns `SENSITIVITY_COLUMNS`."""
+    """Hold the contest with other bodies and controllers."""
     import pandas as pd
 
     rows = []
@@ -368,26 +324,21 @@ def sensitivity_frame(
                 "headline_rank": ranking.index(verdict.measure) + 1 if verdict.measure in found else None,
             }
         )
-    return pd.DataFrame(rows, columns=list(SENSITIVITY_COLUMNS)).astype({"headline_rank": "Int64"})
+    return pd.DataFrame(rows, columns=columns_of(__file__, "push_sensitivity")).astype(
+        {"headline_rank": "Int64"}
+    )
 
 
 def sensitivity_table(frame: pd.DataFrame, verdict: Verdict, data: str) -> Table:
     """Return the contests with other bodies and controllers as a published table."""
-    same = int((frame["winner"] == verdict.measure).sum())
-    note = (
-        f"{verdict.measure} adds most in {same} of {len(frame)} contests; the measures are told of none of the changes. "
-        f"Only some {FOLLOWED} of the contest's pushes are followed, so that the first row differs a little from it; empty "
-        "where all of them end alike"
-    )
-    return Table(
-        title="The contest of measures with other bodies and controllers.",
-        frame=frame,
-        definitions=SENSITIVITY_COLUMNS,
-        data=data,
-        notes=(note,),
-        decimals=dict.fromkeys(("steps", "known_auc", "winner_increment", "headline_increment"), 3),
-        may_be_empty=frozenset(SENSITIVITY_COLUMNS.keys() - {"changed", "factor", "pushes"}),
-    )
+    words = {
+        "verdict": verdict,
+        "same": int((frame["winner"] == verdict.measure).sum()),
+        "all": len(frame),
+        "followed": FOLLOWED,
+        "known": KNOWN_WORDS,
+    }
+    return described(__file__, "push_sensitivity", frame, data, words)
 
 
 def verdict_json(verdict: Verdict, data: str) -> dict:

@@ -24,6 +24,7 @@ from lumbar.base.errors import InputError
 from lumbar.lifting.measures.balance import FUNCTIONAL_SHARE, pendulum_rate
 from lumbar.lifting.movement.centre_of_mass import FOOT_SHARE, SHANK, THIGH
 from lumbar.lifting.movement.cleaning import derivative
+from lumbar.lifting.pushes.body import GRAVITY
 from lumbar.lifting.pushes.roc import area, jackknife_interval
 from lumbar.lifting.stability.comparison.perturbed_trials import (
     PHASE_POINTS,
@@ -34,6 +35,7 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.stability import StabilitySettings
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -44,26 +46,10 @@ if TYPE_CHECKING:
 
 RISEN = 0.1
 """The seat is left where the pelvis has risen by this share of its whole way."""
-GRAVITY = 9.81
-MEASURES = {
-    "margin_forward": "smallest distance in m of the extrapolated centre of mass to the toes' end of the functional base (Hof)",
-    "margin_backward": "smallest distance in m to its heels' end",
-    "smallest_impulse_forward": "m·ω0 times the first, in N·s",
-    "trunk_inclination": "largest inclination of the trunk in °",
-    "hip_moment": "largest net moment in N·m of trunk, head and arms about the pelvis",
-    "basin": "largest V/ρ in the exact basin of the mean of the other unperturbed trials (inverted, the study's regulator): "
-    "a distance from the unperturbed movement by its definition",
-    "duration": "length of the recording in s",
-}
-COLUMNS = {
-    "measure": "; ".join(f"{name}: {meaning}" for name, meaning in MEASURES.items()),
-    "unperturbed": "values of the unperturbed trials",
-    "perturbed": "values of the perturbed trials",
-    "auc": "share of pairs, one trial of each group, in which the perturbed one has the larger value: 0 and 1 separate the "
-    "groups, 0.5 does not",
-    "p_exact": "two-sided exact p of Mann and Whitney",
-    "p_holm": "the same after Holm's correction over the measures",
-}
+MEASURES = (
+    *("margin_forward", "margin_backward", "smallest_impulse_forward", "trunk_inclination", "hip_moment"),
+    *("basin", "duration"),
+)
 
 
 @dataclass(frozen=True)
@@ -152,7 +138,7 @@ def measures_of_trial(trial: BodyTrial, settings: PerturbationsSettings) -> dict
 
 
 def separation_frame(found: list[dict[str, float]], groups: list[str]) -> pd.DataFrame:
-    """Compare the groups by every measure; columns `COLUMNS`, the smallest p first.
+    """Compare the groups by every measure; the smallest p first.
 
     There are measures by name and ``"unperturbed"`` or ``"perturbed"`` for every trial; what one trial has, all have.
     """
@@ -175,31 +161,16 @@ def separation_frame(found: list[dict[str, float]], groups: list[str]) -> pd.Dat
     frame = pd.DataFrame(rows).sort_values("p_exact", kind="stable", ignore_index=True)
     steps = frame["p_exact"].to_numpy() * np.arange(len(frame), 0, -1)
     frame["p_holm"] = np.minimum(np.maximum.accumulate(steps), 1.0)
-    return frame[list(COLUMNS)]
+    return frame[columns_of(__file__, "trial_separation")]
 
 
 def separation_table(frame: pd.DataFrame, groups: list[str], data: str, feedback: str = "") -> Table:
     """Return the comparison as a published table that says what one person can and cannot show; `feedback` is one note more."""
     apart = [row.measure for row in frame.itertuples() if row.auc in (0.0, 1.0)]
     them = f"{', '.join(apart)} separate{'s' if len(apart) == 1 else ''}" if apart else "No measure separates"
-    said = f"{them} all trials"
-    notes = (
-        f"{said} ({groups.count('unperturbed')} unperturbed, {groups.count('perturbed')} perturbed, one person)",
-        "What this can show: that the perturbation changed the movement, and in which measure. What it cannot: that a measure "
-        "foretells a step or a fall (the trials were perturbed while they were measured, and no step is known of), or that it "
-        "would do so of anyone else",
-        "Body mass is assumed, both legs are taken to move as the marked one, and the centre of mass is that of trunk with head "
-        "and arms, thighs, shanks and feet (Winter 2009, Table 4.1)",
-        *([feedback] if feedback else []),
-    )
-    return Table(
-        title="Perturbed and unperturbed trials told apart, measure by measure.",
-        frame=frame,
-        definitions=COLUMNS,
-        data=data,
-        notes=notes,
-        decimals=dict.fromkeys(("auc", "p_exact", "p_holm"), 3),
-    )
+    counts = {group: groups.count(group) for group in ("unperturbed", "perturbed")}
+    notes = [feedback] if feedback else []
+    return described(__file__, "trial_separation", frame, data, {"apart": them, **counts}, notes=notes)
 
 
 FEWEST_TRIALS = 4

@@ -15,6 +15,7 @@ import numpy as np
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 
 ERROR, LEFT_OUT, PROPOSED, NOTED = "error", "left out", "proposed", "noted"
@@ -34,19 +35,6 @@ REMEDIES = {
 FINE_RATE = "rate off by less than four times"
 """What the tempo of a movement does not tell."""
 _SHOWN = 5
-_DEFINITIONS = {
-    "lift": "Person, mass of the box, and number of the trial where there are several; of perturbed trials group and number.",
-    "file": "Marker file.",
-    "markers": "Measured markers in the file.",
-    "rate_Hz": "Frames per second.",
-    "duration_s": "Seconds.",
-    "missing_percent": "Share of all samples of all markers in which a marker was not seen, in percent.",
-    "longest_gap_s": "Longest stretch in which a marker was not seen; 0 where all always were.",
-    "estimated": "Standard markers that the file does not hold and a rule fills.",
-    "left_out": "Stretches of a marker left out because they cannot be a body's.",
-    "findings": "What was found, with marker and time; each kind is explained in docs/lifting/quality.md.",
-    "not_checked": "What the file's markers did not allow to check; why stands in quality.json.",
-}
 
 
 @dataclass(frozen=True)
@@ -254,15 +242,7 @@ def _open_stretches(points: dict[str, np.ndarray], recording: MarkerRecording) -
 
 def quality_table(sheets: Sequence[dict], data: str) -> Table:
     """Return one row per recording: sheets as of `QualitySheet.as_dict`, with the name of the lift under ``lift``."""
-    import pandas as pd
-
-    return Table(
-        "What the recordings hold, and what in them cannot be a body's",
-        pd.DataFrame([_row(sheet) for sheet in sheets], columns=list(_DEFINITIONS)),
-        _DEFINITIONS,
-        data,
-        decimals={"missing_percent": 2, "longest_gap_s": 2, "duration_s": 2, "rate_Hz": 0},
-    )
+    return described(__file__, "quality", list(map(_row, sheets)), data)
 
 
 def _row(sheet: dict) -> dict:

@@ -9,7 +9,6 @@ import math
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,69 +21,15 @@ from lumbar.lifting.stability.methods import METHODS, MethodResult, headline_met
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, weights_of
 from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import THESIS, WHOSE, Failure, Trajectory
+from lumbar.lifting.stability.model.trajectories import THESIS, Failure, Trajectory
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.settings.stability import PendulumSettings, StabilitySettings
-
-COLUMNS = {
-    **WHOSE,
-    "method": "method: exact (largest V̇ on the boundary with the true sine), sum_of_squares (certificates of "
-    "the sine's Taylor polynomial at some knots), thesis (ρ̇ frozen: no certificate, goal set free; its areas hang on "
-    "the multiplier that a solver happens to return and have the digits printed, ±"
-    + ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())
-    + ")",
-    "sign": "sign of gravity in Eq. 4.1: hanging (as published) or inverted (as people stand)",
-    "time": "real: the movement lasts as long as it was recorded; unit: it is played in one second",
-    "mass": "whether the box counts to the pendulum's mass: with_box or without_box",
-    "pivot": "point about which the pendulum turns",
-    "segment_ends": "whether the trunk's segments end inside the body (inner) or at the markers (skin)",
-    "deposit_start": "start of the deposit: descent of the box, or wrist_minimum, the wrists' last least speed before it",
-    "duration_s": "duration T of the trajectory as it is played",
-    "mass_kg": "mass m of the pendulum",
-    "length_m": "mean length ℓ of the pendulum",
-    "peak_torque_N_m": "largest |u0| of the feedforward",
-    "mean_area": "average cross-section (1/T)∫πρ/√det S dt in rad²/s",
-    "initial_area": "cross-section at t = 0 in rad²/s",
-    "minimum_area": "smallest cross-section in rad²/s",
-    "final_area": "cross-section at T in rad²/s: the goal set",
-    "angle_range_rad": "range of θ0, largest less smallest",
-    "velocity_range_rad_s": "range of θ̇0",
-    "angle_reach_rad": "largest |θ − θ0| in any cross-section (exact method)",
-    "velocity_reach_rad_s": "largest |θ̇ − θ̇0| in any (exact method)",
-    "liouville_area": "area in rad²/s of all states at t = 0 that reach the goal set of the configuration, "
-    "A_goal·exp∫(b + K2)/I dt: no basin of that goal is larger",
-    "simulated_starts": "simulated starts, half on the boundary at t = 0, half inside",
-    "exits": "starts that left the basin",
-    "exits_high": "upper end of the exact 95 % interval of the share that leaves",
-    "control_exits": "exits from a basin made too large on purpose (negative control: must not be 0)",
-    "proved_share": "share of the time axis on which the funnel with a margin is proved invariant between the "
-    "knots too (interval arithmetic, true sine, cubic interpolants)",
-    "proved_area_ratio": "average cross-section of the funnel with a margin, divided by mean_area",
-    "sos_margin_difference": "largest difference in 1/s of certified rate and maximum of the same Taylor "
-    "polynomial",
-    "sos_taylor_difference": "largest difference in 1/s of certified rate and maximum with the true sine",
-    "sos_taylor_optimism": "largest V̇/ρ with the true sine less ρ̇/ρ in 1/s: positive where the certificate of "
-    "the Taylor polynomial does not hold for the sine",
-    "sos_cvxpy_difference": "largest difference in 1/s of the rates that the method's own programme and Eq. 4.6 written "
-    "out in cvxpy certify, at some knots",
-    "violation_share": "share of the knots at which ρ̇ is below the largest V̇ on the boundary (true sine)",
-    "unsolved_share": "share of the thesis's knots and alternations without multiplier or maximum: there ρ is kept; 0.5 of two "
-    "alternations means that the second solved nothing",
-    "jumped_knots": "knots of the thesis's method at which a further alternation than the first changed ρ",
-    "largest_jump": "by what factor, at most",
-    "first_jump": "first of these knots as t/T",
-    "last_jump": "last of them as t/T",
-    "mean_area_after_1": "average cross-section of the thesis's method in rad²/s after one alternation: as if none of these "
-    "knots had jumped",
-    "mean_area_after_4": "the same after four",
-    "euler_error": "relative error of the initial ellipse's area by Euler integration of Eq. 4.2",
-}
-"""Columns of ``boa.csv`` with their definitions; a cell is empty where a check belongs to another method or was not chosen."""
 
 CHECK_COLUMNS = {
     "simulation": ("simulated_starts", "exits", "exits_high", "control_exits"),
@@ -126,7 +71,7 @@ class LiftBasins:
     """Basins of one lift."""
 
     summary: pd.DataFrame
-    """One row per COM, plane, method and convention; columns `COLUMNS`."""
+    """One row per COM, plane, method and convention; columns of ``boa.csv``."""
     funnels: pd.DataFrame
     """Every funnel, knot by knot; columns `FUNNEL_COLUMNS`."""
     failures: list[Failure]
@@ -176,7 +121,7 @@ def basins_of_lift(
                 result = METHODS[method](loops, settings)
                 rows += basin_rows(some, loops, result, settings, seed, gravity)
                 frames.append(_funnel_frame(wording, some, gravity, result.funnels, settings.pendulum))
-    summary = pd.DataFrame(rows, columns=list(COLUMNS)).astype(DTYPES)
+    summary = pd.DataFrame(rows, columns=boa_columns()).astype(DTYPES)
     empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
     return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
 
@@ -190,7 +135,7 @@ def basin_rows(
     sign: str,
     saturation: Saturation = UNSATURATED,
 ) -> list[dict]:
-    """Check the basins of one method and return a row of `COLUMNS` per trajectory."""
+    """Check the basins of one method and return a row of ``boa.csv`` per trajectory."""
     first, funnels = trajectories[0], result.funnels
     name = f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}"
     stream = [seed, zlib.crc32((name if not saturation.active else f"{name} {saturation.of(0)}").encode())]
@@ -274,14 +219,14 @@ def _funnel_frame(
     return pd.concat(frames, ignore_index=True)
 
 
-AREA_HEADERS = {
-    "mean_area": "Average section (rad²/s)",
-    "initial_area": "Section at t = 0 (rad²/s)",
-    "minimum_area": "Smallest section (rad²/s)",
-    "final_area": "Goal set (rad²/s)",
-    "liouville_area": "Bound by Liouville (rad²/s)",
-}
-"""Words over the columns of areas."""
+def boa_columns() -> list[str]:
+    """Columns of ``boa.csv``; a cell is empty where a check belongs to another method or was not chosen."""
+    return columns_of(__file__, "basin_areas")
+
+
+def method_words() -> dict[str, str]:
+    """What stands in the definition of the methods: how many digits the thesis's has."""
+    return {"resolution": ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())}
 
 
 def as_counts(column: pd.Series):
@@ -319,19 +264,16 @@ def columns_not_chosen(checks: Iterable[str]) -> set[str]:
 def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
     """Return the areas of all basins and their checks as a published table, without the columns of checks not chosen."""
     left_out = columns_not_chosen(settings.checks)
-    shown = [name for name in COLUMNS if name not in left_out]
-    optional = set(chain.from_iterable(CHECK_COLUMNS.values()))
+    shown = [name for name in boa_columns() if name not in left_out]
     frame = boa[shown].assign(**{name: as_counts(boa[name]) for name in DTYPES if name in shown})
     drawn = (frame["method"] == "exact") & (frame["sign"] == settings.pendulum.sign)
     drawn &= (frame["time"] == settings.pendulum.time) & (frame["mass"] == settings.pendulum.mass)
-    return Table(
-        title="Areas of all basins of attraction, and what was checked of each.",
-        frame=frame,
-        definitions=COLUMNS,
-        data=data,
+    return described(
+        __file__,
+        "basin_areas",
+        frame,
+        data,
+        method_words(),
         notes=(*_shares(boa), checks_note(settings)),
-        may_be_empty=frozenset({*optional, *REACHES}),
-        headers=AREA_HEADERS,
-        first=("subject", "box_mass_kg", "com", "plane", "duration_s", *list(AREA_HEADERS)[:4]),
         first_rows=tuple(drawn.to_numpy().nonzero()[0]),
     )

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.stability.basins import AREA_HEADERS, as_counts, basin_rows, columns_not_chosen
-from lumbar.lifting.stability.basins import COLUMNS as BASIN_COLUMNS
+from lumbar.lifting.stability.basins import as_counts, basin_rows, columns_not_chosen, method_words
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, reference_of
@@ -24,38 +23,13 @@ from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
 from lumbar.lifting.stability.model.failures import TORQUE_LIMITED, attempts
 from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from lumbar.settings.stability import StabilitySettings
-
-_SHARED = (
-    "initial_area",
-    "simulated_starts",
-    "exits",
-    "control_exits",
-    "sos_margin_difference",
-    "sos_taylor_optimism",
-)
-COLUMNS = {
-    **{name: BASIN_COLUMNS[name] for name in ("subject", "box_mass_kg", "com", "plane")},
-    "loop": "torque_limited: u within what foot or hips allow; uncertain_mass: the mass is anything within the stated "
-    "interval, while feedforward and feedback were computed for its middle; better_v: the nominal loop with the "
-    "best V of the family",
-    "method": BASIN_COLUMNS["method"],
-    "sign": BASIN_COLUMNS["sign"],
-    "mean_area": BASIN_COLUMNS["mean_area"],
-    "area_ratio": "mean_area divided by that of the nominal loop with V the Riccati solution (exact method)",
-    "lowest_torque_N_m": "torque_limited: smallest torque allowed, feedforward counted",
-    "highest_torque_N_m": "torque_limited: largest torque allowed, feedforward counted",
-    "binds": "torque_limited: whether a torque beyond the limits is asked for inside the nominal basin; where not, the limit "
-    "changes nothing and the basin is the nominal one",
-    "best_share": "λ of the best V: −Ṡ = A_cᵀS + SA_c + λ(Q + KᵀRK), S(T) = Qf; λ = 1 is the Riccati solution",
-    **{name: BASIN_COLUMNS[name] for name in _SHARED},
-}
-"""Columns of ``extended.csv`` with their definitions; a cell is empty where a check belongs to another method."""
 
 COUNTS = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
 
@@ -96,7 +70,7 @@ def extended_basins(
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Compute the extended basins of one lift; of no trajectories the table without rows.
 
-    The table has one row per trajectory, loop, method and sign, columns `COLUMNS`; basins that could not be computed
+    The table has one row per trajectory, loop, method and sign, columns of ``extended.csv``; basins that could not be computed
     have no row and are the failures.
     """
     import pandas as pd
@@ -116,7 +90,7 @@ def extended_basins(
             for attempt in attempts(trajectories, f"{name}, {method}, {sign}", failures):
                 with attempt as some:
                     rows += compute(method, nominal, some)
-    return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COUNTS), failures
+    return pd.DataFrame(rows, columns=columns_of(__file__, "extended_basins")).astype(COUNTS), failures
 
 
 class NominalLoops:
@@ -158,7 +132,7 @@ def limited_rows(method: str, nominal: NominalLoops, trajectories: list[Trajecto
 def extended_rows(
     name: str, method: str, nominal: NominalLoops, trajectories: list[Trajectory]
 ) -> list[dict]:
-    """Compute and check the basins of some trajectories in one of the extended loops: a row of `COLUMNS` each."""
+    """Compute and check the basins of some trajectories in one of the extended loops: a row of ``extended.csv`` each."""
     loops, funnels = nominal.of(trajectories)
     settings, saturation = nominal.settings, UNSATURATED
     if name == TORQUE_LIMITED:
@@ -208,41 +182,20 @@ def settings_of_limits(settings: StabilitySettings) -> StabilitySettings:
 
 def extended_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
     """Return the extended basins of all lifts as a published table."""
-    limits, optional = settings.limits, set(_SHARED) - {"initial_area"}
     left_out = columns_not_chosen(settings_of_limits(settings).checks)
-    frame = frame[[name for name in COLUMNS if name not in left_out]]
+    frame = frame[[name for name in columns_of(__file__, "extended_basins") if name not in left_out]]
     shown = (frame["com"] == "abdomen") & (frame["method"] == "exact")
     shown &= frame["sign"] == settings.pendulum.sign
-    return Table(
-        title="Basins of attraction with limited torque, with an uncertain mass, and with a better V.",
-        frame=frame.assign(**{name: as_counts(frame[name]) for name in COUNTS if name in frame}),
-        definitions=COLUMNS,
-        data=data,
-        notes=(
-            f"Torques about the ankles: the centre of pressure under the pendulum's weight at most {limits.foot_ahead_m:g} m "
-            f"ahead, {limits.foot_behind_m:g} m behind and {limits.feet_half_width_m:g} m beside the pivot; about the "
-            f"hips at most {limits.hip_extension_N_m:g} N·m backward, {limits.hip_flexion_N_m:g} forward, "
-            f"{limits.hip_abduction_N_m:g} to a side",
-            _binding(frame),
-            "The true mass lies within "
-            f"±{100 * limits.mass_share:g} % of the nominal one, the pendulum's mass "
-            f"{settings.pendulum.mass.replace('_', ' ')}; λ tried: "
-            + ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
-        ),
-        may_be_empty=frozenset({*optional, "best_share", "lowest_torque_N_m", "highest_torque_N_m", "binds"}),
-        headers=AREA_HEADERS,
-        first=(
-            "subject",
-            "box_mass_kg",
-            "plane",
-            "loop",
-            "mean_area",
-            "area_ratio",
-            "best_share",
-            "initial_area",
-        ),
-        first_rows=tuple(shown.to_numpy().nonzero()[0]),
-    )
+    words = method_words() | {
+        "limits": settings.limits,
+        "binding": _binding(frame),
+        "uncertain": 100 * settings.limits.mass_share,
+        "mass": settings.pendulum.mass.replace("_", " "),
+        "shares": ", ".join(f"{share:g}" for share in settings.lyapunov_shares),
+    }
+    counted = frame.assign(**{name: as_counts(frame[name]) for name in COUNTS if name in frame})
+    first_rows = tuple(shown.to_numpy().nonzero()[0])
+    return described(__file__, "extended_basins", counted, data, words, first_rows=first_rows)
 
 
 def _binding(frame: pd.DataFrame) -> str:

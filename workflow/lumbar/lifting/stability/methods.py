@@ -43,7 +43,7 @@ class MethodResult:
 
     funnels: Funnels
     checks: dict[str, np.ndarray] = field(default_factory=dict)
-    """Shape (pendulums,): by column of `basins.COLUMNS`."""
+    """Shape (pendulums,): by column of ``boa.csv``."""
     control: Funnels | None = None
     """Funnels that are too large on purpose, for the negative control of the Monte Carlo check."""
     resolution: dict[str, float] = field(default_factory=dict)

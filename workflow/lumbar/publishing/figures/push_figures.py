@@ -68,7 +68,7 @@ def push_figure(frame: pd.DataFrame, table: pd.DataFrame, told: Mapping) -> Figu
     frame : pandas.DataFrame
         Pushes, columns `lumbar.lifting.pushes.contest.COLUMNS`.
     table : pandas.DataFrame
-        Columns `lumbar.lifting.pushes.prediction.COLUMNS`.
+        Of `lumbar.lifting.pushes.prediction.prediction_frame`.
     told : mapping
         Log odds of `lumbar.lifting.pushes.prediction.chances`.
     """

@@ -9,6 +9,7 @@ from lumbar.publishing.reproduction.article_claims import identification_sentenc
 from lumbar.publishing.reproduction.claim import Claim, Results, examine, verdict
 from lumbar.publishing.reproduction.table_cells import table_3_1_claims, table_3_2_claims, table_4_1_claims
 from lumbar.settings.stability import GROUPS
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 
@@ -69,19 +70,6 @@ def examine_claims(claims: list[Claim], results: Results, synthetic: bool, data:
     return pd.DataFrame(rows)
 
 
-DEFINITIONS = {
-    "location": "Section or table of the thesis",
-    "statement": "What the thesis says",
-    "thesis_value": "The thesis's value",
-    "this_run": "This run's counterpart",
-    "verdict": (
-        "holds; does not hold; built into the data (agrees, but the synthetic data were made to show it); cannot be "
-        "tested on this data"
-    ),
-    "criterion": "When this run is said to agree",
-}
-
-
 def _shown(value) -> str:
     return (
         f"{value:.4g}"
@@ -94,15 +82,15 @@ def summary_table(claims: pd.DataFrame, data: str) -> Table:
     """Return the claims as a table: sentences first, then the cells of the published tables."""
     counts = claims.verdict.value_counts()
     notes = "; ".join(f"{verdict}: {counts[verdict]}" for verdict in counts.index)
-    frame = claims[list(DEFINITIONS)].astype(object).where(claims[list(DEFINITIONS)].notna(), None)
+    columns = columns_of(__file__, "claims")
+    frame = claims[columns].astype(object).where(claims[columns].notna(), None)
     for column in ("thesis_value", "this_run"):
         frame[column] = [_shown(value) if value is not None else "–" for value in frame[column]]
-    return Table(
-        title="Claims of the thesis against this run.",
-        frame=frame,
-        definitions=DEFINITIONS,
-        data=data,
-        notes=(f"{len(claims)} claims. {notes}",),
-        first=tuple(DEFINITIONS),
+    return described(
+        __file__,
+        "claims",
+        frame,
+        data,
+        {"count": len(claims), "verdicts": notes},
         first_rows=tuple((~claims.claim.str.startswith("table_")).to_numpy().nonzero()[0]),
     )

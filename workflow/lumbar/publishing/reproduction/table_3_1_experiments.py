@@ -22,6 +22,7 @@ from lumbar.publishing.reproduction.table_cells import (
 )
 from lumbar.records.record import Channel, Record
 from lumbar.settings.signals import AmplitudeSettings
+from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.identification.arx_search import (
     ArxCandidate,
@@ -87,23 +88,14 @@ def _equal_peaks_correlated(signals, tissue, reference):
     return _correlated(*_equal_peaks(signals, tissue, reference), reference)
 
 
-EXPERIMENTS: dict[str, tuple[str, Change]] = {
-    "noisier": ("with twice the noise's share of the variance", _noisier),
-    "correlated": (
-        f"with noise of the same power that is correlated over {_CORRELATION_S:g} s, not white",
-        _correlated,
-    ),
-    "equal_peaks": (
-        "with signals of equal peak, not equal root mean square, and noise of the same newtons on all records",
-        _equal_peaks,
-    ),
-    "delayed": ("with the force recorded one sample late", _delayed),
-    "equal_peaks_correlated": (
-        "with equal peaks and the same newtons of correlated noise",
-        _equal_peaks_correlated,
-    ),
+EXPERIMENTS: dict[str, Change] = {
+    "noisier": _noisier,
+    "correlated": _correlated,
+    "equal_peaks": _equal_peaks,
+    "delayed": _delayed,
+    "equal_peaks_correlated": _equal_peaks_correlated,
 }
-"""What is changed, in words and as a function, by the name of its column."""
+"""What is changed, by the name of its column, which says it in words."""
 
 
 def table_3_1_experiments(
@@ -126,7 +118,7 @@ def table_3_1_experiments(
     ours = here[here.estimator == "arx"]
     played, reference = _reference(settings, band)
     columns["here"] = _values(ours, {signal.name: len(signal.position) for signal in played})
-    for name, (_, change) in EXPERIMENTS.items():
+    for name, change in EXPERIMENTS.items():
         signals, tissue = change(settings.signals, settings.twin.tissue, reference)
         played = design_excitation(band, signals, settings.seed).signals
         columns[name] = dict(_identified(played, tissue, settings))
@@ -140,20 +132,17 @@ def table_3_1_experiments(
         row["closest"] = _closest(row)
     frame = pd.DataFrame(rows)
     shown = (frame.model == KB.name) | (frame.quantity == "order") & (frame.model == HO.name)
-    return Table(
-        title="Table 3.1 against the print: what would explain the differences.",
-        frame=frame,
-        definitions=_DEFINITIONS,
-        data=data,
+    return described(
+        __file__,
+        "table_3_1_experiments",
+        frame,
+        data,
+        {"mean_square": MEAN_SQUARE, "force": FORCE, "correlation_s": _CORRELATION_S},
         notes=(*_agreement(frame), *_bound_in_words(printed), _force_in_words(frame)),
-        may_be_empty=frozenset(("here", *EXPERIMENTS, "closest")),
-        headers={"equal_peaks_correlated": "Both"},
-        first=(*frame.columns[:5], *_FIRST, "closest"),
         first_rows=tuple(shown.to_numpy().nonzero()[0]),
     )
 
 
-_FIRST = ("noisier", "correlated", "equal_peaks", "equal_peaks_correlated")
 _QUANTITIES = (
     "order",
     "condition_number",
@@ -163,19 +152,6 @@ _QUANTITIES = (
     MEAN_SQUARE,
     FORCE,
 )
-_DEFINITIONS = {
-    "quantity": (
-        f"column of Table 3.1; {MEAN_SQUARE}: MRU with the mean in place of the sum of squares in Eq. 3.15, i.e. MRU over "
-        f"the root of the number of samples; {FORCE}: standard deviation of the force that follows from FIT and mean "
-        "residual of KB, residuals taken as Gaussian"
-    ),
-    "trained_on": "record the model was fitted to",
-    "model": "MW, KB and HO, by ridge ARX",
-    "as_printed": "the thesis",
-    "here": "Table 3.1 of this run",
-    **{name: f"the twin {words}" for name, (words, _) in EXPERIMENTS.items()},
-    "closest": "column nearest to the print: by difference for the order and %VAF, by ratio for others",
-}
 
 
 def _values(table: pd.DataFrame, samples: dict[str, int]) -> dict[tuple, float]:

@@ -25,6 +25,7 @@ from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
 from lumbar.records.markers import MarkerRecording
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -40,20 +41,6 @@ FEWEST_UNPERTURBED = 3
 FILL_OR_RAISE = "raise lifting.gaps.maximum_s, fill the gaps in the capture software, or leave the trial out"
 """What helps a trial with a gap: all of it is compared."""
 CONTROL_WEIGHT_FACTORS = (0.01, 0.1, 1.0, 10.0, 100.0)
-COLUMNS = {
-    "sign": "sign of gravity in Eq. 4.1: inverted, as a person stands, or hanging, as published",
-    "trial": "recording",
-    "group": "unperturbed or perturbed",
-    "duration_s": "duration of the recording",
-    "start_value": "V/ρ of the first state: at most 1 inside the basin",
-    "largest_value": "largest V/ρ",
-    "end_value": "V/ρ of the last state: at most 1 in the goal set",
-    "share_inside": "share of the movement inside the basin",
-    "departures": "how often the trial goes from inside to outside; without a push on the way an invariant set "
-    "is not left",
-    "largest_error_rad": "largest |θ − θ0| at equal phase",
-    "whole_inside": "whether every state lies inside",
-}
 
 
 @dataclass(frozen=True)
@@ -187,7 +174,7 @@ def compare_trials(
 ) -> pd.DataFrame:
     """Compare every trial with the funnel of the unperturbed mean, with both signs of gravity.
 
-    The table has one row per sign (the study's first) and trial, columns `COLUMNS`.
+    The table has one row per sign (the study's first) and trial, columns of the table.
 
     Raises
     ------
@@ -201,7 +188,7 @@ def compare_trials(
     for sign in signs_of(stability):
         values = values_of(trials, means, sign, stability)
         rows += [_row(sign, *one) for one in zip(trials, means, values, strict=True)]
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=columns_of(__file__, "perturbed_trials"))
 
 
 def signs_of(stability: StabilitySettings) -> list[str]:
@@ -283,13 +270,7 @@ def trials_table(
         f"{settings.centre_share:g} of the way from {' + '.join(settings.pivot)} to "
         f"{' + '.join(settings.top)}; the regulator is the study's, not the person's"
     )
-    return Table(
-        title="Trials and the basin of attraction of the unperturbed mean movement.",
-        frame=frame,
-        definitions=COLUMNS,
-        data=data,
-        notes=tuple(notes),
-    )
+    return described(__file__, "perturbed_trials", frame, data, notes=tuple(notes))
 
 
 def _by_weight(frame: pd.DataFrame, sign: str) -> str:

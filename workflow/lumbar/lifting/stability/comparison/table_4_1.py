@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lumbar.lifting.stability.basins import COLUMNS, decimals
+from lumbar.lifting.stability.basins import decimals
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
@@ -33,19 +33,16 @@ from lumbar.lifting.stability.comparison.tuning_criterion import tuned_weights
 from lumbar.lifting.stability.model.failures import TORQUE_LIMITED, failures_frame, join_rows
 from lumbar.lifting.stability.model.trajectories import OPTIONS, PLANES, THESIS, Convention
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import EVIDENCE, RESOLUTION
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.stability import StabilitySettings
-
 
 THESIS_DECIMALS = 1
 """Digits after the point that the thesis's engine has in a percentage: with areas of the digits they have
 (`eqs_4_5_to_4_7_alternation.RESOLUTION`) it may be off by some tenths."""
-
-_LABELS = {"lateral_bending": "Lateral", "flexion_extension": "Flexion"}
 
 
 def tables_4_1(
@@ -107,14 +104,20 @@ def _first_table(
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent")]
     frame = frame.astype(dict.fromkeys(numbers, float))
-    columns = _columns(settings)
+    shown = columns_of(__file__, "table_4_1")  # as the thesis pairs them; without check or remark no column
     if (frame["status"] == "computed").all():
-        columns["status"] = ("", columns["status"][1])
-    return Table(
-        title="Table 4.1: percent difference in average cross-sectional area of the basin of attraction.",
-        frame=frame,
-        definitions={name: definition for name, (_, definition) in columns.items()},
-        data=study.data,
+        shown.remove("status")
+    words = {
+        "comparison": comparison_definition(settings),
+        "thesis": THESIS,
+        "headline": headline_words(settings),
+    }
+    return described(
+        __file__,
+        "table_4_1",
+        frame,
+        study.data,
+        words,
         notes=(
             survival_sentence(grid),
             published_sentence(study.published),
@@ -122,41 +125,8 @@ def _first_table(
             regulator_sentence(settings),
             *_missing_notes(missing),
         ),
-        decimals=dict.fromkeys(numbers, 2)
-        | {f"{plane}_thesis_method_percent": THESIS_DECIMALS for plane in PLANES},
-        may_be_empty=frozenset(numbers),
-        headers={name: header for name, (header, _) in columns.items() if header},
+        first=tuple(name for name in shown if not name.endswith("thesis_method_percent")),
     )
-
-
-def _columns(settings: StabilitySettings) -> dict[str, tuple[str, str]]:
-    """Header, where it has one, and definition of every column."""
-    own = headline_words(settings)
-    kinds = {
-        "published_percent": ("published", "percent difference in {} as the thesis prints it"),
-        "percent": (
-            "thesis's wording",
-            f"the same in {{}} from this study's lifts in the thesis's wording ({THESIS}), exact method",
-        ),
-        "thesis_method_percent": (
-            "",
-            "as before in {} by the thesis's alternation (Eqs 4.5–4.7), which is no certificate; its areas, and so these "
-            "percentages, have no more digits",
-        ),
-        "headline_percent": (
-            own,
-            f"headline: the same in {{}}, {own}, about the study's pivot, exact method",
-        ),
-    }
-    columns = {
-        "comparison": ("Comparison", comparison_definition(settings)),
-        "com": ("Centre of mass", COLUMNS["com"]),
-    }
-    for plane, label in _LABELS.items():
-        for kind, (header, definition) in kinds.items():
-            header = f"{label}, {header} (%)" if header else ""
-            columns[f"{plane}_{kind}"] = header, definition.format(plane.replace("_", " "))
-    return columns | {"status": ("Status", "computed, or why the study cannot tell")}
 
 
 def published_sentence(published: pd.DataFrame) -> str:
@@ -220,37 +190,19 @@ def alternations_table(study: Study) -> Table:
             entry |= {f"{name}_percent": float(found[name][index][plane]) for name in ("exact", *columns)}
             rows.append(entry)
     frame = pd.DataFrame(rows)
-    numbers = [name for name in frame.columns if name.endswith("percent")]
-    return Table(
-        title="Table 4.1 by the thesis's method: one, two and four alternations.",
-        frame=frame[["comparison", "com", "plane", *_definitions(done)]],
-        definitions={
-            "comparison": comparison_definition(study.settings),
-            "com": COLUMNS["com"],
-            "plane": COLUMNS["plane"],
-            **_definitions(done),
-        },
-        data=study.data,
+    return described(
+        __file__,
+        "table_4_1_alternations",
+        frame[columns_of(__file__, "table_4_1_alternations")],
+        study.data,
+        {"comparison": comparison_definition(study.settings), "done": done},
         notes=(
             jumps_sentence(own),
             sizes_sentence(frame, done),
             alternations_sentence(frame, done),
             *([digits_sentence(own)] if len(own) else []),
         ),
-        decimals=dict.fromkeys(numbers, DECIMALS) | {"published_percent": 2},
-        may_be_empty=frozenset(numbers),
     )
-
-
-def _definitions(done: int) -> dict[str, str]:
-    after = "percent difference by the thesis's alternation (Eqs 4.5–4.7) in the thesis's wording, after "
-    return {
-        "published_percent": "percent difference as the thesis prints it",
-        "exact_percent": "percent difference in the thesis's wording by the exact method",
-        "after_1_percent": f"{after}one: also that of any more without the knots at which ρ jumps",
-        "thesis_percent": f"{after}{done} (the thesis: 2)",
-        "after_4_percent": f"{after}four",
-    }
 
 
 def jumps_sentence(areas: pd.DataFrame) -> str:

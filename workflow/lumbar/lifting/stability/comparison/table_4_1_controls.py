@@ -15,7 +15,6 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.population.contrast import Interval, percent_interval
-from lumbar.lifting.stability.basins import COLUMNS
 from lumbar.lifting.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
@@ -39,6 +38,7 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, Failure, Trajectory, at_rest
 from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -181,59 +181,6 @@ def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, de
     return areas
 
 
-_COLUMNS = {
-    "comparison": ("Comparison", ""),
-    "com": ("Centre of mass", COLUMNS["com"]),
-    "plane": ("Plane", COLUMNS["plane"]),
-    "percent": ("Difference (%)", ""),
-    "null_percent": (
-        "Null control (%)",
-        "null control: the same with every trajectory replaced by θ0 = 0, so that only duration, mass and length are left",
-    ),
-    "movement_share": (
-        "Movement's share",
-        "(percent − null)/percent: the share that comes from the movement",
-    ),
-    "initial_percent": ("At t = 0 (%)", "the same of the cross-sections at t = 0"),
-    "minimum_percent": (
-        "Smallest section (%)",
-        "the same of the smallest cross-sections (the goal set's, equal for all, unless the basin narrows before the end)",
-    ),
-    "lowest_percent": ("Lowest (%)", "smallest under the changes named in the note"),
-    "highest_percent": ("Highest (%)", "largest under them"),
-    "grid_lowest_percent": (
-        "Lowest of the grid (%)",
-        "smallest over the grid's conventions that can express the comparison",
-    ),
-    "grid_highest_percent": ("Highest of the grid (%)", "largest over them"),
-    "criterion_percent": (
-        "By the criterion (%)",
-        "the headline with Q, R and Qf by the thesis's criterion: basins of the order of magnitude of the states (note)",
-    ),
-    "turned_by": ("Turned by", "choices that, made otherwise alone, turn the headline's sign"),
-    "thesis_percent": ("Thesis's wording (%)", ""),
-    "thesis_criterion_percent": (
-        "Thesis's, by the criterion (%)",
-        "the thesis's wording with Q, R and Qf by its criterion (note)",
-    ),
-    "thesis_turned_by": (
-        "Thesis's, turned by",
-        "choices that, made otherwise alone, turn the sign in the thesis's wording",
-    ),
-    "exponents": (
-        "",
-        "maximum Lyapunov exponents of the movements compared in 1/s, before and after, where trials repeat often enough; "
-        "otherwise how many there are",
-    ),
-    "verdict": (
-        "Verdict",
-        "whether the difference survives: same sign under every change and convention, and at least half of it not in the "
-        "null control",
-    ),
-}
-"""Header, where it has one, and definition of every column; three definitions are made of others."""
-
-
 def controls_table(
     study: Study,
     differences: dict[str, list[dict]],
@@ -280,32 +227,21 @@ def controls_table(
             rows.append(entry)
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
-    frame = frame.astype(dict.fromkeys(numbers, float))[list(_COLUMNS)]
-    own = {
-        "thesis_percent": f"percent difference in the thesis's wording ({THESIS}), exact method",
+    frame = frame.astype(dict.fromkeys(numbers, float))[columns_of(__file__, "table_4_1_controls")]
+    words = {
+        "thesis": THESIS,
         "comparison": comparison_definition(settings),
-        "percent": f"percent difference, headline ({headline_words(settings)})",
+        "headline": headline_words(settings),
+        "factor": settings.sensitivity_factor,
+        "body": 100 * BODY_MASS_SHARE,
     }
-    return Table(
-        title="Table 4.1, the headline's controls.",
-        frame=frame,
-        definitions={name: definition for name, (_, definition) in _COLUMNS.items()} | own,
-        data=study.data,
-        notes=(
-            _what_varies(settings),
-            change_sentence("the headline", changes["headline"]),
-            change_sentence("the thesis's wording", changes["thesis"]),
-            *(
-                _tuned_sentence(name, found, differences)
-                for name, found in tuned.items()
-                if found is not None
-            ),
-            regulator_sentence(settings),
-        ),
-        decimals=dict.fromkeys(numbers, 2),
-        may_be_empty=frozenset({*numbers, "turned_by", "thesis_turned_by"}),
-        headers={name: header for name, (header, _) in _COLUMNS.items() if header},
+    notes = (
+        change_sentence("the headline", changes["headline"]),
+        change_sentence("the thesis's wording", changes["thesis"]),
+        *(_tuned_sentence(name, found, differences) for name, found in tuned.items() if found is not None),
+        regulator_sentence(settings),
     )
+    return described(__file__, "table_4_1_controls", frame, study.data, words, notes=notes)
 
 
 def _turned_by(changes: pd.DataFrame) -> dict[tuple[str, ...], str]:
@@ -431,15 +367,4 @@ def _interval(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane
         *({person: values.to_numpy() for person, values in side} for side in sides),
         paired=before[0] == after[0],
         names=(after[0], before[0]),
-    )
-
-
-def _what_varies(settings: StabilitySettings) -> str:
-    factor = settings.sensitivity_factor
-    return (
-        f"Lowest and highest: one at a time, Q, R or b divided or multiplied by {factor:g}, everybody's body mass "
-        f"±{100 * BODY_MASS_SHARE:g} %, the box shared the other way (whole or by mass), the sine's Taylor polynomials of "
-        "degree 3, 5 and 7, and Q, R and Qf by the thesis's criterion. The grid varies sign, time, mass and pivot, and in the "
-        "thesis's wording and the headline each choice alone, ends of the segments and start of the deposit among them; neither "
-        "varies the segment table (see spread.csv of a lift) nor two things of this list at once"
     )

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.basins import COLUMNS as BASINS
 from lumbar.lifting.stability.comparison.percent_differences import LIGHTER_BOX, percent_differences
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
@@ -25,6 +24,7 @@ from lumbar.lifting.stability.model.trajectories import (
     conventions,
     headline,
 )
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
@@ -33,46 +33,17 @@ if TYPE_CHECKING:
     from lumbar.settings.stability import StabilitySettings
 
 CHOICES = tuple(OPTIONS)
+_CHOICES_IN_WORDS = ("gravity", "time", "mass", "pivot", "segment ends", "start of deposit")
 MOVEMENT_SHARE = 0.5
 """Share of a difference that must come from the movement, and not from duration, mass and length, for it to survive."""
 MOVEMENT = "movement"
 """Comparison of a lift with itself standing still."""
-COLUMNS = {
-    "comparison": (
-        "Comparison",
-        "what is compared, as in Table 4.1; movement_…: 100(A − A_still)/A_still, the lift against itself with θ0 = 0",
-    ),
-    "com": ("Centre of mass", BASINS["com"]),
-    "plane": ("Plane", BASINS["plane"]),
-    "sign": ("Gravity", BASINS["sign"]),
-    "time": ("Time", BASINS["time"]),
-    "mass": ("Mass", BASINS["mass"]),
-    "pivot": ("Pivot", BASINS["pivot"]),
-    "segment_ends": ("Segment ends", BASINS["segment_ends"]),
-    "deposit_start": ("Start of deposit", BASINS["deposit_start"]),
-    "percent": ("Difference (%)", "difference of the average cross-sections in percent, exact method"),
-    "null_percent": (
-        "Null control (%)",
-        "null control: the same with every trajectory replaced by θ0 = 0, in percent",
-    ),
-    "movement_points": (
-        "From the movement (points)",
-        "percent less null_percent: what comes from the movement, in percentage points",
-    ),
-    "movement_share": (
-        "Movement's share",
-        "(percent − null_percent)/percent: share of the difference that comes from the movement; above 1 or below 0 where "
-        "the null control has the other sign or is larger",
-    ),
-    "status": ("Status", "computed, or why there is no number"),
-}
-"""Header and definition of every column."""
 
 
 def grid_differences(grid: pd.DataFrame, groups: tuple[str, str]) -> pd.DataFrame:
     """Compare the areas of all lifts under every convention.
 
-    `grid` is ``grid.csv`` of all lifts with a column ``experience``. The result, columns `COLUMNS`, holds the
+    `grid` is ``grid.csv`` of all lifts with a column ``experience``. The result, columns of the table, holds the
     comparisons of Table 4.1, then every lift against itself standing still. `groups` are the labels of the people
     compared, the first with the second.
     """
@@ -104,7 +75,7 @@ def grid_differences(grid: pd.DataFrame, groups: tuple[str, str]) -> pd.DataFram
         }
         for item in grid.fillna({"reason": ""}).itertuples()
     ]
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=columns_of(__file__, "table_4_1_grid"))
 
 
 def _from_movement(percent: float | None, null: float | None) -> dict:
@@ -151,9 +122,9 @@ def single_changes(grid: pd.DataFrame, base: Convention) -> pd.DataFrame:
     )
     frames = []
     for convention, other in zip(base.neighbours, others, strict=True):
-        choice = next(name for name in CHOICES if getattr(convention, name) != getattr(base, name))
+        pairs = zip(_CHOICES_IN_WORDS, vars(convention).values(), vars(base).values(), strict=True)
         both = own.merge(other.rename(columns={"percent": "changed"}), on=names)
-        frames.append(both.assign(choice=COLUMNS[choice][0].lower()))
+        frames.append(both.assign(choice=next(words for words, value, kept in pairs if value != kept)))
     return pd.concat(frames, ignore_index=True)
 
 
@@ -219,33 +190,12 @@ def _name_differences(found: list[tuple], grid: pd.DataFrame) -> str:
 
 def grid_table(frame: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
     """Return the grid as a published table."""
-    numbers = ("percent", "null_percent", "movement_points", "movement_share")
-    weights = settings.grid
-    return Table(
-        title="Table 4.1 as a grid: sign of gravity, time, mass, pivot, segment ends and start of the deposit, each with its "
-        "null control.",
-        frame=frame,
-        definitions={name: definition for name, (_, definition) in COLUMNS.items()},
-        data=data,
-        notes=(
-            survival_sentence(frame),
-            "About a pivot that is not the study's own the control weight is another: "
-            f"R = {weights.mid_ankle_control_weight:g} about the ankles, {weights.hip_control_weight:g} about the hips",
-        ),
-        decimals=dict.fromkeys(numbers, 2),
-        may_be_empty=frozenset(numbers),
-        headers={name: header for name, (header, _) in COLUMNS.items()},
-    )
-
-
-AREA_COLUMNS = {name: BASINS[name] for name in ("subject", "box_mass_kg", "com", "plane", *CHOICES)}
-AREA_COLUMNS |= {name: BASINS[name] for name in ("mass_kg", "length_m", "duration_s", "mean_area")}
-AREA_COLUMNS |= {"null_area": "the same with θ0 = 0 throughout", "reason": "why there is no area"}
-"""Columns of ``grid.csv``; areas are empty where there is a reason."""
+    words = {"survival": survival_sentence(frame), "weights": settings.grid}
+    return described(__file__, "table_4_1_grid", frame, data, words)
 
 
 def grid_areas(lift: LiftStates, settings: StabilitySettings) -> pd.DataFrame:
-    """Compute the average cross-sections of one lift, a row per convention, COM and plane; columns `AREA_COLUMNS`.
+    """Compute the average cross-sections of one lift, a row per convention, COM and plane; columns of ``grid.csv``.
 
     Knots and weights are those of the settings' section ``grid``.
     """
@@ -258,13 +208,13 @@ def grid_areas(lift: LiftStates, settings: StabilitySettings) -> pd.DataFrame:
         here = [convention for convention in chosen if convention.pivot == pivot]
         about = settings if pivot == own.pivot else about_pivot(settings, pivot)
         rows += _rows_about({convention: lift.trajectories(convention) for convention in here}, about)
-    return pd.DataFrame(rows, columns=list(AREA_COLUMNS))
+    return pd.DataFrame(rows, columns=columns_of(__file__, "grid_areas"))
 
 
 def _rows_about(
     found: dict[Convention, tuple[list[Trajectory], list[Failure]]], settings: StabilitySettings
 ) -> list[dict]:
-    """Rows of `AREA_COLUMNS` of the conventions about one pivot."""
+    """Rows of ``grid.csv`` of the conventions about one pivot."""
     sound = {convention: items for convention, (items, _) in found.items()}
     missing = {convention: list(unsound) for convention, (_, unsound) in found.items()}
     items = [item for some in sound.values() for item in some]
@@ -289,7 +239,7 @@ def _rows_about(
 def _row(
     item: Trajectory | Failure, convention: Convention, mean_area: float = np.nan, null_area: float = np.nan
 ) -> dict:
-    row = {name: getattr(item, name, np.nan) for name in AREA_COLUMNS}
+    row = {name: getattr(item, name, np.nan) for name in columns_of(__file__, "grid_areas")}
     areas = {"mean_area": mean_area, "null_area": null_area, "reason": getattr(item, "reason", "")}
     return row | {"duration_s": getattr(item, "duration", np.nan), **vars(convention), **areas}
 

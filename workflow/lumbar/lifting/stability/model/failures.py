@@ -13,18 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.model.trajectories import WHOSE, Failure, Trajectory
+from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
+from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-COLUMNS = {
-    **WHOSE,
-    "basin": "what is missing: the method with its sign of gravity and its limits, a variant of Table 4.1, or all "
-    "basins of an unsound trajectory",
-    "reason": "why, what was found and what is allowed",
-}
 TORQUE_LIMITED = "torque_limited"
 """Loop whose torque is limited, in the column ``loop`` of extended basins; what is missing of it begins so."""
 
@@ -82,7 +77,7 @@ def failures_frame(failures: list[Failure]) -> pd.DataFrame:
     """Return failures as the rows of ``failures.csv``."""
     import pandas as pd
 
-    return pd.DataFrame([asdict(item) for item in failures], columns=list(COLUMNS))
+    return pd.DataFrame([asdict(item) for item in failures], columns=columns_of(__file__, "missing_basins"))
 
 
 def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
@@ -117,16 +112,15 @@ def announcement(path: str | os.PathLike) -> str:
 
 def failures_table(failures: pd.DataFrame, data: str) -> Table:
     """Return the basins that could not be computed as a published table; where none is missing, a row says so."""
-    none = failures.empty
+    none, no_rows = failures.empty, failures_frame([])
     if none:
-        row = dict.fromkeys(COLUMNS) | {"basin": "none", "reason": "every basin was computed"}
-        failures = failures_frame([]).astype(object)
-        failures.loc[0] = row
-    return Table(
-        title="Basins of attraction that could not be computed.",
-        frame=failures,
-        definitions=COLUMNS,
-        data=data,
+        failures = no_rows.astype(object)
+        failures.loc[0] = dict.fromkeys(no_rows) | {"basin": "none", "reason": "every basin was computed"}
+    return described(
+        __file__,
+        "missing_basins",
+        failures,
+        data,
         notes=("Every basin was computed" if none else "These basins are in no other table",),
-        may_be_empty=frozenset(COLUMNS) - {"basin", "reason"} if none else frozenset(),
+        may_be_empty=frozenset(no_rows) - {"basin", "reason"} if none else frozenset(),
     )

@@ -31,16 +31,6 @@ VELOCITY_TOLERANCE = 0.1
 """How far the integral of the angular velocity may stray from the angle, as a share of the angle's range."""
 
 
-WHOSE = {
-    "subject": "who lifted",
-    "experience": "experience of the lifter",
-    "box_mass_kg": "mass of the box in kg",
-    "com": "centre of mass taken for the pendulum's",
-    "plane": "plane onto which the trajectory is projected: lateral bending (xz) or flexion/extension (yz)",
-}
-"""Columns of every table of basins that say whose a basin is, with their definitions."""
-
-
 @dataclass(frozen=True)
 class Trajectory:
     """States of the pendulum of one COM, seen in one plane, while a box is deposited."""
@@ -165,7 +155,7 @@ NO_TRAJECTORY = "trajectory"
 
 @dataclass(frozen=True)
 class Failure:
-    """One basin that could not be computed; attributes as `COLUMNS`."""
+    """One basin that could not be computed; attributes as the columns of ``failures.csv``."""
 
     subject: str
     experience: str

@@ -200,9 +200,8 @@ def cross_check(
 ) -> tuple[pd.DataFrame, list[Failure]]:
     """Fill ``sos_cvxpy_difference`` of the rows with the method sum_of_squares.
 
-    `boa` holds the summaries of all lifts, columns `lumbar.lifting.stability.basins.COLUMNS`, `trajectories` the sound
-    ones of all lifts. Failures are the basins at which the two formulations do not agree, or one of them has no
-    optimum.
+    `boa` holds the summaries of all lifts, rows of ``boa.csv``, `trajectories` the sound ones of all lifts. Failures are
+    the basins at which the two formulations do not agree, or one of them has no optimum.
     """
     rows = boa["method"] == "sum_of_squares"
     if "cvxpy" not in settings.checks or not rows.any():
