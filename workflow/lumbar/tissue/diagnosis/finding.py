@@ -3,6 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+
+from lumbar.base.yaml_file import shipped_yaml
+from lumbar.records.record import Record
+
+_read = cache(shipped_yaml)
 
 
 @dataclass(frozen=True)
@@ -22,3 +29,15 @@ class Finding:
     def to_json(self) -> dict:
         """Return the entry of ``findings`` in ``diagnosis.json``."""
         return asdict(self)
+
+    @classmethod
+    def of(cls, kind: str, value: float, unit: str, record: str = "", **words) -> Finding:
+        """A finding with the sentence of its kind in ``findings.yaml``; `words` stand for what is in braces there."""
+        sentence = _read(Path(__file__).with_name("findings.yaml"))[kind]
+        return cls(kind, sentence.format(value=value, unit=unit, record=record, **words), value, unit, record)
+
+
+def found_in(record: Record, kind: str, value: float, unit: str, **words) -> Finding:
+    """A finding in one record's channels, whose quantities its sentence names."""
+    position, force = (record.channels[role].quantity for role in ("input", "output"))
+    return Finding.of(kind, value, unit, record.name, position=position, force=force, **words)

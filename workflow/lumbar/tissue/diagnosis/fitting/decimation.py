@@ -1,7 +1,5 @@
 """Records at a rate, and of a length, that a search of many fits can afford."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -94,11 +92,7 @@ def _pick(records: list[Record]) -> tuple[list[Record], list[Finding]]:
             lower.append(record)
             continue
         lower.append(_part(record, slice(None, None, factor)))
-        sentence = (
-            f"Of {record.name} one sample in {factor} was used, {rate / factor:g} Hz of {rate:g} Hz, which its excitation "
-            "allows; noise floor and errors are those of these samples."
-        )
-        findings.append(Finding("decimated", sentence, rate / factor, "Hz", record.name))
+        findings.append(Finding.of("decimated", rate / factor, "Hz", record.name, factor=factor, rate=rate))
     return lower, findings
 
 
@@ -138,11 +132,8 @@ def _cut(records: list[Record]) -> tuple[list[Record], list[Finding]]:
             continue
         short = _part(record, slice(longest))
         cut.append(short)
-        sentence = (
-            f"Of {record.name} the first {short.duration:g} s of {record.duration:g} s were used: all records together hold "
-            f"more than {MOST} samples."
-        )
-        findings.append(Finding("shortened", sentence, short.duration, "s", record.name))
+        words = {"whole": record.duration, "most": MOST}
+        findings.append(Finding.of("shortened", short.duration, "s", record.name, **words))
     return cut, findings
 
 

@@ -6,8 +6,6 @@ and the output is the smoother one; of a wrong sign the integral alone is negati
 force over position tells.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
 
@@ -199,25 +197,15 @@ def _standard_errors(stretches: list[np.ndarray]) -> float:
 
 
 def _direction(experiment: Experiment, layout: ColumnLayout, reason: str, value: float) -> Finding:
-    sentence = (
-        f"Input and output seem to be exchanged: {reason}. A tissue's input is its motion and its output the force. If the "
-        "test was driven by the force (force in, motion out), say --forward, or put this into the study's YAML:\n"
-        f"{FORWARD}\n"
-        "If only the columns are the wrong way round, put this there instead:\n"
-        + _yaml(input=layout.columns["output"], output=layout.columns["input"])
-    )
-    return Finding("direction", sentence, value, "")
+    columns = _yaml(input=layout.columns["output"], output=layout.columns["input"])
+    return Finding.of("direction", value, "", reason=reason, forward=FORWARD, columns=columns)
 
 
 def _sign(experiment: Experiment, layout: ColumnLayout, reason: str, value: float) -> Finding:
     output = layout.columns["output"]
     flipped = replace(output, scale=-output.scale, offset=-output.offset or 0.0)
-    sentence = (
-        f"The sign of the {experiment.output_quantity} seems to be the other way: {reason}. Force counts positive along the "
-        "motion of the tool; if it is the force on the tool, put this into the study's YAML:\n"
-        + _yaml(output=flipped)
-    )
-    return Finding("sign", sentence, value, "")
+    words = {"force": experiment.output_quantity, "reason": reason, "columns": _yaml(output=flipped)}
+    return Finding.of("sign", value, "", **words)
 
 
 def _yaml(**columns: ColumnSettings) -> str:

@@ -1,7 +1,5 @@
 """What a diagnosis finds beside missing effects: zeros of the sensors, linear dynamics of higher order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,29 +27,12 @@ def offsets(found: Verdict) -> list[Finding]:
     unit, quantity = experiment.output_unit, experiment.output_quantity
     findings = []
     if fit.structure.base.contact:
-        findings.append(
-            Finding(
-                "surface",
-                f"The tool is not fastened to the tissue: it meets the surface at {experiment.surface:.4g} "
-                f"{experiment.input_unit}; depths are counted from there.",
-                experiment.surface,
-                experiment.input_unit,
-            )
-        )
+        findings.append(Finding.of("surface", experiment.surface, experiment.input_unit))
     low, high = zero_interval(fit, experiment.training)
     notable = _NOTABLE * float(np.ptp(experiment.training.force))
     if abs(fit.zero) > notable and (low > 0 or high < 0):
-        findings.append(
-            Finding(
-                "force_offset",
-                f"The zero of the {quantity} lies at {fit.zero:+.3g} {unit} (95 % interval {low:.3g} to {high:.3g}), or that of "
-                f"the {experiment.input_quantity} aside by as much as causes it; it was fitted with the model and "
-                "taken off.",
-                fit.zero,
-                unit,
-                experiment.training.name,
-            )
-        )
+        words = {"force": quantity, "low": low, "high": high, "position": experiment.input_quantity}
+        findings.append(Finding.of("force_offset", fit.zero, unit, experiment.training.name, **words))
     if experiment.own_zeros and fit.structure.base.sensor_zero:
         findings += _own_zeros(found)
     return findings
@@ -99,15 +80,9 @@ def apparent_zeros(found: Verdict) -> Finding:
     words = ", ".join(
         f"{item.name} {item.zero:+.3g} (begins at {item.begins:+.3g})" for item in _zeros(found)
     )
-    return Finding(
-        "apparent_zeros",
-        f"With a zero of its own for every record the error on unseen records would be {found.model.test_rms:.3g} {unit}: "
-        f"{words}, in {found.experiment.training.name} {zero:+.3g} {unit}. They do not begin there, so these may be no zeros of "
-        "the sensor: what the model lacks (a relaxation, a force that follows rate or amplitude) would look the same. All are "
-        "judged from one zero.",
-        zero,
-        unit,
-    )
+    training = found.experiment.training.name
+    error = found.model.test_rms
+    return Finding.of("apparent_zeros", zero, unit, error=error, zeros=words, training=training)
 
 
 def _own_zeros(found: Verdict) -> list[Finding]:
@@ -148,11 +123,6 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candid
         "rational": f"{order} poles" if order else "of spring, dashpot and mass alone",
         "delayed": f"{order} poles behind a delay",
     }[linear.fit.kind]
-    finding = Finding(
-        "higher_order_linear",
-        f"Linear dynamics ({words}) explain these records better than the effects selected: their "
-        f"error on unseen records is {linear.test_rms:.3g} {unit}, that of the refined model {model.test_rms:.3g} {unit}.",
-        float(order),
-        "1",
-    )
+    said = {"words": words, "error": linear.test_rms, "channel_unit": unit, "refined": model.test_rms}
+    finding = Finding.of("higher_order_linear", float(order), "1", **said)
     return linear, finding

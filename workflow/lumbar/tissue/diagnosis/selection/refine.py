@@ -1,7 +1,5 @@
 """Adding effects that the user names: base and effects refitted jointly, never worse than the base; the error ladder in words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import pairwise
@@ -176,13 +174,8 @@ def _added_in_turn(
 
 def not_converged(model: Candidate, experiment: Experiment) -> Finding:
     """Say that a base's parameters are no result; what it leaves can be looked at all the same."""
-    sentence = (
-        f"The fit of {model_name(model.fit)} to {experiment.training.name} did not converge: its parameters are where the "
-        "optimiser stopped and no result."
-    )
-    return Finding(
-        "not_converged", sentence, model.train_rms, experiment.output_unit, experiment.training.name
-    )
+    training, unit = experiment.training.name, experiment.output_unit
+    return Finding.of("not_converged", model.train_rms, unit, training, model=model_name(model.fit))
 
 
 def _with_channels(chosen: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:

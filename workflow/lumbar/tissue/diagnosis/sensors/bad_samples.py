@@ -1,13 +1,11 @@
 """Samples that are no measurement: missing rows, wild readings, values that are held, rows that were dropped unnoticed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.finding import Finding, found_in
 
 _RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
 """In the record's time scale."""
@@ -95,14 +93,8 @@ def find_gaps(record: Record) -> Repair | None:
     if not record.filled:
         return None
     count = len(record.filled)
-    finding = Finding(
-        "gap",
-        f"{record.name}: {count} row{'s are' if count > 1 else ' is'} missing, the first at "
-        f"{record.time[record.filled[0]]:.4g} s; filled in from beside: look for rows lost while recording",
-        count,
-        "samples",
-        record.name,
-    )
+    rows, first = f"row{'s are' if count > 1 else ' is'}", record.time[record.filled[0]]
+    finding = found_in(record, "gap", count, "samples", rows=rows, first=first)
     return Repair(record, (finding,))
 
 
@@ -125,16 +117,15 @@ def find_wild(record: Record) -> Repair | None:
         return None
     channel, count = record.channels["output"], len(alone)
     worst = float(force[alone][np.argmax(np.abs(force[alone]))])
-    are = "samples of the {} stand" if count > 1 else "sample of the {} stands"
-    finding = Finding(
-        "wild_samples",
-        f"{record.name}: {count} single {are.format(channel.quantity)} outside the range of all others, the first at "
-        f"{record.time[alone[0]]:.4g} s, the largest {worst:.3g} {channel.unit}; replaced from beside: look for a "
-        "loose contact, or for readings that were lost on the way",
-        count,
-        "samples",
-        record.name,
-    )
+    words = {
+        "samples": f"samples of the {channel.quantity} stand"
+        if count > 1
+        else f"sample of the {channel.quantity} stands",
+        "first": record.time[alone[0]],
+        "worst": worst,
+        "channel_unit": channel.unit,
+    }
+    finding = found_in(record, "wild_samples", count, "samples", **words)
     repaired = force.copy()
     repaired[alone] = 0.5 * (force[alone - 1] + force[alone + 1])
     return Repair(record.with_values(output=repaired), (finding,))
@@ -152,15 +143,12 @@ def find_held(record: Record, role: str) -> Repair | None:
     from scipy.interpolate import make_interp_spline
 
     samples, runs = found
-    finding = Finding(
-        "held_samples",
-        f"{record.name}: the {record.channels[role].quantity} is held over {len(samples)} samples in {runs} places, the first at "
-        f"{record.time[samples[0]]:.4g} s, while it moves; they are filled in from beside: look for a sensor that "
-        "is read too often, or for lost messages",
-        len(samples),
-        "samples",
-        record.name,
-    )
+    words = {
+        "quantity": record.channels[role].quantity,
+        "runs": runs,
+        "first": record.time[samples[0]],
+    }
+    finding = found_in(record, "held_samples", len(samples), "samples", **words)
     known = linear_response(record, samples) if role == "output" else np.zeros(len(record))
     values = record[role].copy()
     kept = np.setdiff1d(np.arange(len(record)), samples)
@@ -294,15 +282,12 @@ def _insert(record: Record, places: np.ndarray, missing: np.ndarray) -> Repair:
     from scipy.interpolate import make_interp_spline
 
     count = int(missing.sum())
-    finding = Finding(
-        "dropped_samples",
-        f"{record.name}: the motion jumps in {len(places)} place{'s' * (len(places) > 1)} by the travel of "
-        f"{count} sample{'s' * (count > 1)}, first after {record.time[places[0]]:.4g} s: rows were lost though the "
-        "clock goes on; they are put back in from beside: record time stamps where the samples are taken",
-        count,
-        "samples",
-        record.name,
-    )
+    words = {
+        "places": f"{len(places)} place{'s' * (len(places) > 1)}",
+        "samples": f"{count} sample{'s' * (count > 1)}",
+        "first": record.time[places[0]],
+    }
+    finding = found_in(record, "dropped_samples", count, "samples", **words)
     late = np.zeros(len(record), dtype=int)
     late[places + 1] = missing
     measured = np.arange(len(record)) + np.cumsum(late)

@@ -8,14 +8,12 @@ twice: it makes the mass come out too small, by its share of the acceleration's 
 frequency on at which the force follows less than half of the acceleration, the position is taken for noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.finding import found_in
 from lumbar.tissue.diagnosis.sensors.bad_samples import Repair
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.spectrum import spectral_edge
@@ -185,55 +183,21 @@ def find_roughness(record: Record) -> Repair | None:
     if found is None:
         return None
     smooth = record.with_values(input=found.smooth)
-    step = _quantisation(record["input"], found.moves)
+    step, channel = _quantisation(record["input"], found.moves), record.channels["input"]
     if step:  # what is left of a staircase grows with speed as what jitter does
-        return Repair(smooth, (_step_finding(record, found, step),))
+        finding = found_in(record, "quantisation", step, channel.unit, edge=found.edge)
+        return Repair(smooth, (finding,))
     if found.noise > 0 and _is_motion(found, record):
         return None
-    noise = (_noise_finding(record, found),) if found.noise > 0 else ()
+    findings = []
+    if found.noise > 0:
+        findings.append(found_in(record, "position_noise", found.noise, channel.unit, edge=found.edge))
     if found.jitter > 0:
-        return Repair(_without_jitter(smooth, found), (*noise, _jitter_finding(record, found)))
-    return Repair(smooth, noise) if noise else None
-
-
-def _noise_finding(record: Record, found: Roughness) -> Finding:
-    channel = record.channels["input"]
-    return Finding(
-        "position_noise",
-        f"{record.name}: the {channel.quantity} carries noise of {found.noise:.2g} {channel.unit} RMS, which the "
-        f"{record.channels['output'].quantity} does not follow; what lies above {found.edge:.3g} Hz is taken "
-        "off before fitting: a quieter sensor, or a filter before it, would do better",
-        found.noise,
-        channel.unit,
-        record.name,
-    )
-
-
-def _step_finding(record: Record, found: Roughness, step: float) -> Finding:
-    channel = record.channels["input"]
-    return Finding(
-        "quantisation",
-        f"{record.name}: the {channel.quantity} is read in steps of {step:.3g} {channel.unit}; what lies above "
-        f"{found.edge:.3g} Hz is taken off before fitting: use the sensor's full resolution",
-        step,
-        channel.unit,
-        record.name,
-    )
-
-
-def _jitter_finding(record: Record, found: Roughness) -> Finding:
-    milliseconds = 1e3 * found.jitter
-    moved = found.jitter * float(np.sqrt(np.mean(found.speed**2)))
-    channel = record.channels["input"]
-    return Finding(
-        "jitter",
-        f"{record.name}: samples are taken {milliseconds:.2g} ms RMS beside their times: the {channel.quantity} is off in "
-        f"proportion to speed, by {moved:.2g} {channel.unit} RMS; what lies above {found.edge:.3g} Hz is taken off before "
-        "fitting: let a hardware clock start the samples, or record their times",
-        milliseconds,
-        "ms",
-        record.name,
-    )
+        moved = found.jitter * float(np.sqrt(np.mean(found.speed**2)))
+        words = {"moved": moved, "channel_unit": channel.unit, "edge": found.edge}
+        findings.append(found_in(record, "jitter", 1e3 * found.jitter, "ms", **words))
+        smooth = _without_jitter(smooth, found)
+    return Repair(smooth, tuple(findings)) if findings else None
 
 
 def _without_jitter(record: Record, found: Roughness) -> Record:
@@ -403,16 +367,7 @@ def find_rough_acceleration(record: Record) -> Repair | None:
     share = float(power[frequency > edge].sum() / power.sum())
     if share <= _ROUGH_SHARE:
         return None
-    channel = record.channels["input"]
-    finding = Finding(
-        "rough_acceleration",
-        f"{record.name}: {100 * share:.2g} % of the power of the {channel.quantity}'s second derivative lies above "
-        f"{edge:.3g} Hz, where the {record.channels['output'].quantity} does not follow it: noise, which would make a "
-        "mass come out too small by as much; it is taken off before fitting",
-        edge,
-        "Hz",
-        record.name,
-    )
+    finding = found_in(record, "rough_acceleration", edge, "Hz", percent=100 * share)
     position, step = record["input"], record.sampling_time
     rough = position - within_band(position, step, edge)
     from_end = np.minimum(np.arange(len(position)), np.arange(len(position))[::-1])

@@ -1,7 +1,5 @@
 """What is wrong with a record's sensors, and with its clock, which runs ahead by ever more; and the record repaired."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from itertools import combinations
@@ -9,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.finding import Finding, found_in
 from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
 from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, Folding, find_period, fold_periods
 from lumbar.tissue.diagnosis.sensors.bad_samples import (
@@ -54,17 +52,13 @@ def find_skew(record: Record) -> Repair | None:
     if found is None:
         return None
     rate, error = found
-    force, position = (record.channels[role].quantity for role in ("output", "input"))
-    moved = 1e3 * abs(rate) * record.duration
-    finding = Finding(
-        CLOCK_SKEW,
-        f"{record.name}: the {force} {'falls behind' if rate > 0 else 'runs ahead of'} the {position} by "
-        f"{1e6 * abs(rate):.3g} ± {2e6 * error:.2g} ppm, {moved:.2g} ms over the record: their clocks differ; the "
-        f"{force} is put on the clock of the {position} before fitting: sample both channels with one clock",
-        1e6 * rate,
-        "ppm",
-        record.name,
-    )
+    words = {
+        "runs": "falls behind" if rate > 0 else "runs ahead of",
+        "size": 1e6 * abs(rate),
+        "error": 2e6 * error,
+        "moved": 1e3 * abs(rate) * record.duration,
+    }
+    finding = found_in(record, CLOCK_SKEW, 1e6 * rate, "ppm", **words)
     return Repair(record.with_values(output=shift_times(record["output"], rate)), (finding,))
 
 
