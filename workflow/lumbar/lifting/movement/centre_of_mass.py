@@ -1,14 +1,16 @@
 """Trunk segments, their published parameters, and centres of mass: of segments, with and without the box, and of the body."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from math import hypot, nan
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.movement.carried_object import carried_object
 from lumbar.lifting.movement.events import Event, held_frames
 from lumbar.lifting.movement.joint_centres import MID_HIP, TrunkPoints, unit
@@ -92,71 +94,31 @@ class SegmentTable:
         return next((segment.proximal, segment.distal) for segment in self.segments if segment.name == name)
 
 
-WINTER = SegmentTable(
-    "winter",
-    (
-        Segment("thorax", "C7T1", "T12L1", 0.216, 0.82),
-        Segment("abdomen", "T12L1", "L4L5", 0.139, 0.44),
-        Segment("pelvis", "L4L5", MID_HIP, 0.142, 0.105),
-    ),
-    "Winter, Biomechanics and Motor Control of Human Movement, 4th ed. (2009), Table 4.1, after Dempster "
-    "(1955): "
-    "thorax C7/T1-T12/L1, abdomen T12/L1-L4/L5, pelvis L4/L5-greater trochanter",
-)
-
-_DE_LEVA_SOURCE = (
-    "de Leva, J. Biomech. 29 (1996) 1223-1230, Table 4 ({sex}): upper trunk cervicale-xiphion, middle trunk "
-    "xiphion-omphalion, lower trunk omphalion-mid-hip. Adapted: C7/T1 stands for the level of the cervicale, and "
-    "L4/L5 for the navel (omphalion), which carries no marker and lies at about its level. Its segments end at other "
-    "heights than Winter's: compare the trunk's centre, not segments"
-)
-
-
-def _de_leva(sex: str, masses: tuple[float, ...], coms: tuple[float, ...]) -> SegmentTable:
-    ends = (("C7T1", "XIPHOID_LEVEL"), ("XIPHOID_LEVEL", "L4L5"), ("L4L5", MID_HIP))
+def _published(name: str, said: Mapping, sex: str) -> SegmentTable:
+    """A table of ``segments.yaml`` for one sex, or for both."""
+    own = said[sex]
+    centres = _on_lines(own["centre"], own["pelvis_line"]) if "pelvis_line" in own else own["centre"]
+    shares = [centre if isinstance(centre, tuple) else (centre, 0.0) for centre in centres]
     segments = tuple(
-        Segment(name, *end, mass, com) for name, end, mass, com in zip(COMS, ends, masses, coms, strict=True)
+        Segment(com, *ends, mass, *share)
+        for com, ends, mass, share in zip(COMS, pairwise(said["ends"]), own["mass"], shares, strict=True)
     )
-    return SegmentTable(f"de_leva_{sex}", segments, _DE_LEVA_SOURCE.format(sex=sex))
+    return SegmentTable(name if sex == "both" else f"{name}_{sex}", segments, said["source"].format(sex=sex))
 
 
-DE_LEVA = {
-    "male": _de_leva("male", (0.1596, 0.1633, 0.1117), (0.5066, 0.4502, 0.6115)),
-    "female": _de_leva("female", (0.1545, 0.1465, 0.1247), (0.5050, 0.4512, 0.4920)),
-}
-
-
-_DUMAS_SOURCE = (
-    "Dumas and Wojtusch, Handbook of Human Motion (2018), Table 1 ({sex}), after McConville et al. and Young et al.: "
-    "thorax C7/T1-T12/L1, abdomen T12/L1-L5/S1, pelvis L5/S1-hips. Adapted: the pelvis's centre, published in the axes "
-    "of ASIS and PSIS, is taken along and ahead of the line L5/S1-hips, as both lie in the regressions it comes with"
-)
-
-
-def _dumas(sex: str, masses, coms, pelvis_line: tuple[float, float]) -> SegmentTable:
-    """Table from centres (forward, up; shares of the length); the pelvis's line in its own axes, any unit."""
-    ends = (("C7T1", "T12L1"), ("T12L1", "L5S1"), ("L5S1", MID_HIP))
+def _on_lines(centres, pelvis_line: tuple[float, float]) -> list[tuple[float, float]]:
+    """Centres (forward, up; shares of the length) as shares along and ahead of their segments' lines."""
     (forward, up), length = pelvis_line, hypot(*pelvis_line)
-    x, y = coms[2]
-    along = (x * forward + y * up) / length
-    ahead = (y * forward - x * up) / length
-    shares = [(-coms[0][1], coms[0][0]), (-coms[1][1], coms[1][0]), (along, ahead)]
-    segments = tuple(
-        Segment(name, *end, mass, *share)
-        for name, end, mass, share in zip(COMS, ends, masses, shares, strict=True)
-    )
-    return SegmentTable(f"dumas_{sex}", segments, _DUMAS_SOURCE.format(sex=sex))
+    thorax, abdomen, (x, y) = centres
+    pelvis = (x * forward + y * up) / length, (y * forward - x * up) / length
+    return [(-thorax[1], thorax[0]), (-abdomen[1], abdomen[0]), pelvis]
 
 
-DUMAS = {
-    "male": _dumas(
-        "male", (0.304, 0.029, 0.142), ((0.0, -0.555), (0.176, -0.361), (-0.002, -0.282)), (0.240, -0.338)
-    ),
-    "female": _dumas(
-        "female", (0.263, 0.041, 0.147), ((0.015, -0.542), (0.219, -0.410), (-0.072, -0.228)), (0.201, -0.385)
-    ),
+_TABLES = {
+    name: {sex: _published(name, said, sex) for sex in ("both", "male", "female") if sex in said}
+    for name, said in shipped_yaml(Path(__file__).with_name("segments.yaml")).items()
 }
-_BY_SEX = {"de_leva": DE_LEVA, "dumas": DUMAS}
+WINTER, DUMAS = _TABLES["winter"]["both"], _TABLES["dumas"]
 
 
 def segment_table(name: str, sex: str) -> SegmentTable:
@@ -164,29 +126,27 @@ def segment_table(name: str, sex: str) -> SegmentTable:
 
     De Leva's and Dumas's parameters differ between the sexes, Winter's do not.
     """
-    if name == "winter":
-        return WINTER
-    if name not in _BY_SEX:
-        raise InputError(f"lifting.segments is {name!r}; allowed: winter, de_leva, dumas")
-    tables = _BY_SEX[name]
-    if sex not in tables:
+    if name not in _TABLES:
+        raise InputError(f"lifting.segments is {name!r}; allowed: {', '.join(_TABLES)}")
+    tables = _TABLES[name]
+    if "both" not in tables and sex not in tables:
         raise InputError(
             f"lifting.segments is {name}, whose parameters differ between the sexes, but subject.sex is "
             f"{sex!r}; "
             "set female or male, or choose winter"
         )
-    return tables[sex]
+    return tables.get("both") or tables[sex]
 
 
 def all_tables(sex: str) -> tuple[SegmentTable, ...]:
     """Return every table that suits a sex; both of each where it is not known."""
-    of_sex = [
+    known = {"male", "female"} & {sex}
+    return tuple(
         table
-        for tables in _BY_SEX.values()
+        for tables in _TABLES.values()
         for name, table in tables.items()
-        if sex not in tables or name == sex
-    ]
-    return (WINTER, *of_sex)
+        if name == "both" or not known or name in known
+    )
 
 
 @dataclass(frozen=True)
