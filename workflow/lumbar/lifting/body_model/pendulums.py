@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.lifting.body_model.build import at_nodes, build, measured_markers
 from lumbar.lifting.body_model.fit import BodyFit, fit, model_points, model_recording
@@ -31,8 +32,6 @@ from lumbar.records.markers import read_markers
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.lifting import BodyModelSettings, LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
 
@@ -128,8 +127,6 @@ def basin_intervals(
     is. The interval is one of the area where there is a basin; area and interval are NaN where the most probable pendulum has
     none. `sign` is that of gravity, hanging or inverted.
     """
-    import pandas as pd
-
     best = {
         key: _trajectory(pendulums.states, pendulums, key, settings.pendulum.mass, pivot)
         for key in pendulums.states
@@ -196,8 +193,6 @@ class ModelledLift:
 
     def states_frame(self) -> pd.DataFrame:
         """Pendulum states with standard deviations, one row per centre of mass, plane and instant."""
-        import pandas as pd
-
         frames = [pd.DataFrame(columns=list(STATE_COLUMNS))]
         for (com, plane), states in self.pendulums.states.items():
             sd = self.pendulums.sd(com, plane)
@@ -211,8 +206,6 @@ class ModelledLift:
 
     def markers_frame(self) -> pd.DataFrame:
         """What the model made of every marker: its noise, how long it stays, and the share of its frames left out."""
-        import pandas as pd
-
         rows = []
         for measurement in self.fit.model.measurements:
             if measurement.observed is None:

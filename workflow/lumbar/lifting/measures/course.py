@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.measures.back_load import (
@@ -42,8 +43,6 @@ from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, 
 from lumbar.lifting.movement.pendulum_states import PLANES
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.stability import MeasureSettings
 
 CORNERS = 8
@@ -121,8 +120,6 @@ class Lifter:
 
 def course_of_lift(lifter: Lifter) -> Course:
     """Compute all measures at every instant; what the recording does not allow is left out with its reason."""
-    import pandas as pd
-
     columns: dict[str, np.ndarray] = {
         "time_s": lifter.time,
         **{name: lifter.body[name].to_numpy() for name in ("phase", "load_held")},

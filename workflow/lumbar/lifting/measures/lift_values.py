@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.files import write_csv, write_text
 from lumbar.lifting.measures.registry import (
@@ -27,8 +28,6 @@ from lumbar.tables.layout import value_in_words
 from lumbar.tables.table import SYNTHETIC_TWIN, Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.lifting.measures.course import Course
 
 COLUMNS = (
@@ -45,8 +44,6 @@ def values_of_lift(course: Course, facts: Mapping) -> pd.DataFrame:
     `facts` are those of `lumbar.lifting.measures.course.Lifter`, with ``start_s, stop_s`` of the deposit and ``no_deposit``, why
     there is none.
     """
-    import pandas as pd
-
     rows = []
     for measure in MEASURES.values():
         for plane, column in measure.columns.items():
@@ -99,8 +96,6 @@ def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[st
 
     Each lift is its `values_of_lift` and its facts (``lift, subject, box_mass_kg``); `labels` are groups by person.
     """
-    import pandas as pd
-
     trials: Counter = Counter()
     frames = []
     for values, facts in lifts:
@@ -128,8 +123,6 @@ SENSITIVITY = "Synthetic lifters show that the measures see movement; whether wh
 
 def measures_page(values: pd.DataFrame, data: str) -> Table:
     """Tabulate the mean of every measure over the lifts of a group with one box, from the values of `long_table`."""
-    import pandas as pd
-
     cells = values.assign(column=values["group"] + " " + values["box_mass_kg"].map("{:g} kg".format))
     names = list(dict.fromkeys(cells["column"]))
     means = cells.groupby(["measure", "plane", "column"])["value"].mean()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.lifting.movement.centre_of_mass import SegmentTable, all_tables, segment_centres, trunk_centre
@@ -26,8 +27,6 @@ from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.lifting.movement.lift import AnalysedLift
     from lumbar.settings.lifting import FilterSettings, LiftingSettings
     from lumbar.settings.subject import SubjectSettings
@@ -67,8 +66,6 @@ def model_spread(lift: AnalysedLift, subject: SubjectSettings, settings: Lifting
     abdomen and pelvis, without the box, from the start of the deposit to the release, or over the whole recording where
     there is no deposit. One row per choice, columns those of ``spread.csv``.
     """
-    import pandas as pd
-
     own = _Choice("result", lift.recording, lift.table, settings.segment_ends, settings.hip_centres)
     frames, rows = _frames(lift), []
     try:
@@ -212,8 +209,6 @@ def spread_table(spreads: Sequence[pd.DataFrame], facts: Sequence[Mapping], data
 
     There is one table of `model_spread` per lift, and beside it the facts of its ``pendulum.json``.
     """
-    import pandas as pd
-
     from lumbar.lifting.movement.plate_check import PlateCheck
 
     rows = [frame.assign(lift=fact["lift"]) for frame, fact in zip(spreads, facts, strict=True)]

@@ -4,12 +4,11 @@ Groups are compared at the same box by a mixed-effects model with person as the 
 `variance_components`); two boxes are compared within the persons who lifted both.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.population.contrast import (
@@ -27,9 +26,6 @@ from lumbar.lifting.population.variance_components import (
     pair_up,
     variance_components,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NEEDED = ("person", "group", "box_mass_kg", "measure", "plane", "value")
 """Columns of a long table, one row per lift, measure and plane; ``unit`` and ``safer`` (higher or lower) may be there."""

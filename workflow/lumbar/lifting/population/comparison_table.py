@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.population.comparison import Comparison
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 def comparison_table(comparisons: Sequence[Comparison], data: str) -> Table:
     """Return what differs between groups and boxes."""
-    import pandas as pd
-
     frame = pd.DataFrame(
         [_row(item) for item in comparisons], columns=columns_of(__file__, "measure_comparison")
     )
@@ -93,8 +92,6 @@ def planning_table(comparisons: Sequence[Comparison], settings: PopulationSettin
     InputError
         A measure of ``population.detect`` that there is none of.
     """
-    import pandas as pd
-
     measures = sorted({item.measure for item in comparisons})
     unknown = sorted(set(settings.detect) - set(measures))
     if unknown:

@@ -6,17 +6,11 @@ the size beside it. *Added* it joins the size of the push and the mass, which an
 measuring it is worth.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
 from lumbar.lifting.pushes.levels import DIRECTIONS, NOTHING, PREDICTORS, RATIO, score
 from lumbar.lifting.pushes.roc import groups_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 KNOWN, KNOWN_WORDS = "push_and_mass", "the push's size and direction and the mass"
 """What every measure is added to."""

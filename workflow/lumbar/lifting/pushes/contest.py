@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.pushes.levels import BACKWARD, FORWARD, PREDICTORS, Levels
@@ -28,8 +29,6 @@ from lumbar.lifting.pushes.simulation import (
 )
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.pushes import PushesSettings
 
 STANDS, FALLS, UNSTEADY = "stands", "falls", "unsteady"
@@ -151,8 +150,6 @@ def contest_of(drawn: pd.DataFrame) -> Contest:
 
 
 def _frame(motions, levels, scene, pushes, outcome, steps, equal, equal_steps) -> pd.DataFrame:
-    import pandas as pd
-
     since = (pushes.instant - scene.references.first[pushes.lift]) * scene.references.step
     time = np.array([motions[index].time[0] for index in pushes.lift]) + since
     forward = pushes.impulse > 0

@@ -5,13 +5,11 @@ is built or controlled. Where a measure says which push a person can take, its l
 A table holds what the pushes need of a lift: the motion of its links and the levels, instant by instant.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.lifting.measures.balance import (
     ankle_torques,
@@ -32,10 +30,6 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
 from lumbar.settings.stability import StabilitySettings
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 FORWARD, BACKWARD = "forward", "backward"
 DIRECTIONS = {FORWARD: 1.0, BACKWARD: -1.0}
@@ -250,8 +244,6 @@ _ONE_EACH = tuple(item.name for item in fields(DepositMotion) if item.type in ("
 
 def states_frame(motions: Iterable[DepositMotion], levels: Iterable[Levels]) -> pd.DataFrame:
     """Return motions and levels of several lifts, one row per instant."""
-    import pandas as pd
-
     frames = []
     for motion, level in zip(motions, levels, strict=True):
         columns = {"time_s": motion.time}

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.pushes.chances import ADDED, ALONE, KNOWN, KNOWN_WORDS, chances_of
@@ -32,8 +33,6 @@ from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.pushes import PushesSettings, ScoringSettings
 
 ALL_SIZES, EQUAL = "all sizes", "equal pushes"
@@ -102,8 +101,6 @@ def prediction_frame(contest: Contest, told: Mapping, scoring: ScoringSettings, 
 
     A measure without a level at every push (no basin) is left out. `told` is of `chances`.
     """
-    import pandas as pd
-
     frame, rows = contest.frame, []
     person = np.unique(frame["subject"].to_numpy(str), return_inverse=True)[1]
     for kind, direction in ((ALL_SIZES, BOTH), *((k, d) for k in (ALL_SIZES, EQUAL) for d in DIRECTIONS)):
@@ -289,8 +286,6 @@ def sensitivity_frame(
     followed: Followed, settings: PushesSettings, verdict: Verdict, seed: int
 ) -> pd.DataFrame:
     """Hold the contest with other bodies and controllers."""
-    import pandas as pd
-
     rows = []
     cases = [("nothing", 1.0, {})]
     cases += [

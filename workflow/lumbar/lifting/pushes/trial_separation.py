@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.measures.balance import FUNCTIONAL_SHARE, pendulum_rate
@@ -39,8 +40,6 @@ from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.pushes import PerturbationsSettings
 
@@ -142,7 +141,6 @@ def separation_frame(found: list[dict[str, float]], groups: list[str]) -> pd.Dat
 
     There are measures by name and ``"unperturbed"`` or ``"perturbed"`` for every trial; what one trial has, all have.
     """
-    import pandas as pd
     from scipy.stats import mannwhitneyu
 
     perturbed = np.array(groups) == "perturbed"

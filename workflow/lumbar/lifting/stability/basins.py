@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.lifting.movement.pendulum_states import OPTIONS as PENDULUM_OPTIONS
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, reachable_area
@@ -27,8 +28,6 @@ from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.stability import PendulumSettings, StabilitySettings
 
 CHECK_COLUMNS = {
@@ -100,8 +99,6 @@ def basins_of_lift(
     InputError
         Weights that are no weights: they concern all basins.
     """
-    import pandas as pd
-
     weights_of(settings)
     rows: list[dict] = []
     frames: list[pd.DataFrame] = []
@@ -199,7 +196,6 @@ def _torque(item: Trajectory, sign: str, pendulum: PendulumSettings) -> np.ndarr
 def _funnel_frame(
     wording: str, trajectories: list[Trajectory], sign: str, funnels: Funnels, pendulum: PendulumSettings
 ) -> pd.DataFrame:
-    import pandas as pd
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, 1.0, len(funnels.level))
@@ -231,8 +227,6 @@ def method_words() -> dict[str, str]:
 
 def as_counts(column: pd.Series):
     """Return counts with empty cells as objects, which print as whole numbers."""
-    import pandas as pd
-
     return pd.Series([None if pd.isna(item) else int(item) for item in column], dtype=object).to_numpy()
 
 

@@ -13,6 +13,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.lifting.stability.basins import as_counts, basin_rows, columns_not_chosen, method_words
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
@@ -27,8 +28,6 @@ from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.stability import StabilitySettings
 
 COUNTS = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
@@ -73,8 +72,6 @@ def extended_basins(
     The table has one row per trajectory, loop, method and sign, columns of ``extended.csv``; basins that could not be computed
     have no row and are the failures.
     """
-    import pandas as pd
-
     settings = settings_of_limits(settings)
     published = settings.pendulum.sign
     rows: list[dict] = []

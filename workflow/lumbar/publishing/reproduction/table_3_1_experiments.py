@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from lumbar.publishing.reproduction.table_cells import (
     BY_MEAN,
     MEAN_SQUARE,
@@ -38,8 +40,6 @@ from lumbar.tissue.signals.excitation import Signal, design_excitation
 from lumbar.twin.tissue_recordings import noise_deviation, tissue_test
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.signals import SignalsSettings
     from lumbar.settings.study_settings import StudySettings
     from lumbar.settings.tissue import TissueSettings
@@ -112,8 +112,6 @@ def table_3_1_experiments(
     band : float
         Upper end of the excited band, Hz.
     """
-    import pandas as pd
-
     columns = {"as_printed": _values(printed, dict.fromkeys(SAMPLES, 1))}  # whatever was divided by, is
     ours = here[here.estimator == "arx"]
     played, reference = _reference(settings, band)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.lifting.stability.model.trajectories import (
     COMS,
@@ -20,8 +21,6 @@ from lumbar.settings.plain import plain
 from lumbar.settings.stability import GROUPS
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.stability import StabilitySettings
 
 LIGHTER_BOX = "decrease_in_mass_"
@@ -46,8 +45,6 @@ class Study:
     @property
     def people(self) -> pd.DataFrame:
         """Label and box of every lift: it counts also where all its basins are missing."""
-        import pandas as pd
-
         return pd.DataFrame(
             [
                 {"experience": lift.facts["experience"], "box_mass_kg": lift.facts["box_mass_kg"]}

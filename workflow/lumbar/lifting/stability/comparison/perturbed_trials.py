@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.movement.cleaning import clean
@@ -29,8 +30,6 @@ from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.pushes import PerturbationsSettings
     from lumbar.settings.stability import StabilitySettings
@@ -181,8 +180,6 @@ def compare_trials(
     InputError
         As `references`.
     """
-    import pandas as pd
-
     means = references(trials, settings)
     rows = []
     for sign in signs_of(stability):
@@ -220,8 +217,6 @@ def inside_by_weight(
 
     The table has columns ``sign, control_weight, group, inside``; `inside` is NaN where there is no basin.
     """
-    import pandas as pd
-
     means, rows = references(trials, settings), []
     for sign in signs_of(stability):
         for factor in CONTROL_WEIGHT_FACTORS:

@@ -8,12 +8,10 @@ lifters. From the second alternation on ρ changes only at knots that have a mul
 without these the table is that of one alternation, to the last digit.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.lifting.stability.basins import decimals
 from lumbar.lifting.stability.comparison.percent_differences import (
@@ -35,10 +33,6 @@ from lumbar.lifting.stability.model.trajectories import OPTIONS, PLANES, THESIS,
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import EVIDENCE, RESOLUTION
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 THESIS_DECIMALS = 1
 """Digits after the point that the thesis's engine has in a percentage: with areas of the digits they have
@@ -86,8 +80,6 @@ def tables_4_1(
 def _first_table(
     study: Study, differences: dict[str, list[dict]], grid: pd.DataFrame, missing: pd.DataFrame
 ) -> Table:
-    import pandas as pd
-
     settings = study.settings
     printed, rows = study.printed, []
     for index, row in enumerate(differences["headline"]):
@@ -171,8 +163,6 @@ DECIMALS = 1
 
 def alternations_table(study: Study) -> Table:
     """Return the table of a study whose checks hold the thesis's method."""
-    import pandas as pd
-
     groups, own = study.settings.compare.groups, study.areas("thesis", THESIS)
     done = study.settings.thesis_method.alternations
     columns = {f"after_{number}": f"mean_area_after_{number}" for number in EVIDENCE} | {

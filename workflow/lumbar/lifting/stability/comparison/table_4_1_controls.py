@@ -12,6 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.population.contrast import Interval, percent_interval
@@ -42,8 +43,6 @@ from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.stability import StabilitySettings
 
 BODY_MASS_SHARE = 0.1
@@ -101,8 +100,6 @@ def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     The areas by change have columns ``subject, experience, box_mass_kg, com, plane, mean_area``. Areas that could not
     be computed have no row; they are the failures.
     """
-    import pandas as pd
-
     settings, trajectories = study.settings, study.trajectories()
     cases = dict.fromkeys((*VARIANTS, *TAYLOR), trajectories) | {
         name: study.trajectories(mass) for name, mass in OTHER_MASSES.items()
@@ -201,8 +198,6 @@ def controls_table(
     tuned : mapping of str to TunedWeights
         Weights by the thesis's criterion: ``criterion`` of the headline, ``thesis_criterion`` of its own wording.
     """
-    import pandas as pd
-
     settings = study.settings
     bases = {"headline": study.headline, "thesis": THESIS}
     changes = {name: single_changes(grid, base) for name, base in bases.items()}

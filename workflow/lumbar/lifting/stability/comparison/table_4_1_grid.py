@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.comparison.percent_differences import LIGHTER_BOX, percent_differences
@@ -28,8 +29,6 @@ from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.stability import StabilitySettings
 
 CHOICES = tuple(OPTIONS)
@@ -47,8 +46,6 @@ def grid_differences(grid: pd.DataFrame, groups: tuple[str, str]) -> pd.DataFram
     comparisons of Table 4.1, then every lift against itself standing still. `groups` are the labels of the people
     compared, the first with the second.
     """
-    import pandas as pd
-
     rows = []
     for choices, part in grid.groupby(list(CHOICES), sort=False):
         computed = part["mean_area"].notna()
@@ -112,8 +109,6 @@ def single_changes(grid: pd.DataFrame, base: Convention) -> pd.DataFrame:
     Columns ``comparison, com, plane, choice, percent`` (in `base`) and ``changed``, the percentage with that choice alone made
     otherwise.
     """
-    import pandas as pd
-
     names, cells = ["comparison", "com", "plane"], comparison_cells(grid)
     parts = dict(iter(cells.groupby(list(CHOICES))))
     own, *others = (
@@ -199,8 +194,6 @@ def grid_areas(lift: LiftStates, settings: StabilitySettings) -> pd.DataFrame:
 
     Knots and weights are those of the settings' section ``grid``.
     """
-    import pandas as pd
-
     rows = []
     own = headline(settings, lift.facts)
     chosen = conventions(own)

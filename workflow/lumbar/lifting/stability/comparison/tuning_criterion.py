@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.lifting.stability.basins import RANGES, REACHES
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
@@ -20,8 +21,6 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, regulate, w
 from lumbar.lifting.stability.model.failures import attempts
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
     from lumbar.settings.stability import StabilitySettings
 
@@ -101,8 +100,6 @@ def _areas_and_ratios(
     trajectories: Sequence[Trajectory], sign: str, factor: float, settings: StabilitySettings, failures: list
 ) -> tuple[pd.DataFrame, np.ndarray]:
     """Average cross-sections with weights times a factor, and reach over range of the basins."""
-    import pandas as pd
-
     base, pendulum = weights_of(settings), settings.pendulum
     weights = Weights(factor * base.state, factor * base.control, factor * base.terminal)
     rows, ratios = [], [np.empty(0)]

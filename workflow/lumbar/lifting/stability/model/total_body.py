@@ -1,17 +1,13 @@
 """The pendulum of Figure 4.1: the centre of mass of the total body, without the box, in flexion/extension."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.lift_tables import WHOLE_BODY, points_of
 from lumbar.lifting.movement.pendulum_states import pendulum_states
 from lumbar.lifting.stability.model.trajectories import Trajectory
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PLANE = "flexion_extension"
 

@@ -11,6 +11,7 @@ from math import factorial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
@@ -21,7 +22,6 @@ from lumbar.lifting.stability.programme.polynomials import growth_polynomial, mo
 from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
 
 if TYPE_CHECKING:
-    import pandas as pd
     from cvxpy.constraints.constraint import Constraint
 
     from lumbar.settings.stability import StabilitySettings
