@@ -13,8 +13,6 @@ The verbs of the command line and of the workflow, on objects::
     print(lumbar.basins(lift))
 """
 
-from __future__ import annotations
-
 __version__ = "0.1.0"
 
 _VERBS = {

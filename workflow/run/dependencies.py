@@ -4,8 +4,6 @@ Snakemake re-runs a rule when one of its parameters changes, but it does not see
 `library_code` of its script as a parameter. As inputs, a hundred files a job would make up most of the plan of a large study.
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import re

@@ -3,8 +3,6 @@
 What a job does stays the same: its script runs as it is, in a process of its own, with the same log and benchmark.
 """
 
-from __future__ import annotations
-
 import atexit
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """Jobs of a run: the environment they inherit, what they ask of a cluster, how they start, and what a killed run leaves."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import shutil

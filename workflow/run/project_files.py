@@ -1,7 +1,5 @@
 """The files that make the project: what an archive of a run holds as its code."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

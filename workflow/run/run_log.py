@@ -5,8 +5,6 @@ its logger that tells the same in fewer words; a filter keeps what is retold fro
 plugin would have to be installed before Snakemake starts; this works in every environment that runs the workflow.
 """
 
-from __future__ import annotations
-
 import logging
 import re
 import time

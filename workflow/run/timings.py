@@ -1,7 +1,5 @@
 """Time and memory per rule, from the benchmark files of a run."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Collection
 from pathlib import Path

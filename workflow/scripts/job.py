@@ -1,7 +1,5 @@
 """What every script does around its one library call: logging, errors and progress."""
 
-from __future__ import annotations
-
 import os
 import sys
 import traceback

@@ -1,7 +1,5 @@
 """``lumbar.identify_device``: mass, damping, dry friction and delay of a haptic device from its stylus in the air."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 

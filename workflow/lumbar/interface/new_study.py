@@ -1,7 +1,5 @@
 """``lumbar new-study``: a commented study for a folder of lifting recordings, to be completed by a person."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping, Sequence

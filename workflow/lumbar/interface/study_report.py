@@ -1,7 +1,5 @@
 """The verb ``report``: a finished study as one page."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path

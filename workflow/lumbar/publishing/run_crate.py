@@ -4,8 +4,6 @@ After the profile Workflow Run Crate 0.5 of RO-Crate 1.1 (https://w3id.org/ro/wf
 hand: they are a list of records, and the same run gives the same bytes.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

@@ -5,8 +5,6 @@ their fields are arguments of ``pydantic.Field``: `lumbar.study` validates confi
 reference pages and the JSON schema from them.
 """
 
-from __future__ import annotations
-
 from dataclasses import Field, dataclass, field
 from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, dataclass_transform

@@ -1,7 +1,5 @@
 """Chapter lifting: from marker files to the pendulums of the deposit."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from lumbar.settings.key import UNIQUE, key, section, settings

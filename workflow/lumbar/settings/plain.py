@@ -1,7 +1,5 @@
 """Settings as plain data, as YAML, JSON and the parameters of a job hold them, and back."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache

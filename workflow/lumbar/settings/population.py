@@ -1,7 +1,5 @@
 """Statistics of people: what their comparison is to find, and how it is checked."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from lumbar.settings.key import UNIQUE, Each, Positive, key, settings

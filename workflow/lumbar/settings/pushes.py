@@ -1,7 +1,5 @@
 """Chapters pushes and perturbations: bodies of three links, their controller, the pushes; perturbed trials."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from lumbar.settings.key import key, required, section, settings

@@ -1,7 +1,5 @@
 """Chapter runtime: export of the identified models as FMUs."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from lumbar.settings.key import UNIQUE, Each, key, section, settings

@@ -1,7 +1,5 @@
 """Chapters surgeon and signals: motion of the surgeons' tool with its bandwidth, and the excitation designed from it."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from lumbar.settings.key import RecordName, key, required, section, settings

@@ -1,7 +1,5 @@
 """Chapter stability: pendulum, regulator, methods and their checks."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from lumbar.base.errors import Problems

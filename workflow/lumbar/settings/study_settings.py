@@ -1,7 +1,5 @@
 """A study: what it is, its chapters, and every section of its configuration."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from lumbar.settings.improvement import ImprovementSettings

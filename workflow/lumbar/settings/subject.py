@@ -1,7 +1,5 @@
 """One person, a file of config/subjects."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from lumbar.settings.key import FolderName, key, required, settings

@@ -1,7 +1,5 @@
 """Chapter survey: the participants' ratings of the models and their best picks."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from lumbar.settings.key import NAME, UNIQUE, Word, key, required, section, settings

@@ -1,7 +1,5 @@
 """Chapter tissue: the tissue tests and the identification of tissue models."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from lumbar.settings.key import UNIQUE, Each, key, section, settings

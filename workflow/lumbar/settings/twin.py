@@ -1,7 +1,5 @@
 """The synthetic twin of the thesis's recordings: one seed, one section per kind of recording."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from lumbar.settings.key import NAME, UNIQUE, Each, Positive, key, required, section, settings

@@ -1,7 +1,5 @@
 """The study: a checked configuration, the places its files come from, which recordings it reads, and how."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A configuration against the settings that there are: every wrong key and value of all files at once."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass

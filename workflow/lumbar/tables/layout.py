@@ -1,7 +1,5 @@
 """How a table stands on a page: numbers aligned on the decimal sign, no wider than the page, names in words with units."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

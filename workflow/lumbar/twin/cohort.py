@@ -4,8 +4,6 @@ The twin holds the truth; what a study knows of a person, mass and stature, is m
 lift has random numbers of its own, so that whoever is added, or does another trial, changes nobody else.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Iterator, Mapping

@@ -4,8 +4,6 @@ The program of the device is played tick by tick: it reads the encoder, commands
 middle in it, and writes both down. Between two changes of the force the motion has a closed form, with dry friction too.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections import deque

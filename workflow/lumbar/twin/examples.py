@@ -1,7 +1,5 @@
 """Recordings for examples, made in an instant: tissue tests in which base models miss dry friction, and a lift."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

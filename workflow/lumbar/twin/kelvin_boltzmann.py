@@ -1,7 +1,5 @@
 """A Kelvin–Boltzmann tissue, and the strength at which an effect hidden in it leaves a wanted residual."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache

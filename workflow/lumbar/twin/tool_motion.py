@@ -4,8 +4,6 @@ Every signal is a closed form (sums of sines, a linear chirp), so position, velo
 wherever they are wanted and nothing is interpolated between samples.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

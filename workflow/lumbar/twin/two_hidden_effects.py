@@ -4,8 +4,6 @@ Tissue, motion and effects are drawn. The benchmark of the diagnosis (``benchmar
 such tissues: these recordings are those of one of its pairs.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from functools import partial

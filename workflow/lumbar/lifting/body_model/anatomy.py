@@ -6,8 +6,6 @@ prior is wide, and neighbours scatter together. Joint centres are the published 
 (`lumbar.lifting.movement.joint_centres`), whose own error is added.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

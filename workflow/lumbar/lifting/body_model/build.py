@@ -3,8 +3,6 @@
 Markers are landmarks, points of a limb, or corners of the box by their names; the others ride on what they fit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ are taken from the residuals, and the rest is fitted with them. Movement is smoo
 whose intensity follows from the trial's own accelerations.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

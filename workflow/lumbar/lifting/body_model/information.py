@@ -7,8 +7,6 @@ all instants. A = L Lᵀ is factored block by block; the Schur complement S = C 
 constants (Golub and Van Loan, Matrix Computations, 4th ed., section 4.5).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ segments with centre c, mass m, acceleration a and angular momentum H about the 
 muscles and ligaments bring up; what the weight does to the joint is opposite.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

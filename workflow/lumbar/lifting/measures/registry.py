@@ -1,7 +1,5 @@
 """The measures by name: what each is, its unit, which way is safer, and where it comes from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -5,8 +5,6 @@ cubic spline through the frames beside them. Nothing is extrapolated: a gap at t
 stays.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ Hartung & Knapp (Statistics in Medicine 20 (2001) 3875–3889) do: with the true
 Student's, with equal numbers of trials it is so with any ratio, and a ratio that is estimated badly costs little.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How many persons, with how many trials each, a study needs to see a difference: noncentral t on person means."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lumbar.base.errors import InputError

@@ -4,8 +4,6 @@ An area is the share of pairs (one event, one not) that the score orders rightly
 Hanley and McNeil 1982). Its interval comes from leaving out one person after the other, with all of theirs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

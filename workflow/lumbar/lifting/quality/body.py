@@ -3,8 +3,6 @@
 `points` are positions in metres by label, shape (n_frames, 3), NaN where not seen; `named` says which landmarks labels mean.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Collection
 from dataclasses import replace

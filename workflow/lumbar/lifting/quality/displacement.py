@@ -7,8 +7,6 @@ x = (d - d before the leap) / s: about 0 where the marker is as just before the 
 Rigid parts (a box, a plate, a pelvis, a thorax) are found from the recording itself, by distances that stay while they move.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

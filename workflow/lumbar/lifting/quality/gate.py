@@ -1,7 +1,5 @@
 """The gate before anything is computed from a marker recording: whether its points can be a person's body."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

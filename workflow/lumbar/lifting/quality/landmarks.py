@@ -1,7 +1,5 @@
 """What labels of usual marker sets stand for: landmarks, their sides, their levels along the trunk."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 

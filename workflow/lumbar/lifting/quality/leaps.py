@@ -6,8 +6,6 @@ movement is no leap. Two markers that exchange their labels leap each to where t
 a gap, most markers leap together.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise

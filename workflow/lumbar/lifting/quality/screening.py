@@ -5,8 +5,6 @@ share: 0.26}`` can only be meant of a marker at T10: the rule's level along the 
 somebody has let change places in the layout's aliases are not called exchanged again.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace

@@ -7,8 +7,6 @@ squats, gait, standing up and picking up (15 recordings of six laboratories) it 
 by four is seen in all of them, one wrong by two in none, and in a recording of a person who stands still no rate is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lumbar.lifting.quality.body import levels_found

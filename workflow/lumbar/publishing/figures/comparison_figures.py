@@ -1,7 +1,5 @@
 """Models beside measurements: a simulation and how much of every record it explains, the error ladder, effects' signatures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from string import ascii_lowercase
 

@@ -1,7 +1,5 @@
 """A law that is proposed, over the missing force, and how the error falls; a static curve between linear filters."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

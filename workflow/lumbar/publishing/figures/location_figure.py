@@ -1,7 +1,5 @@
 """Where a model fails: nine views of its error on one page."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

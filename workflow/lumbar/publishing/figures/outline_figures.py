@@ -1,7 +1,5 @@
 """Figures 1.1 and 3.1: how the thesis hangs together, with the chapters of a study that make each part, and its first article."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 

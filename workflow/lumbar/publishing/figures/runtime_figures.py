@@ -1,7 +1,5 @@
 """Exported models, and models in a person's hand: what a device must have, and the loop before and after."""
 
-from __future__ import annotations
-
 import itertools
 import textwrap
 from collections.abc import Sequence

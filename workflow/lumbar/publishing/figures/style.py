@@ -4,8 +4,6 @@ Colours are those of Okabe and Ito (Color Universal Design, 2008), picked so tha
 line styles and markers given here every figure can be read in grey.
 """
 
-from __future__ import annotations
-
 import io
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of the survey: how the models were rated, and which was picked as the best."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Sequence
 

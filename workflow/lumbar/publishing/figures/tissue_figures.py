@@ -1,7 +1,5 @@
 """Figures 2.4 and 3.2, the models as block diagram and mechanical analogues; Figures 3.4 and 3.5, their fits."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle

@@ -4,8 +4,6 @@ The reconstructed survey was made from the published margins, so what follows fr
 pairing of one participant's answers is not.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pandas as pd

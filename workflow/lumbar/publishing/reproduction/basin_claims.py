@@ -1,7 +1,5 @@
 """Sentences of Chapter 4 on basins of attraction."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """What a claim is, and the four verdicts that can be passed on it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

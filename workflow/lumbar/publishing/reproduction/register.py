@@ -1,7 +1,5 @@
 """All claims, examined: the rows of ``claims.csv``, and their table for print."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from lumbar.publishing.reproduction import basin_claims as basins

@@ -1,7 +1,5 @@
 """One claim per number of Tables 3.1, 3.2 and 4.1; what the printed Table 3.1 allows by its own equations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

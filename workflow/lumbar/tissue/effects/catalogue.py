@@ -1,7 +1,5 @@
 """All effects by name and system, and effects a user adds in a file of their own."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace

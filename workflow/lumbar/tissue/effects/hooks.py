@@ -4,8 +4,6 @@ Closed forms of states, simulation and C code by hand, where a search begins, an
 user's YAML names none of them: it is data and runs nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import partial

@@ -4,8 +4,6 @@
 are code; a user's cannot.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Callable, Collection, Mapping

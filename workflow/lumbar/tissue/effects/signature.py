@@ -1,7 +1,5 @@
 """What an effect's force looks like: its definition simulated on a standard motion, beside a standard base."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 

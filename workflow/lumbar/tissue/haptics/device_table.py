@@ -1,7 +1,5 @@
 """What every model asks of a device: the table model × device, words for an FMU's page, a warning or refusal at export."""
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Sequence

@@ -9,8 +9,6 @@ sampling time, and every Yₙ may lie anywhere in the disc of centre and radius 
 p + √(r² p² + (r² − 1) q²) ≤ 2b, and L is linear in the stiffnesses.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

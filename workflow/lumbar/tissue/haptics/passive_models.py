@@ -1,7 +1,5 @@
 """The thesis's models fitted as passive ones, and what that costs: %VAF beside the free fits, and the damping they need."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

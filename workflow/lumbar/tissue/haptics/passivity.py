@@ -14,8 +14,6 @@ J. E. Colgate and J. M. Brown, Factors affecting the Z-width of a haptic display
 Robotics and Automation (1994) 3205–3210.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """What running a model costs: the exported force beside the identified model's on the training record, step by step."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """In which share of the fits and hands a loop is stable: hands from loose to firm, fits within their parameters' intervals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

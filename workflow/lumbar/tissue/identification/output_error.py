@@ -6,8 +6,6 @@ the input alone; it is consistent for any noise that is independent of the input
 Identification, 2nd ed., section 8.4).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 A force is proportional to its linear parameters, and a number for every motion.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Callable, Collection, Mapping, Sequence

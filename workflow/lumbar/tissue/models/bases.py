@@ -1,7 +1,5 @@
 """Base models that effects are added to: linear in all parameters but their time constants."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

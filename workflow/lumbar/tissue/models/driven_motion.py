@@ -7,8 +7,6 @@ linear recursion. What has converged from the start on is kept; where it does no
 follows from the one equation of the base and of every form.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce

@@ -1,7 +1,5 @@
 """One equation of a form, from which its simulation, its LaTeX and its C code follow; and C code of a form as such."""
 
-from __future__ import annotations
-
 import cmath
 import re
 from collections import Counter

@@ -7,8 +7,6 @@ by the square of its frequency: rounding to five decimals at 100 Hz makes 0.14 r
 is replaced by a quintic spline fitted by least squares, whose knots lie as far apart as cross-validation allows.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

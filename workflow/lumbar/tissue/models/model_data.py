@@ -1,7 +1,5 @@
 """What a fitted model is, in data and in words: structure, parameters by name with intervals, how well it does."""
 
-from __future__ import annotations
-
 import html
 import re
 from dataclasses import dataclass, field

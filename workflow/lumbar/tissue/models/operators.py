@@ -10,8 +10,6 @@ the stiffness of the tissue, so that contact begins and ends at times that hang 
 on the share of its springs alone.
 """
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Parameters of equations: what a force is proportional to, what it depends on otherwise, and constants."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Expressions as LaTeX and as C, and LaTeX as pictures that need no script and no font where they are shown."""
 
-from __future__ import annotations
-
 import html
 import math
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 `Structure` goes from motion to force; `ForwardStructure` is driven by a force and gives the motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Multisine (thesis Eq. 3.1): which lines are excited, with which amplitudes, and phases that make its crest factor small."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The tests treat the ratings of two models as independent samples, although every
 `lumbar.tissue.survey.paired_analysis` holds the analysis that uses the pairing.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 

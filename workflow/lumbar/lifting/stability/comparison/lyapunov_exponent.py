@@ -5,8 +5,6 @@ nearest neighbour in another trial grows along a line whose slope is the exponen
 repeat (England & Granata, Gait & Posture 25 (2007) 172–178), states are scaled to unit variance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

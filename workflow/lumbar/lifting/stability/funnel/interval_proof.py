@@ -17,8 +17,6 @@ arithmetic: g in the middle of the box plus its derivatives over the box times h
 halved, pieces of time with an arc that resists are halved too; what resists to the end is not proved, and its share is reported.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ the goal set under the linear loop: without gravity's nonlinearity no funnel is 
 best share lies between, and the exact method finds the largest funnel of each.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Monte Carlo check: start inside a basin, follow the true dynamics, count who leaves it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -10,8 +10,6 @@
 in which h holds everything that the linearisation (Eq. 4.3) leaves out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -15,8 +15,6 @@ With torque limits or an uncertain mass (`saturation`) r is certified for every 
 saturation (`saturation_cases`), each on its arc of the circle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

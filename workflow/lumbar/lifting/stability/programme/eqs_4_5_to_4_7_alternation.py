@@ -27,8 +27,6 @@ average area of that one basin by some percent. Which knots these are hangs on t
 lifter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache

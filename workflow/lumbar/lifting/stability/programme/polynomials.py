@@ -12,8 +12,6 @@ on the arc of the circle where an affine function of z, its `side`, is not negat
 are one for the loop with limits.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from math import factorial

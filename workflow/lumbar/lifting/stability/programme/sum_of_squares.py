@@ -20,8 +20,6 @@ lost here either (Dumitrescu, Positive Trigonometric Polynomials, 2017, section 
 a result.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

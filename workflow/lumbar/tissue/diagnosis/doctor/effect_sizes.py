@@ -1,7 +1,5 @@
 """How large an effect or a mistake of a recording must be to be told in records: predicted, and by blind diagnoses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """What could have been seen in a set of records: tables, sentences, ``doctor.json`` and what a terminal shows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from lumbar.tables.described import described

@@ -5,8 +5,6 @@ Linear parameters enter linearly and are eliminated (variable projection: Golub 
 all parameters are searched together, from the linear solution.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from contextlib import suppress

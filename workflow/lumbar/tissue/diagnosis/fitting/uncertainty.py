@@ -1,7 +1,5 @@
 """What records say of a fit's parameters: sensitivities, 95 % intervals, and what a refit could take up of a signal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

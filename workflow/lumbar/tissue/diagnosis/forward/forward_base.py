@@ -7,8 +7,6 @@ IEEE Trans. Automat. Contr. 10 (1965) 461-464). So the search over all forms, wh
 simulation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache

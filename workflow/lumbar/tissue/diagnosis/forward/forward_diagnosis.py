@@ -1,7 +1,5 @@
 """Diagnosis of forward records: named by what the turned-round records ask for, confirmed by simulation from force to motion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

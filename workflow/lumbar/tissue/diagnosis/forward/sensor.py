@@ -1,7 +1,5 @@
 """Linear dynamics from force to motion behind a sensor that is not linear: it gives the absolute value, or clips."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

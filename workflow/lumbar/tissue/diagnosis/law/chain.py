@@ -1,7 +1,5 @@
 """Whether a static curve between linear filters explains what no effect of the catalogue does, and in words what it is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Propose a law for what is missing, or say that no short formula was found: in words, and as the file of an own effect."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ records, and the two best carry on (orthogonal forward regression with a beam: C
 nothing that this does not.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product

@@ -6,8 +6,6 @@ none that is missing. The penalty and the share explained come from cross-valida
 record that repeats, a block is left out in every period.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 

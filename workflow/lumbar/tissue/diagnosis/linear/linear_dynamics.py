@@ -10,8 +10,6 @@ spring, a dashpot and a mass:
   Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman's Jacobian), without and with a pure delay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -7,8 +7,6 @@ the multiples of 1/period, and for anything else the directions of the largest s
 against the level of the noise around it in frequency, so that coloured noise is not taken for structure.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The period of an excitation: found by comparing the input with itself shifted, and cutting records by it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How well a free-run simulation agrees with a record, and how much of its error a better model could explain."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where in the motion a model fails: over position and velocity, over depth, around reversals, from cycle to cycle."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, only, percent, probability

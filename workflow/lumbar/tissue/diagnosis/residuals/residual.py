@@ -5,8 +5,6 @@ noise would make it? Noise of spectrum S gives Σ wₙeₙ the variance ∫ S |W
 else decides what is significant.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 

@@ -11,8 +11,6 @@ leaves a linear part whatever is missing. So linear dynamics are fitted once to 
 beside them: what it takes of what they leave tells it from them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """When and how fast a model fails: by period or window of time, and by line or band of frequency."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

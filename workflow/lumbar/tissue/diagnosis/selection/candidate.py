@@ -1,7 +1,5 @@
 """A set of effects fitted with a base: how well it explains all records, next to others, and next to the noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

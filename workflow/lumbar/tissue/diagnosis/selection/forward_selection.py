@@ -4,8 +4,6 @@ Every candidate is refitted jointly with base and effects. Candidates are compar
 record and of the unseen records together: a wrong effect also lowers the training error, but not the others'.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ changes the motion has a closed form, and it comes to rest at most once. The wea
 such a piece, at the place that the stylus would pass in its middle.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise

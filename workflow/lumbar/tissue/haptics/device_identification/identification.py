@@ -1,7 +1,5 @@
 """From a recording to a device: four numbers with their intervals, or why the recording does not tell them."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, replace
 

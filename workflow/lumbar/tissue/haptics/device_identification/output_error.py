@@ -8,8 +8,6 @@ m x + b ∫x + F ∫∫sign(ẋ) − f₀ ∫∫1 = ∫∫f(t − τ) + a + c t 
 for the direction of the motion. Where the stylus rests friction balances all forces, and none is counted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise

@@ -15,8 +15,6 @@ C. A. Desoer and M. Vidyasagar, Feedback Systems: Input-Output Properties (1975)
 B. Lincoln, Simple stability criteria for systems with time-varying delays, Automatica 40 (2004) 1429–1434.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lumbar.settings.runtime import DeviceSettings
