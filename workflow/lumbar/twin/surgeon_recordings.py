@@ -12,12 +12,11 @@ import zlib
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.settings.twin import SyntheticSurgeon, SyntheticSurgeonSettings
 
 _RESOLUTION_DECIMALS = 4
@@ -34,8 +33,6 @@ def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, s
     InputError
         The twin has no such surgeon.
     """
-    import pandas as pd
-
     known = settings.surgeons
     if surgeon not in known:
         raise InputError(

@@ -6,6 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.identification.arx_search import NEGLIGIBLE_POINTS
@@ -34,8 +36,6 @@ def table_2_1(data: str, pictures: Sequence[str] = ()) -> Table:
 
     `pictures` are those of the mechanical analogues, in the order of `TABLE_2_1`: texts of SVG files, shown in HTML.
     """
-    import pandas as pd
-
     frame = pd.DataFrame(
         {
             "name": model.title,
@@ -61,8 +61,6 @@ def table_2_1(data: str, pictures: Sequence[str] = ()) -> Table:
 
 def physical_parameters_table(models: list[FittedModel], confidence: float, data: str) -> Table:
     """Parameters of all models that have any by the thesis, and the reason where they are refused."""
-    import pandas as pd
-
     rows = []
     for model in models:
         if model.base not in BASES:
@@ -97,8 +95,6 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) ->
 
     Models of the first training record come first, and so on; all have the same number of unseen records.
     """
-    import pandas as pd
-
     unit = models[0].output.unit
     trained_on = list(dict.fromkeys(model.trained_on for model in models))
     estimators = (ARX, OUTPUT_ERROR, GIVEN)

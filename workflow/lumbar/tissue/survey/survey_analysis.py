@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings
@@ -85,8 +86,6 @@ def best_picks_table(
     ratings: Ratings, shares: PickShares, baseline: str, confidence: float, data: str
 ) -> Table:
     """Table of the best picks: one row per model."""
-    import pandas as pd
-
     frame = pd.DataFrame(
         {
             "model": shares.models,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import NOT_REAL, Ratings
@@ -106,8 +107,6 @@ def print_p_value(p_value: float) -> str:
 
 def table_3_2(ratings: Ratings, data: str) -> Table:
     """Table 3.2 of the thesis, one row per model; the p-value of a pair stands in the row of its first model."""
-    import pandas as pd
-
     counts, participants = ratings.counts(), len(ratings)
     columns: dict[str, list] = {
         "model": list(ratings.models),
