@@ -25,13 +25,7 @@ def is_data(file: str) -> bool:
 
 
 def system_of(base: str) -> Literal["tissue", "pendulum"]:
-    """What a base is a model of; one of one's own is of a tissue, or of whatever is measured in its place.
-
-    Raises
-    ------
-    InputError
-        For an unknown one, with those that there are.
-    """
+    """What a base is a model of; one of one's own is of a tissue, or of whatever is measured in its place."""
     if base not in BASE_NAMES and not is_data(base):
         meant = did_you_mean(base, BASE_NAMES)
         raise InputError(

@@ -27,11 +27,6 @@ def plain(settings: Any) -> Any:
 def part(settings: Any, *keys: str) -> dict[str, Any]:
     """Return some keys of settings as `plain` does all: what a job needs of them. ``a.b`` is the key b of the section a.
 
-    Raises
-    ------
-    KeyError
-        For a key that is not there.
-
     Examples
     --------
     >>> from lumbar.settings.stability import StabilitySettings

@@ -276,11 +276,6 @@ def _first_found(file: str, folders: list[Path]) -> str:
 def load_subject(path: str | os.PathLike) -> SubjectSettings:
     """Return the person of a subject file.
 
-    Raises
-    ------
-    InputError
-        As `load_settings`.
-
     Examples
     --------
     >>> import lumbar

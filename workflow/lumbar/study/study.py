@@ -122,13 +122,7 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
 
 
 def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, float | None]:
-    """Layout of a base model's records, and the rate (Hz) to which they are resampled.
-
-    Raises
-    ------
-    InputError
-        For an unknown base.
-    """
+    """Layout of a base model's records, and the rate (Hz) to which they are resampled."""
     if system_of(base) == "pendulum":
         return settings.lifting.moment_layout, None
     return settings.tissue.layout, settings.tissue.rate_Hz

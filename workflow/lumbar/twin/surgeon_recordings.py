@@ -27,11 +27,6 @@ def surgeon_trial(name: str, surgeon: str, settings: SyntheticSurgeonSettings, s
     """One recording of the tool tip: columns ``time_s, x_mm, y_mm, z_mm``; z points into the body, its zero is the skin.
 
     Every trial has random numbers of its own, by its name and the twin's seed, whatever other trials there are.
-
-    Raises
-    ------
-    InputError
-        The twin has no such surgeon.
     """
     known = settings.surgeons
     if surgeon not in known:

@@ -108,13 +108,7 @@ def play(
     seed: int,
     number: int,
 ) -> None:
-    """Play a signal file, ``time_s,position_mm``, on the synthetic tissue and write the recording; rest as of `tissue_test`.
-
-    Raises
-    ------
-    InputError
-        If the signal has no such columns.
-    """
+    """Play a signal file, ``time_s,position_mm``, on the synthetic tissue and write the recording; rest as of `tissue_test`."""
     signal = Path(signal)
     with signal.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.reader(stream))

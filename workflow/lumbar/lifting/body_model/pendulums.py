@@ -231,11 +231,6 @@ def model_of_lift(
     Events, axes and pivot are those of the rules; markers are taken from the file as measured, neither screened nor
     filled nor filtered.
     The lift has a start of deposit and a release.
-
-    Raises
-    ------
-    InputError
-        The file shows too few markers of pelvis or thorax, or no pivot.
     """
     bare = replace(settings.markers, aliases={}, required=None, check_axes=False)
     recording = measured_markers(read_markers(markers, bare), settings.markers.aliases)

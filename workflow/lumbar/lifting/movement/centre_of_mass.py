@@ -265,11 +265,6 @@ def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: Se
     The trunk is that of the segment table; head and limbs have Winter's shares between markers of the joints.
 
     The recording needs shoulders, wrists and ankles of both sides; elbows and knees are used where they are there.
-
-    Raises
-    ------
-    InputError
-        Naming what is missing.
     """
     names = {f"{side}_{name}" for side in "LR" for name in ("SHOULDER", "WRIST", "ANKLE")}
     lacking = sorted(name for name in names if name not in recording)

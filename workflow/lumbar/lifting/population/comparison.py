@@ -104,11 +104,6 @@ def compare_people(
     """Compare two groups at every box that both lifted, and the lightest with the heaviest box in each group.
 
     The table has the columns `NEEDED`, may have ``unit`` and ``safer``; the first group is compared with the second.
-
-    Raises
-    ------
-    InputError
-        As `check_long_table`.
     """
     check_long_table(table)
     for (measure, plane), rows in table.groupby(["measure", "plane"], sort=False):

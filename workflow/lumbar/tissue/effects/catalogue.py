@@ -68,13 +68,7 @@ CATALOGUES: dict[str, Mapping[str, Effect]] = {"tissue": TISSUE, "pendulum": PEN
 
 
 def catalogue_of(base: str) -> Mapping[str, Effect]:
-    """Catalogue of the system that a base is a model of.
-
-    Raises
-    ------
-    InputError
-        For an unknown base.
-    """
+    """Catalogue of the system that a base is a model of."""
     return CATALOGUES[system_of(base)]
 
 
@@ -132,13 +126,7 @@ def _under_gravity(effect: Effect, gravity_m_s2: float) -> Effect:
 
 
 def catalogues_with(files: Collection[str | Path], content: object = None) -> dict[str, dict[str, Effect]]:
-    """Return the catalogue of every system with the effects of a user's files and those that a file of models carries.
-
-    Raises
-    ------
-    InputError
-        As `catalogue_with` and `lumbar.tissue.effects.notation.carried_effects`.
-    """
+    """Return the catalogue of every system with the effects of a user's files and those that a file of models carries."""
     bases = {base.system: base.name for base in BASES.values()}
     return with_carried({system: catalogue_with(files, base) for system, base in bases.items()}, content)
 
@@ -161,13 +149,7 @@ def read_base(file: str | Path) -> Base:
 
 
 def choose(names: list[str], catalogue: Mapping[str, Effect]) -> list[Effect]:
-    """Return effects by name.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, with the known ones.
-    """
+    """Return effects by name."""
     unknown = [name for name in names if name not in catalogue]
     if unknown:
         meant = did_you_mean(unknown[0], catalogue)

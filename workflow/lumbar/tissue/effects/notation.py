@@ -84,13 +84,7 @@ def load_base(path: Path) -> Base:
 
 
 def carried_bases(content: Any) -> dict[str, Base]:
-    """Bases of users' own that a file of models carries as data, as read from JSON; each checked as its own file was.
-
-    Raises
-    ------
-    InputError
-        A base that is not sound: all problems at once.
-    """
+    """Bases of users' own that a file of models carries as data, as read from JSON; each checked as its own file was."""
     return _carried(content, "bases", lambda name, file, problems: _checked_base(file, problems))
 
 

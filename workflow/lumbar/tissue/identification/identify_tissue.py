@@ -59,11 +59,6 @@ def identify(
         One per model and estimator, in the order of Table 3.1.
     list of dict
         One row per point of the search (``tissue/search.csv``).
-
-    Raises
-    ------
-    InputError
-        If records differ in units or sampling time, or the training record is too short.
     """
     search_settings = settings.search
     fits, searched = _identification(training, tests, settings, seed).run()

@@ -348,13 +348,7 @@ def never_negative(expression: Expression, positive: Collection[str]) -> bool:
 
 
 def check_powers(expression: Expression, positive: Collection[str]) -> None:
-    """Refuse powers with a broken exponent of what may be negative.
-
-    Raises
-    ------
-    InputError
-        With the power.
-    """
+    """Refuse powers with a broken exponent of what may be negative."""
     for part in parts(expression):
         match part:
             case Operation("**", (base, exponent)):

@@ -166,13 +166,7 @@ class ModelData:
         return not isinstance(self.structure, TransferFunction) or self.structure.stable
 
     def __getitem__(self, key: str) -> FittedParameter:
-        """Parameter by its name, with the effect's in front where it is not the base's: ``"drift.drift_rate"``.
-
-        Raises
-        ------
-        InputError
-            If there is none of this name.
-        """
+        """Parameter by its name, with the effect's in front where it is not the base's: ``"drift.drift_rate"``."""
         found = next((item for item in self.parameters if item.key == key), None)
         if found is None:
             known = ", ".join(item.key for item in self.parameters) or f"none: {self.no_parameters_because}"

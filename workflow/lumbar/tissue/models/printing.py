@@ -308,11 +308,6 @@ def equation_svg(latex: str) -> str:
     ----------
     latex : str
         In the part of LaTeX's mathematics that matplotlib sets; without dollar signs.
-
-    Raises
-    ------
-    InputError
-        If it cannot be set.
     """
     from matplotlib.textpath import TextPath
 

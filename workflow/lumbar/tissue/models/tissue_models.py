@@ -278,13 +278,7 @@ FIXED_STRUCTURE = (LE, MW, MAXWELL, KB)
 
 
 def inverted_linear(force_max: float, travel: float) -> TransferFunction:
-    """Return the IL model: 0 at contact, `force_max` after `travel`, against the other models' direction.
-
-    Raises
-    ------
-    InputError
-        If either is not positive.
-    """
+    """Return the IL model: 0 at contact, `force_max` after `travel`, against the other models' direction."""
     if force_max <= 0 or travel <= 0:
         raise InputError(
             f"tissue.inverted_linear: force_max {force_max:g}, travel {travel:g}; both must be > 0"

@@ -246,11 +246,6 @@ def design_multisine(
         Amplitudes are in proportion to f to this power; 0 is flat as in Eq. 3.1.
     seed : int
         For the detection lines.
-
-    Raises
-    ------
-    InputError
-        Unknown grid or phases, or too few lines.
     """
     if grid not in GRIDS or phases not in PHASE_RULES:
         raise InputError(

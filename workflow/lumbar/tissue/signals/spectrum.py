@@ -215,11 +215,6 @@ def level_frequency(frequency: np.ndarray, psd: np.ndarray, level: float, maximu
         Hz, interpolated between lines (logarithm of the density against frequency); ``None`` where the
         density is still above the level at the end of the analysis band, so that the rule has no answer
         there.
-
-    Raises
-    ------
-    InputError
-        As `power_share_frequency`.
     """
     _check(frequency, psd, maximum)
     last = int(np.searchsorted(frequency, maximum, side="right"))

@@ -61,11 +61,6 @@ def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRan
     SignedRank
         p = 1 where all differences are zero. Above `EXACT_LIMIT` non-zero differences a normal approximation
         (variance of the tied ranks, no continuity correction) takes the place of the exact distribution.
-
-    Raises
-    ------
-    ValueError
-        If `zeros` is neither of the two ways.
     """
     from scipy.stats import norm, rankdata
 

@@ -131,13 +131,7 @@ class SurveyAnalysis:
 
 
 def analyse_survey(ratings: Ratings, settings: SurveySettings, seed: int, data: str) -> SurveyAnalysis:
-    """Analyse the answers as the thesis did, and within participants.
-
-    Raises
-    ------
-    NumericalError
-        If the answers do not differ at all.
-    """
+    """Analyse the answers as the thesis did, and within participants."""
     label = ratings.label(data, settings.note)
     confidence, baseline = settings.confidence, settings.baseline
     comparisons = compare_pairs(ratings, confidence, settings.resamples, seed)

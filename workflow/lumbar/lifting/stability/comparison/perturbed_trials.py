@@ -174,11 +174,6 @@ def compare_trials(
     """Compare every trial with the funnel of the unperturbed mean, with both signs of gravity.
 
     The table has one row per sign (the study's first) and trial, columns of the table.
-
-    Raises
-    ------
-    InputError
-        As `references`.
     """
     means = references(trials, settings)
     rows = []

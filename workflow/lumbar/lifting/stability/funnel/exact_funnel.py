@@ -206,11 +206,6 @@ def funnel_variants(
     negative_control : float
         In the negative control ρ falls faster by this share of |d ln ρ/dt|. (Scaling ρ itself would be no control: a
         linear loop's funnel stays invariant.)
-
-    Raises
-    ------
-    NumericalError
-        As `exact_funnels`.
     """
     _require_terminal_set_within_reach(loops, terminal_level)
     changes, which = distinct_variants(margin, negative_control)

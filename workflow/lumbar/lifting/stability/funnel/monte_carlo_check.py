@@ -106,11 +106,6 @@ def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
     that reach it.
 
     `edge` holds errors x̄ at T, shape (2, pendulums, points).
-
-    Raises
-    ------
-    NumericalError
-        As `simulate`.
     """
     rate, stiffness, damping = _dynamics(loops, None)
     _stride(loops, stiffness, damping)

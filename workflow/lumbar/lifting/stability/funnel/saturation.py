@@ -151,13 +151,7 @@ def saturated_funnels(
 def require_basin(
     loops: ClosedLoops, level: np.ndarray, terminal_level: float, saturation: Saturation
 ) -> None:
-    """Refuse funnels whose ρ, shape (..., pendulums), has fallen to nothing.
-
-    Raises
-    ------
-    NumericalError
-        Names the pendulum.
-    """
+    """Refuse funnels whose ρ, shape (..., pendulums), has fallen to nothing."""
     lost = ~(level > LEAST_LEVEL * terminal_level).reshape(-1, level.shape[-1]).all(axis=0)
     if lost.any():
         index = int(lost.argmax())
@@ -168,13 +162,7 @@ def require_basin(
 
 
 def require_torque(pendulums: Pendulums, reference: SaturationReference, saturation: Saturation) -> None:
-    """Refuse references whose feedforward itself lies beyond the torque limit.
-
-    Raises
-    ------
-    NumericalError
-        Names the pendulum.
-    """
+    """Refuse references whose feedforward itself lies beyond the torque limit."""
     peak = np.abs(reference.torque).max(axis=0)
     if (peak > saturation.torque).any():
         index = int((peak - saturation.torque).argmax())

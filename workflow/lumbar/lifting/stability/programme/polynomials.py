@@ -60,11 +60,6 @@ def require_taylor_range(pendulums: Pendulums, cost: np.ndarray, level: np.ndarr
 
     `cost` has shape (knots, pendulums, 3), `level` (knots, pendulums). Pendulums without gravity have no sine and no
     limit.
-
-    Raises
-    ------
-    NumericalError
-        Names the pendulum, how far its ellipse reaches and how far it may.
     """
     reach = (TAYLOR_ERROR * factorial(degree + 1)) ** (1 / (degree + 1))
     semi_axis = (np.sqrt(level) * normal_axes(cost)[0]).max(axis=0)

@@ -93,13 +93,7 @@ class DiagnosisSettings:
 
 
 def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:
-    """Prepare records as base and settings say, faults of a tissue test's sensors repaired.
-
-    Raises
-    ------
-    InputError
-        As `prepare`.
-    """
+    """Prepare records as base and settings say, faults of a tissue test's sensors repaired."""
     if settings.system != "tissue":
         seen = [for_base(record, BASES[settings.base]) for record in records]
         return replace(settings.prepare(seen), records=tuple(records))

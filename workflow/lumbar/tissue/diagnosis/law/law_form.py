@@ -50,13 +50,7 @@ class Dimension:
 
     @classmethod
     def of(cls, unit: str) -> Dimension:
-        """Read a unit in terms of ``{x}`` and ``{y}``; what follows a stroke divides.
-
-        Raises
-        ------
-        InputError
-            If a factor is not known.
-        """
+        """Read a unit in terms of ``{x}`` and ``{y}``; what follows a stroke divides."""
         found = cls()
         for place, part in enumerate(unit.split("/")):
             for factor in part.split():

@@ -51,11 +51,6 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     """Diagnose what a base model is missing on a set of records.
 
     There is one record per excitation, with channels ``input`` and ``output``.
-
-    Raises
-    ------
-    InputError
-        For an unknown base and for records that cannot be used (`prepare`).
     """
     settings = settings or DiagnosisSettings()
     if settings.forward:

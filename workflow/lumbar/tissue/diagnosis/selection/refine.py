@@ -139,13 +139,7 @@ def refined_fit(records: list[Record], effects: list[str], settings: DiagnosisSe
 def _added_in_turn(
     experiment: Experiment, chosen: dict[str, Effect], base: str
 ) -> tuple[Experiment, list[Candidate]]:
-    """Records from the tissue's surface on, and path of fitted models: base, base and first effect, ….
-
-    Raises
-    ------
-    InputError, NumericalError
-        As `refine`.
-    """
+    """Records from the tissue's surface on, and path of fitted models: base, base and first effect, …."""
     experiment, first = choose_base(experiment, base, chosen)
     path = [first]
     for name in chosen:
