@@ -109,14 +109,14 @@ class PeopleCompared(Result):
     @cached_property
     def table(self) -> Table:
         """Differences with intervals and p values."""
-        from lumbar.lifting.population.comparison_table import comparison_table
+        from lumbar.lifting.population.comparison import comparison_table
 
         return comparison_table(self.comparisons, self.data)
 
     @cached_property
     def planning(self) -> Table:
         """Scatter between people and trials, and how many persons a study needs."""
-        from lumbar.lifting.population.comparison_table import planning_table
+        from lumbar.lifting.population.comparison import planning_table
 
         return planning_table(self.comparisons, self.settings, self.data)
 
