@@ -1,7 +1,5 @@
 """What results are computed with: one thread, and which versions of Python and of packages the numbers depend on."""
 
-from __future__ import annotations
-
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version

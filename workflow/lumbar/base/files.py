@@ -1,7 +1,5 @@
 """Names of files, writing them whole or not at all, and reading JSON strictly."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json

@@ -1,7 +1,5 @@
 """Progress of long work: one line at a time on standard error, and to whoever watches it, who may end it."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Collection, Iterator

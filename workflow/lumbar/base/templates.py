@@ -1,7 +1,5 @@
 """Pages and files from the templates (``*.jinja``) that lie beside the modules they belong to."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A YAML file read with the line of every key, and with every fault of it told by file and line."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

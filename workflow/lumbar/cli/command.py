@@ -1,7 +1,5 @@
 """Parsing of the command line; each command imports its library when it runs."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

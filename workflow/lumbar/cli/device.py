@@ -1,7 +1,5 @@
 """Commands that bring models to a haptic device: ``lumbar device``, ``render`` and ``export``."""
 
-from __future__ import annotations
-
 from lumbar.cli.options import given_settings, say_what_runs
 
 
