@@ -5,18 +5,13 @@ and the stiffness of the passive tissues at the end of the range are no part of 
 which of them there are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumbar.settings.twin import SyntheticMomentSettings, SyntheticPerson, TrueEvents
 from lumbar.twin.lifter import Movement
-
-if TYPE_CHECKING:
-    from lumbar.settings.twin import SyntheticMomentSettings, SyntheticPerson, TrueEvents
 
 GRAVITY = 9.81
 """m/s², unless a swing says otherwise."""

@@ -1,18 +1,12 @@
 """Trials of the hip moment alone: one lift of the synthetic twin again and again, with and without a box."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from lumbar.base.files import write_csv
+from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, SyntheticPerson
 from lumbar.twin.hip_moment import GRAVITY, box_held, hip_moment, trunk_angle
 from lumbar.twin.lifter import Movement
 from lumbar.twin.lifting_recordings import true_movement
-
-if TYPE_CHECKING:
-    from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, SyntheticPerson
 
 
 def trial_moment(

@@ -5,15 +5,11 @@ feet up, moved by minimum-jerk transitions between postures; the events are wher
 around, so that they are known exactly.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from lumbar.settings.twin import SyntheticLift, SyntheticPerson, WorkplaceSettings
+from lumbar.settings.twin import SyntheticLift, SyntheticPerson, WorkplaceSettings
 
 # Heights of joints and landmarks and lengths of segments as shares of stature: ankle, hip, shoulder, arm and
 # widths after Drillis and Contini (1966); levels of the spine as on a person standing.

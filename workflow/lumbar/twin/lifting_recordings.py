@@ -1,23 +1,18 @@
 """Lifting recordings of the synthetic twin: marker files (C3D) and the hip moment beside each."""
 
-from __future__ import annotations
-
 import math
 import os
 import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import replacing, write_csv
+from lumbar.settings.twin import SyntheticLiftingSettings
 from lumbar.twin.hip_moment import GRAVITY, box_held, hip_moment, trunk_angle
 from lumbar.twin.lifter import Movement, simulate
-
-if TYPE_CHECKING:
-    from lumbar.settings.twin import SyntheticLiftingSettings
 
 _INTEGER, _REAL, _TEXT = 2, 4, -1
 

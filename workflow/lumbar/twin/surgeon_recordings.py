@@ -6,18 +6,13 @@ long a stroke takes is set in config/twin.yaml so that the velocity's bandwidth 
 2.5 Hz: the twin is built to show that number, it does not confirm it.
 """
 
-from __future__ import annotations
-
 import zlib
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from lumbar.base.errors import InputError
-
-if TYPE_CHECKING:
-    from lumbar.settings.twin import SyntheticSurgeon, SyntheticSurgeonSettings
+from lumbar.settings.twin import SyntheticSurgeon, SyntheticSurgeonSettings
 
 _RESOLUTION_DECIMALS = 4
 """Digits of a millimetre that the recording keeps."""

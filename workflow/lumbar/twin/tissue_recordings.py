@@ -5,21 +5,16 @@ a cubic spring that no linear model can describe. The machine moves in ramps bet
 command, for which the relaxation has a closed form, so the recorded force carries no integration error.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
-
-if TYPE_CHECKING:
-    from lumbar.settings.twin import SyntheticTissueSettings
+from lumbar.settings.twin import SyntheticTissueSettings
 
 
 def tissue_force(

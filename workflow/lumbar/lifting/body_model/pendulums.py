@@ -7,12 +7,9 @@ open. What does not: the segment table's shares (their spread is listed by `lumb
 instants of the events.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -29,12 +26,9 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
 from lumbar.records.markers import read_markers
+from lumbar.settings.lifting import BodyModelSettings, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import BodyModelSettings, LiftingSettings
-    from lumbar.settings.subject import SubjectSettings, TrialSettings
-
+from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 Planar = dict[tuple[str, str], PendulumStates]
 

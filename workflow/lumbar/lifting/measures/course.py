@@ -1,11 +1,8 @@
 """The course of all measures over a lift, instant by instant, from the body's trajectories."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -41,9 +38,7 @@ from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.joint_centres import MID_HIP, typical_distance
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
-
-if TYPE_CHECKING:
-    from lumbar.settings.stability import MeasureSettings
+from lumbar.settings.stability import MeasureSettings
 
 CORNERS = 8
 """Of the base: four of each foot."""

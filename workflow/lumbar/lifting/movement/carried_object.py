@@ -4,21 +4,16 @@ Reaching, swinging arms and small corrections also move hands up and down, so th
 for a box: a lift is the first rise, a deposit the last descent, of at least half the greatest one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.lifting.movement.cleaning import derivative
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import EventSettings
+from lumbar.settings.lifting import EventSettings
 
 WRISTS = ("L_WRIST", "R_WRIST")
 GREAT = 0.5

@@ -5,10 +5,7 @@ Two passes of a filter of order n leave the phase alone but attenuate twice, so 
 than the two together: Winter, *Biomechanics and Motor Control of Human Movement*, 4th ed., section 3.4.4.2.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +13,7 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.lifting.movement.gaps import Gap, fill_gaps, without_islands
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import FilterSettings, LiftingSettings
+from lumbar.settings.lifting import FilterSettings, LiftingSettings
 
 PASSES = 2
 EXTENSION_PERIODS = 3

@@ -9,7 +9,7 @@ markers on the box, the hands stand for it. An event that a recording does not h
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -40,10 +40,8 @@ from lumbar.lifting.movement.events import (
 from lumbar.lifting.quality.sheet import event_label
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import EventSettings
-    from lumbar.settings.subject import DeclaredEvents
+from lumbar.settings.lifting import EventSettings
+from lumbar.settings.subject import DeclaredEvents
 
 TOES = ("L_TOE", "R_TOE")
 ONSET = 0.1

@@ -1,12 +1,9 @@
 """Events of a lift: when each is and how that was found, the phases between them, and marks in the recording's own file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +12,7 @@ from lumbar.lifting.movement.carried_object import carried_object
 from lumbar.lifting.quality.sheet import event_label
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import EventLabels
+from lumbar.settings.lifting import EventLabels
 
 EVENTS = ("lift_off", "toe_off", "deposit_start", "release")
 """In the order in which they happen. Any of them may be absent: a lifter deposits without a step, or not at all."""

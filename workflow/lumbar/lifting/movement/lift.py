@@ -1,10 +1,7 @@
 """One lift from its markers to the pendulums of the deposit: the study's, and those by other choices."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,10 +32,8 @@ from lumbar.lifting.movement.pendulum_states import (
 from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.lifting.quality.sheet import Finding
 from lumbar.records.markers import MarkerRecording
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 NEW_STUDY = "'lumbar new-study'"
 """The command that writes the aliases of a folder of recordings."""

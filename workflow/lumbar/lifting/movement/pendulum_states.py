@@ -10,17 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError, Problems
 from lumbar.lifting.movement.joint_centres import MID_HIP, TrunkPoints
 from lumbar.records.markers import MarkerRecording
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import LiftingSettings
-
+from lumbar.settings.lifting import LiftingSettings
 
 Chosen = TypeVar("Chosen")
 OPTIONS = {

@@ -7,12 +7,9 @@ the edges of a gap is spread over it linearly, so that the trajectory does not j
 Least-squares fit of a rotation: Kabsch, Acta Crystallographica A 32 (1976) 922–923.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +17,7 @@ from lumbar.lifting.movement.gaps import FILLED, Gap
 from lumbar.lifting.quality.sheet import NOTED, Clock, Finding
 from lumbar.records.marker_aliases import labels_of
 from lumbar.records.stretches import runs
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.lifting import LiftingSettings
 
 FEWEST = 3
 """Markers that tell where a body is."""

@@ -5,12 +5,9 @@ Groups are compared at the same box by a mixed-effects model with person as the 
 `variance_components`); two boxes are compared within the persons who lifted both.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -38,11 +35,9 @@ from lumbar.lifting.population.variance_components import (
     pair_up,
     variance_components,
 )
+from lumbar.settings.population import PopulationSettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    from lumbar.settings.population import PopulationSettings
 
 NEEDED = ("person", "group", "box_mass_kg", "measure", "plane", "value")
 """Columns of a long table, one row per lift, measure and plane; ``unit`` and ``safer`` (higher or lower) may be there."""

@@ -6,11 +6,8 @@ out; how many were is counted. Pushes and traits hang on the seed and the names 
 added to a study changes nobody else's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -27,9 +24,7 @@ from lumbar.lifting.pushes.simulation import (
     persons_of,
     simulate,
 )
-
-if TYPE_CHECKING:
-    from lumbar.settings.pushes import PushesSettings
+from lumbar.settings.pushes import PushesSettings
 
 STANDS, FALLS, UNSTEADY = "stands", "falls", "unsteady"
 """Outcomes of a push; the last at an instant at which the body would fall without it."""

@@ -4,11 +4,8 @@ Every measure is told the same and takes part under the same rule (`chances`), b
 increment: how much larger the area under the ROC becomes where a measure joins the push's size and direction and the mass.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -29,11 +26,9 @@ from lumbar.lifting.pushes.roc import (
     sensitivity_at,
     sort_scores,
 )
+from lumbar.settings.pushes import PushesSettings, ScoringSettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    from lumbar.settings.pushes import PushesSettings, ScoringSettings
 
 ALL_SIZES, EQUAL = "all sizes", "equal pushes"
 BOTH = "both"

@@ -17,7 +17,6 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,15 +39,13 @@ from lumbar.lifting.pushes.motion import (
     target,
     toppling_stiffness,
 )
-
-if TYPE_CHECKING:
-    from lumbar.settings.pushes import (
-        BodySettings,
-        ControllerSettings,
-        OutcomeSettings,
-        PersonalSpreadSettings,
-        PushSettings,
-    )
+from lumbar.settings.pushes import (
+    BodySettings,
+    ControllerSettings,
+    OutcomeSettings,
+    PersonalSpreadSettings,
+    PushSettings,
+)
 
 _STREAMS = {"traits": 1, "pushes": 2}
 

@@ -13,10 +13,7 @@ mistaken for feedback; noise in the states makes the gains too small. Intervals 
 and are Student's with trials − 1 degrees of freedom.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -35,13 +32,11 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
 )
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
 from lumbar.records.markers import MarkerRecording
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.pushes import PerturbationsSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.pushes import PerturbationsSettings
 
 RISEN = 0.1
 """The seat is left where the pelvis has risen by this share of its whole way."""

@@ -3,13 +3,10 @@
 Settings are the section ``stability`` of a study's configuration.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -24,11 +21,9 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_l
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import THESIS, Failure, Trajectory
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION
+from lumbar.settings.stability import PendulumSettings, StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    from lumbar.settings.stability import PendulumSettings, StabilitySettings
 
 CHECK_COLUMNS = {
     "simulation": ("simulated_starts", "exits", "exits_high", "control_exits"),

@@ -4,13 +4,10 @@ By all methods with the study's sign of gravity, limits by the exact one with th
 checked by simulation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -24,11 +21,9 @@ from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
 from lumbar.lifting.stability.model.failures import TORQUE_LIMITED, attempts
 from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
+from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    from lumbar.settings.stability import StabilitySettings
 
 COUNTS = {"simulated_starts": "Int64", "exits": "Int64", "control_exits": "Int64"}
 

@@ -14,11 +14,8 @@ b, mass) and, but for the thesis's, which knows none, the same `Saturation` of t
 than return what is not a result.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,9 +29,7 @@ from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
     RESOLUTION,
     alternate,
 )
-
-if TYPE_CHECKING:
-    from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.stability import StabilitySettings
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,7 @@
 """Figures of the lifting chapter: events of a lift, the inverted pendulum (4.1), the trunk's segments
 (4.2)."""
 
-from __future__ import annotations
-
 from textwrap import fill
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.colors import to_rgba
@@ -25,9 +22,7 @@ from lumbar.publishing.figures.style import (
     person_and_box,
     say_instead,
 )
-
-if TYPE_CHECKING:
-    from lumbar.settings.stability import PendulumSettings
+from lumbar.settings.stability import PendulumSettings
 
 EVENT_LABELS = {
     "lift_off": "lift-off",

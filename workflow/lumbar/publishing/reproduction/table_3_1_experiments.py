@@ -5,12 +5,9 @@ give may come from either, from the models, or from how a metric was computed. E
 the last two together; what none of them brings near the print stays unexplained, and the table says so.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -23,7 +20,10 @@ from lumbar.publishing.reproduction.table_cells import (
     impossible_mru,
 )
 from lumbar.records.record import Channel, Record
-from lumbar.settings.signals import AmplitudeSettings
+from lumbar.settings.signals import AmplitudeSettings, SignalsSettings
+from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import TissueSettings
+from lumbar.settings.twin import SyntheticTissueSettings
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.identification.arx_search import (
@@ -38,12 +38,6 @@ from lumbar.tissue.identification.ridge import ReducedRegression, ridge_grid
 from lumbar.tissue.models.tissue_models import HO, KB, MW, higher_order_structures
 from lumbar.tissue.signals.excitation import Signal, design_excitation
 from lumbar.twin.tissue_recordings import noise_deviation, tissue_test
-
-if TYPE_CHECKING:
-    from lumbar.settings.signals import SignalsSettings
-    from lumbar.settings.study_settings import StudySettings
-    from lumbar.settings.tissue import TissueSettings
-    from lumbar.settings.twin import SyntheticTissueSettings
 
 FORCE = "force_deviation_N"
 _HO_STRIDE = 8

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Record, same_units
+from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.identification.arx_search import (
     INPUT,
     OUTPUT,
@@ -38,9 +38,6 @@ from lumbar.tissue.models.tissue_models import (
 )
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction, full_regressors
 from lumbar.tissue.signals.spectrum import motion_range
-
-if TYPE_CHECKING:
-    from lumbar.settings.tissue import TissueSettings
 
 
 def identify(

@@ -1,13 +1,11 @@
 """Tables 2.1 and 3.1 of the thesis, definitions and errors of the models, and the table of their physical parameters."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from lumbar.settings.tissue import TissueSettings
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.identification.arx_search import NEGLIGIBLE_POINTS
@@ -26,9 +24,6 @@ from lumbar.tissue.models.tissue_models import (
     TABLE_2_1,
     in_words,
 )
-
-if TYPE_CHECKING:
-    from lumbar.settings.tissue import TissueSettings
 
 
 def table_2_1(data: str, pictures: Sequence[str] = ()) -> Table:

@@ -1,17 +1,12 @@
 """Spectra by Welch's method with the bandwidth by a stated rule, and what a motion covers and asks of a machine."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.settings.signals import WelchSettings
 from lumbar.tissue.models.model_data import MotionRange
-
-if TYPE_CHECKING:
-    from lumbar.settings.signals import WelchSettings
 
 QUANTITIES = ("position", "velocity")
 """Quantities whose spectra are analysed, each from the same position recording."""

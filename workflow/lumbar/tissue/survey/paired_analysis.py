@@ -5,21 +5,16 @@ Ratings on a few points tie heavily and many differences are zero; tables of the
 hand.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings
+from lumbar.settings.survey import SurveySettings
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.survey.table_3_2 import Overall, holm, pairs, reality_notes
-
-if TYPE_CHECKING:
-    from lumbar.settings.survey import SurveySettings
 
 EXACT_LIMIT = 500
 """Most non-zero differences whose distribution is counted; above, the normal approximation is used."""

@@ -1,15 +1,13 @@
 """The whole survey in one call: its three tables, the models picked as the best, and all results as plain data."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.records.ratings import Ratings
+from lumbar.settings.survey import SurveySettings
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.survey.paired_analysis import PairedComparison, compare_pairs, friedman, paired_table
@@ -22,9 +20,6 @@ from lumbar.tissue.survey.table_3_2 import (
     reality_notes,
     table_3_2,
 )
-
-if TYPE_CHECKING:
-    from lumbar.settings.survey import SurveySettings
 
 
 @dataclass(frozen=True)

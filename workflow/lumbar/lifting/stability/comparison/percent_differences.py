@@ -1,10 +1,7 @@
 """The percent differences of Table 4.1: what a study compares, average cross-section by average cross-section."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -18,10 +15,7 @@ from lumbar.lifting.stability.model.trajectories import (
     headline,
 )
 from lumbar.settings.plain import plain
-from lumbar.settings.stability import GROUPS
-
-if TYPE_CHECKING:
-    from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.stability import GROUPS, StabilitySettings
 
 LIGHTER_BOX = "decrease_in_mass_"
 """What the comparisons of one lifter's lightest box with the heaviest begin with."""

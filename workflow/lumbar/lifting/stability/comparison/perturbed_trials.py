@@ -7,11 +7,8 @@ favoured. A trial that was inside and left without being pushed contradicts the 
 person; one that was pushed on the way does not, as no funnel covers disturbances that come later.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -26,13 +23,11 @@ from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
 from lumbar.records.markers import MarkerRecording
+from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.pushes import PerturbationsSettings
+from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.pushes import PerturbationsSettings
-    from lumbar.settings.stability import StabilitySettings
 
 PHASE_POINTS = 401
 GROUPS = ("unperturbed", "perturbed")

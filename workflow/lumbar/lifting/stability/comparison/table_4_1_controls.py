@@ -4,12 +4,9 @@ Null control, range when weights, damping, body mass and the sharing of the box 
 grid, and a sentence that says whether the difference survives this.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -39,11 +36,9 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, Failure, Trajectory, at_rest
 from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
+from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    from lumbar.settings.stability import StabilitySettings
 
 BODY_MASS_SHARE = 0.1
 """By how much of it everybody's body mass is raised and lowered."""

@@ -1,10 +1,7 @@
 """The grid of Table 4.1: every comparison under every convention, with its null control; what survives all of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -25,11 +22,9 @@ from lumbar.lifting.stability.model.trajectories import (
     conventions,
     headline,
 )
+from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    from lumbar.settings.stability import StabilitySettings
 
 CHOICES = tuple(OPTIONS)
 _CHOICES_IN_WORDS = ("gravity", "time", "mass", "pivot", "segment ends", "start of deposit")

@@ -10,17 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
 from lumbar.lifting.stability.model.trajectories import Trajectory
-from lumbar.settings.stability import weight_problems
-
-if TYPE_CHECKING:
-    from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.stability import StabilitySettings, weight_problems
 
 RELATIVE_TOLERANCE = 1e-10
 STIFF = 3000.0

@@ -5,16 +5,14 @@ parameters cannot take up (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two e
 same way explain the same error; the angle between them says how far they can be told apart, whatever the noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.files import write_json, write_text
+from lumbar.settings.signals import MachineSettings
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separating_excitation
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -36,9 +34,6 @@ from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, rea
 from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band
-
-if TYPE_CHECKING:
-    from lumbar.settings.signals import MachineSettings
 
 ALIKE = 15.0
 """Degrees: candidates of one cluster add forces that differ by no more (97 % of the force in common)."""

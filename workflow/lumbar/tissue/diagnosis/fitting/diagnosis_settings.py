@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from lumbar.records.record import Record
 from lumbar.settings.improvement import is_data, system_of
+from lumbar.settings.layout import ColumnLayout
+from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import CATALOGUES, MOTION_SENSOR, catalogue_with, read_base
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base
-
-if TYPE_CHECKING:
-    from lumbar.settings.layout import ColumnLayout
-    from lumbar.settings.study_settings import StudySettings
 
 
 @dataclass(frozen=True)
