@@ -47,36 +47,7 @@ _VERBS = {
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
 
-__all__ = [
-    "analyse_survey",
-    "bandwidth",
-    "basins",
-    "check_fmu",
-    "compare",
-    "compare_groups",
-    "design_signals",
-    "diagnose",
-    "doctor",
-    "export_fmu",
-    "identify",
-    "identify_device",
-    "import_recordings",
-    "inspect",
-    "lift",
-    "lift_page",
-    "load_models",
-    "load_settings",
-    "load_subject",
-    "locate",
-    "measure_movement",
-    "propose",
-    "push_prediction",
-    "read",
-    "refine",
-    "render",
-    "report",
-    "sample_size",
-]
+__all__ = sorted(_VERBS)  # by name for type checkers: __init__.pyi
 
 
 def __getattr__(name: str):

@@ -7,7 +7,7 @@ from lumbar.settings.twin import SyntheticLiftingSettings
 
 def main(input, output, settings: SyntheticLiftingSettings, trials: list[str], gravity: float, seed: int):
     """Make every trial of the study."""
-    from lumbar.twin.hip_moment_recordings import write_trials
+    from lumbar.twin.lifting_recordings import write_trials
 
     write_trials(settings, trials, output.recordings, [seed, _STREAM], gravity)
 

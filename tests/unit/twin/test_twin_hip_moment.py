@@ -9,8 +9,7 @@ import pytest
 import lumbar
 from lumbar.settings.stability import PendulumSettings, StabilitySettings
 from lumbar.settings.study_settings import StudySettings
-from lumbar.twin.hip_moment_recordings import write_trials
-from lumbar.twin.lifting_recordings import write_lift
+from lumbar.twin.lifting_recordings import write_lift, write_trials
 from study_settings import changed, study_settings
 
 LIFTS = ("expert_23kg", "expert_15kg", "novice_23kg", "novice_15kg")

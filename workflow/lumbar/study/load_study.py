@@ -11,7 +11,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
@@ -22,9 +21,6 @@ from lumbar.study.artefacts import LIFTED, NEEDS, OF_TWIN, read_artefacts
 from lumbar.study.consistency import check_consistency, check_effects
 from lumbar.study.study import TWIN, RecordedLift, Study
 from lumbar.study.validation import Origins, overlay, validate
-
-if TYPE_CHECKING:
-    from lumbar.study.validation import Origins
 
 
 def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, trust: bool = False) -> Study:
