@@ -19,8 +19,6 @@ from lumbar.tissue.signals.excitation import (
     signal_properties,
 )
 from lumbar.tissue.signals.multisine import (
-    clipped_phases,
-    crest_factor,
     design_multisine,
     excited_lines,
     schroeder_phases,
@@ -115,31 +113,17 @@ def test_ramp_starts_and_ends_at_rest_and_leaves_later_periods_alone(settings):
     np.testing.assert_array_equal(ramped["multisine"].position[100:], plain["multisine"].position[100:])
 
 
-def test_a_ramp_longer_than_the_signal_is_refused(settings):
-    with pytest.raises(InputError, match=r"ramp_s of 6 s is too long for the noise of 10 s"):
-        design_excitation(5.0, changed(settings, ramp_s=6), 1)
-
-
-def test_a_machine_that_cannot_follow_is_named(settings):
-    settings = changed(settings, machine={"velocity_mm_s": 50})
-    with pytest.raises(InputError, match=r"3 problems(.|\n)*chirp: peak velocity is 8.*limit is 50 mm/s"):
-        design_excitation(5.0, settings, 1)
-
-
-@pytest.mark.parametrize("rate", [20, 50, 1000])
-def test_other_rates(settings, rate):
-    settings = changed(settings, rate_Hz=rate)
-    signals = by_name(design_excitation(5.0, settings, 1))
-    assert len(signals["multisine"].position) == 100 * rate
-    assert signals["multisine"].position[: 10 * rate] == pytest.approx(
-        signals["multisine"].position[-10 * rate :]
-    )
-
-
-def test_band_too_wide_for_the_rate_is_refused(settings):
-    settings = changed(settings, rate_Hz=10)
-    with pytest.raises(InputError, match="rate_Hz of 10 is too low"):
-        design_excitation(5.0, settings, 1)
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"ramp_s": 6}, "ramp_s of 6 s is too long for the noise of 10 s"),
+        ({"machine": {"velocity_mm_s": 50}}, r"3 problems(.|\n)*chirp: peak velocity is 8.*limit is 50 mm/s"),
+        ({"rate_Hz": 10}, "rate_Hz of 10 is too low"),
+    ],
+)
+def test_a_set_that_cannot_be_played_is_refused(settings, change, words):
+    with pytest.raises(InputError, match=words):
+        design_excitation(5.0, changed(settings, **change), 1)
 
 
 def test_file_for_the_machine_repeats_the_signal_to_a_nanometre(settings):
@@ -191,17 +175,6 @@ def test_chirp_is_scipys_linear_chirp(duration, lowest, highest):
     np.testing.assert_allclose(linear_chirp(duration, lowest, highest, 100.0), expected, atol=1e-9)
 
 
-def test_sweep_ends_at_the_band_and_not_at_twice_the_band():
-    from scipy.signal import hilbert
-
-    rate = 1000.0
-    analytic = hilbert(linear_chirp(20, 1.0, 5.0, rate))
-    frequency = np.diff(np.unwrap(np.angle(analytic))) * rate / (2 * np.pi)
-    time = (np.arange(len(frequency)) + 0.5) / rate
-    inside = (time > 2) & (time < 18)
-    np.testing.assert_allclose(frequency[inside], 1 + 4 * time[inside] / 20, atol=0.1)
-
-
 @pytest.mark.parametrize(("lowest", "highest"), [(5.0, 5.0), (6.0, 5.0), (-1.0, 5.0), (0.0, 50.0)])
 def test_frequencies_out_of_order_are_refused(lowest, highest):
     with pytest.raises(InputError, match="needed: "):
@@ -242,45 +215,12 @@ def test_ends_are_like_the_middle():
     assert np.mean(power[-20:]) == pytest.approx(1, abs=0.2)
 
 
-def test_same_seed_same_noise():
-    first, again, other = (band_limited_noise(10.0, 5.0, 100.0, 8, seed) for seed in (4, 4, 5))
-    np.testing.assert_array_equal(first, again)
-    assert abs(np.corrcoef(first, other)[0, 1]) < 0.5
-
-
 def test_noise_too_wide_for_the_rate_is_refused():
     with pytest.raises(InputError, match=r"raise signals\.rate_Hz"):
         band_limited_noise(10.0, 49.0, 100.0, 2, 1)
 
 
 FIFTY = {"period": 10.0, "band": 5.0}
-
-
-def test_sampled_multisine_is_the_sum_of_cosines():
-    multisine = design_multisine(10.0, 5.0, amplitude_exponent=-0.5)
-    time = np.arange(3000) / 100
-    direct = sum(
-        amplitude * np.cos(2 * np.pi * frequency * time + phase)
-        for amplitude, frequency, phase in zip(
-            multisine.amplitudes, multisine.frequencies, multisine.phases, strict=True
-        )
-    )
-    np.testing.assert_allclose(multisine.sampled(100.0, 3), direct, atol=1e-10)
-    assert multisine.rms == pytest.approx(1)
-    assert np.sqrt(np.mean(direct**2)) == pytest.approx(1)
-    assert multisine.amplitudes[9] / multisine.amplitudes[0] == pytest.approx(10**-0.5)
-
-
-def test_default_grid_holds_every_line_up_to_the_band():
-    multisine = design_multisine(**FIFTY)
-    np.testing.assert_allclose(multisine.frequencies, 0.1 * np.arange(1, 51))
-    assert np.ptp(multisine.amplitudes) == 0
-    assert len(multisine.detection_even) == len(multisine.detection_odd) == 0
-
-
-def test_schroeder_phases_of_a_flat_spectrum():
-    k = np.arange(1, 51)
-    np.testing.assert_allclose(schroeder_phases(np.full(50, 0.3)), -np.pi * k * (k - 1) / 50, atol=1e-12)
 
 
 def test_schroeder_phases_of_any_spectrum_are_the_double_sum():
@@ -314,21 +254,6 @@ def test_clipping_keeps_amplitudes_and_lowers_the_crest_factor(options):
     assert np.delete(spectrum, clipped.lines).max() < 1e-12
 
 
-def test_clipping_never_returns_worse_phases_than_it_was_given():
-    lines, flat = np.arange(1, 51), np.ones(50)
-    phases = clipped_phases(lines, flat, schroeder_phases(flat))
-    again = clipped_phases(lines, flat, phases)
-    time = np.linspace(0, 2 * np.pi, 8000, endpoint=False)
-    crests = [crest_factor(np.cos(np.outer(time, lines) + angles).sum(axis=1)) for angles in (phases, again)]
-    assert crests[1] <= crests[0] * 1.005  # both are sought on a coarser grid than this one
-
-
-def test_crest_factor_of_a_sine_and_of_a_square_wave():
-    time = np.linspace(0, 1, 1000, endpoint=False)
-    assert crest_factor(np.sin(2 * np.pi * time)) == pytest.approx(np.sqrt(2))
-    assert crest_factor(np.sign(time - 0.5) + (time == 0.5)) == pytest.approx(1)
-
-
 def test_odd_grid_leaves_one_line_out_of_every_group():
     excited, even, left_out = excited_lines(10.0, 5.0, "odd", 4, 7)
     np.testing.assert_array_equal(even, np.arange(2, 51, 2))
@@ -355,16 +280,6 @@ def test_detection_lines_tell_even_from_odd_nonlinearity():
     assert max(power(linear, even), power(linear, odd)) < 1e-20
     assert power(square, even) > 1 > 1e-20 > power(square, odd)
     assert power(cube, odd) > 1 > 1e-20 > power(cube, even)
-
-
-@pytest.mark.parametrize("lines", [1, 2, 5000])
-@pytest.mark.parametrize("phases", ["schroeder", "clipped"])
-def test_tiny_and_large_multisines(lines, phases):
-    if lines == 5000 and phases == "clipped":
-        lines = 200
-    multisine = design_multisine(100.0, lines / 100, phases=phases)
-    assert len(multisine.lines) == lines
-    assert 1.3 < multisine.crest_factor < 2.1
 
 
 @pytest.mark.parametrize(
@@ -402,16 +317,6 @@ def test_peaks_of_a_sine_between_its_samples(frequency, phase):
     assert motion.displacement == pytest.approx(3, rel=1e-3)
     assert motion.velocity == pytest.approx(3 * omega, rel=1e-3)
     assert motion.acceleration == pytest.approx(3 * omega**2, rel=3e-3)
-
-
-def test_peaks_of_a_constant_acceleration():
-    time = np.arange(101) / 100
-    motion = peak_kinematics(5 * time**2, 100.0)
-    assert (motion.displacement, motion.velocity, motion.acceleration) == pytest.approx((5, 10, 10), rel=1e-6)
-
-
-def test_a_signal_within_all_limits_passes():
-    check_machine_limits({"chirp": Kinematics(30, 1000, 20000)}, LIMITS)
 
 
 def test_every_violation_is_named_with_value_limit_and_factor():
