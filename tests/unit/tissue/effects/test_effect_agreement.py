@@ -15,7 +15,6 @@ from sympy.parsing.latex import parse_latex_lark
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.models.algebra import Evaluator
 from lumbar.tissue.models.bases import BASES
-from lumbar.tissue.models.expression import symbols
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import FORCE, SIGNALS, SampledMotion
 from lumbar.tissue.models.printing import symbol_latex
@@ -143,14 +142,6 @@ def test_what_is_written_by_hand_is_known():
     assert {key for key, form in EVERY_FORM.items() if not form.channels} - in_c == CONTACTS
 
 
-@pytest.mark.parametrize("form", EVERY_FORM.values(), ids=lambda form: form.key)
-def test_every_symbol_is_a_parameter_or_a_signal(form):
-    form.check()
-    items = (*form.linear, *form.nonlinear)
-    assert all(item.symbol and item.unit for item in items)
-    assert len({item.symbol for item in items}) == len(items)
-
-
 def in_expressions(model, positions: np.ndarray, functions: dict) -> np.ndarray:
     """A model's response from the very trees that its C code is printed from, on the C library's functions."""
     motion = SampledMotion.of_positions(positions, model.sampling_time)
@@ -251,15 +242,3 @@ def _total(equation, given: dict) -> np.ndarray:
     if equation.transforms:
         return columns[0]
     return sum(given[item.symbol] * column for item, column in zip(equation.linear, columns, strict=True))
-
-
-def test_latex_names_every_parameter():
-    for form in EQUATIONS.values():
-        names = latex_names((*form.linear, *form.nonlinear, *form.constants), ())
-        read = symbols(form._equation.force).union(*map(symbols, form._equation.slopes.values()))
-        assert {item.symbol for item in (*form.linear, *form.nonlinear)} <= read, form.key
-        assert all(
-            latex in form.latex
-            for latex, name in names.items()
-            if name in read and name not in SIGNALS and not name[-1].isdigit()
-        ), form.key

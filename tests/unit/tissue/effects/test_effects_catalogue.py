@@ -4,18 +4,11 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE, choose
+from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 from lumbar.tissue.effects.notation import load_effects
-from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.models.structure import Structure
 
-NAMES = {
-    "hardening_stiffness", "quadratic_stiffness", "coulomb_friction", "hysteresis", "contact_loss",
-    "depth_dependent_damping", "quadratic_damping", "inertia", "second_relaxation", "delay", "saturation", "drift",
-    "softening", "periodic_disturbance", "backlash", "strain_softening", "viscous_damping",
-}  # fmt: skip
 FORMS = [form for effect in TISSUE.values() for form in effect.forms]
 
 
@@ -29,10 +22,6 @@ def middle(form):
     return np.array([np.sqrt(shape.low * shape.high) for shape in form.nonlinear])
 
 
-def test_the_names_that_others_rely_on():
-    assert set(TISSUE) == NAMES
-
-
 @pytest.mark.parametrize("system", CATALOGUES)
 def test_every_effect_is_described(system):
     for name, effect in CATALOGUES[system].items():
@@ -43,16 +32,6 @@ def test_every_effect_is_described(system):
             parameters = [*form.linear, *form.nonlinear]
             assert len({item.name for item in parameters}) == len(parameters)
             assert all(item.unit for item in parameters)
-
-
-@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.key)
-def test_every_form_simulates(form, motion):
-    structure = Structure(BASES["KB"], (form,))
-    force = structure.simulate(motion, np.ones(len(structure.linear)), np.concatenate([[0.1], middle(form)]))
-    assert force.shape == motion.position.shape
-    assert np.isfinite(force).all()
-    base = Structure(BASES["KB"]).simulate(motion, np.ones(2), np.array([0.1]))
-    assert np.abs(force - base).max() > 1e-6 * np.abs(base).max()
 
 
 EQUATIONS = {
@@ -116,23 +95,6 @@ def test_iwans_elements_slide_one_after_the_other():
     columns = form.columns(Motion(0.01 * np.arange(401), position, 0.01), np.array([2.0]))
     for distance, column in zip((2.0, 1.0, 0.5, 0.25), columns, strict=True):
         assert np.allclose(column, np.minimum(position / distance, 1.0))
-
-
-def test_overtones_span_any_wave_of_their_period(motion):
-    form = next(form for form in FORMS if form.key == "periodic_disturbance/overtones")
-    columns = np.array(form.columns(motion, np.array([0.31]))).T
-    wave = np.sign(np.sin(2 * np.pi * 0.31 * motion.time + 0.4))
-    left = wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]
-    # A square wave's odd harmonics 1, 3, 5, 7 hold 8/π² (1 + 1/9 + 1/25 + 1/49) of its power.
-    assert np.mean(left**2) == pytest.approx(1 - 8 / np.pi**2 * (1 + 1 / 9 + 1 / 25 + 1 / 49), abs=0.02)
-
-
-def test_unknown_effect_lists_the_known_ones():
-    with pytest.raises(
-        InputError,
-        match=r"unknown effect friction; did you mean 'coulomb_friction'\?; known are hardening_stiffness",
-    ):
-        choose(["friction"], TISSUE)
 
 
 def test_an_effect_of_the_users_own(tmp_path):

@@ -35,15 +35,6 @@ def wandering(seed, samples=1500):
     return Motion(time, position, STEP, smooth=False)
 
 
-def test_derivatives_of_a_sine():
-    time = np.arange(1000) * STEP
-    motion = Motion(time, np.sin(2 * np.pi * 5 * time), STEP)
-    inside = slice(20, -20)
-    rate = 2 * np.pi * 5
-    assert np.abs(motion.velocity - rate * np.cos(rate * time))[inside].max() < 2e-4 * rate
-    assert np.abs(motion.acceleration + rate**2 * np.sin(rate * time))[inside].max() < 2e-3 * rate**2
-
-
 def test_reversals_skip_rests():
     motion = Motion(np.arange(8) * STEP, np.array([0.0, 1, 1, 2, 2, 1, 0, 1]), STEP, smooth=False)
     assert motion.reversals.tolist() == [0, 4, 6, 7]
@@ -101,32 +92,6 @@ def test_general_bouc_wen_against_its_differential_equation(unloading):
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
 
 
-def test_general_bouc_wen_holds_dahl():
-    """At w = 1/2 (δ = 0) the loop is Dahl's of twice the distance and the limit."""
-    motion = wandering(7)
-    assert np.abs(bouc_wen_general(motion, 0.2, 0.5) / 2 - presliding(motion, 0.4)).max() < 1e-12
-
-
-@pytest.mark.parametrize("unloading", [0.01, 0.9, 1.1875, 3.0])
-def test_general_bouc_wen_dissipates_in_every_closed_loop(unloading):
-    """Unloading is steeper than loading wherever γ > 0, also beyond |δ| ≤ γ."""
-    turns = 3 * np.sin(2 * np.pi * np.arange(4001) / 1000) * (1 + np.sin(2 * np.pi * np.arange(4001) / 500))
-    motion = Motion(np.arange(4001) * STEP, turns, STEP)
-    force = bouc_wen_general(motion, 0.7, unloading)
-    work = np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(turns))
-    assert np.all(work[999::1000][1:] > work[999::1000][:-1])
-
-
-def test_elastoplastic_is_a_spring_until_it_slips():
-    time = np.arange(400) * STEP
-    motion = Motion(time, 2 * np.sin(2 * np.pi * 0.5 * time), STEP)
-    force = elastoplastic(motion, 0.5)
-    early = motion.position < 0.49
-    early[int(np.argmax(~early)) :] = False
-    assert np.allclose(force[early], motion.position[early] / 0.5)
-    assert np.abs(force).max() == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize("time_constant", [0.004, 0.02, 0.2, 5.0, 300.0])
 def test_relaxation_against_an_ode_solver(time_constant):
     time = np.arange(600) * STEP
@@ -140,12 +105,6 @@ def test_relaxation_against_an_ode_solver(time_constant):
         0
     ]
     assert np.abs(relaxation(motion, time_constant) - expected).max() < 3e-4 * np.abs(expected).max()
-
-
-def test_relaxation_of_a_ramp_is_exact_for_a_position_that_is_not_smooth():
-    time = np.arange(200) * STEP
-    motion = Motion(time, 2.0 * time, STEP, smooth=False)
-    assert np.allclose(relaxation(motion, 0.3), 2.0 * 0.3 * -np.expm1(-time / 0.3), rtol=1e-12)
 
 
 FINE = 50
@@ -194,16 +153,6 @@ def test_rests_and_corners_of_a_machine_are_no_turns_between_samples():
     ramps = np.concatenate([np.arange(50), np.full(30, 50.0), 50 - np.arange(50), np.arange(20)])
     motion = Motion(np.arange(len(ramps)) * STEP, ramps, STEP)
     np.testing.assert_allclose(motion.turns, ramps[motion.reversals], atol=1e-12)
-
-
-def test_delayed_motion_rests_before_the_record():
-    motion = wandering(8)
-    late = motion.delayed(0.025)
-    assert late.position[0] == pytest.approx(motion.position[0])
-    assert late.position[2] == pytest.approx(motion.position[0])
-    fine = np.interp(motion.time[500] - 0.025, motion.time, motion.position)
-    assert late.position[500] == pytest.approx(fine, abs=0.02)
-    assert late.position[500] != pytest.approx(motion.position[500], abs=0.02)
 
 
 FORMS = {form.name: form for name in ("hysteresis", "coulomb_friction") for form in TISSUE[name].forms}

@@ -10,10 +10,8 @@ from lumbar.records.record import Channel, Record
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.driven_motion import POINTS, ForceBalance, ForceDrive, can_be_simulated
-from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.measured_motion import MEASURED, for_base, with_smooth_angle
-from lumbar.tissue.models.model_data import FittedParameter, Port
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 
@@ -55,18 +53,6 @@ def left(time, position, speed):
 
 
 REFERENCES = {
-    "hardening_stiffness/cubic": (
-        (0.5,),
-        lambda t, y: [y[1], (left(t, *y) - 0.5 * y[0] ** 3) / MASS],
-        2,
-        1e-7,
-    ),
-    "quadratic_damping/quadratic": (
-        (0.1,),
-        lambda t, y: [y[1], (left(t, *y) - 0.1 * y[1] * abs(y[1])) / MASS],
-        2,
-        1e-5,
-    ),
     "coulomb_friction/coulomb": (
         (0.5, 1.0),
         lambda t, y: [y[1], (left(t, *y) - 0.5 * np.tanh(y[1])) / MASS],
@@ -215,21 +201,6 @@ def test_a_delay_is_one_of_the_force():
     np.testing.assert_allclose(found[7:], plain[:-7], atol=1e-5)
 
 
-@pytest.mark.parametrize("name", ["KV-mass", "KB-mass"])
-def test_bases_with_a_mass_as_transfer_functions(name):
-    linear, nonlinear, (above, below) = COMPLIANCES[name]
-    base = BASES[name]
-    values = [*zip(base.linear, linear, strict=True), *zip(base.nonlinear, nonlinear, strict=True)]
-    parameters = tuple(FittedParameter(item.name, "", "", value) for item, value in values)
-    model = FittedModel(
-        name, Structure(base), STEP, Port("position", "mm"), Port("force", "N"), name, parameters=parameters
-    )
-    s = 2j * np.pi * 1.3
-    assert complex(model.to_control()(s)) == pytest.approx(
-        np.polyval(below, s) / np.polyval(above, s), rel=1e-9
-    )
-
-
 SWING_TIME = np.arange(3000) * STEP
 LINES = np.array([0.13, 0.4, 0.75, 1.1, 1.5])
 SIZES = np.array([0.3, 0.2, 0.15, 0.08, 0.05])
@@ -268,12 +239,6 @@ def test_noise_and_rounding_do_not_reach_the_acceleration(made, allowed):
     measured = record(**made)
     assert acceleration_error(with_smooth_angle(measured)) < allowed
     assert acceleration_error(with_smooth_angle(measured)) < 0.2 * acceleration_error(measured)
-
-
-def test_smoothing_twice_is_smoothing_once():
-    once = with_smooth_angle(record(noise=1e-3))
-    again = with_smooth_angle(once)
-    assert acceleration_error(again) == pytest.approx(acceleration_error(once), rel=0.05)
 
 
 def test_degrees_taken_for_radians_are_told():

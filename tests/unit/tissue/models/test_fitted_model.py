@@ -8,7 +8,6 @@ import numpy as np
 import periodic_records
 import pytest
 from effect_entries import BASE_NUMBERS, COMBINATIONS, effect_entry
-from scipy.integrate import solve_ivp
 from viscoelastic import discretise
 
 from lumbar.base.errors import InputError, NumericalError
@@ -22,7 +21,6 @@ from lumbar.tissue.models.fitted_model import FittedModel, models_document, read
 from lumbar.tissue.models.model_data import FittedParameter, Port, Scores
 from lumbar.tissue.models.tissue_models import KB
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
-from running import python
 
 T = 0.01
 PORTS = Port("position", "mm", 3.0), Port("force", "N", -2.0)
@@ -91,16 +89,6 @@ def test_kelvin_voigt_and_the_linearised_pendulum_are_improper_and_have_no_state
     for base in ("KV", "pendulum"):
         with pytest.raises(NumericalError, match="improper"):
             given(base).to_state_space()
-
-
-def test_the_state_space_of_a_base_is_its_differential_equation():
-    """Kelvin–Boltzmann integrated by scipy: q' = x' − q/τ, F = k x + k_b q."""
-    model = given("KB")
-    (spring, branch), (relaxation,) = BASE_NUMBERS["KB"]
-    time = np.linspace(0, 2, 201)
-    found = control.forced_response(model.to_state_space(), time, np.sin(3 * time)).outputs
-    solved = solve_ivp(lambda t, q: 3 * np.cos(3 * t) - q / relaxation, (0, 2), [0.0], t_eval=time, rtol=1e-9)
-    np.testing.assert_allclose(found, spring * np.sin(3 * time) + branch * solved.y[0], atol=2e-3)
 
 
 def test_a_discrete_model_is_the_same_in_all_its_forms():
@@ -231,15 +219,6 @@ def test_the_file_in_the_documentation_is_one(project):
     text = (project / "docs" / "contracts.md").read_text(encoding="utf-8")
     example = text[text.index('{"schema": "lumbar.models/2"') :].split("```")[0]
     assert [model.name for model in read_models(json.loads(example), CATALOGUES)] == ["KB", "LE+drift"]
-
-
-def test_reading_the_class_loads_no_slow_library():
-    """What is slow to import is loaded by the method that needs it."""
-    script = (
-        "import sys, lumbar.tissue.models.fitted_model; print(*{name.split('.')[0] for name in sys.modules})"
-    )
-    slow = {"control", "scipy", "pandas", "pydantic", "matplotlib"}
-    assert not slow & set(python("-c", script).split())
 
 
 def test_parameters_are_reached_by_name():

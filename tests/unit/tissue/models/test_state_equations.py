@@ -2,27 +2,14 @@
 
 import numpy as np
 import pytest
-from c_programs import ON_LINUX, CModel
-from runtime_models import SETTINGS
 from scipy.integrate import solve_ivp
 
 from lumbar.tissue.effects.catalogue import TISSUE
-from lumbar.tissue.fmu.build.export_model import export_models
-from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.expression import expand_sums, parse
-from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.models.form import Effect, Form, LinearParameter, NonlinearParameter, Place
-from lumbar.tissue.models.model_data import FittedParameter, Port
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.state_equation import (
-    STEP_FUNCTIONS,
-    STEP_SYMBOL,
     StateEquation,
-    _matrix_phi1,
-    _stretches,
 )
-from lumbar.tissue.models.structure import Structure
-from study_settings import changed
 
 STEP = 0.01
 SOLVED = {form.key: form for effect in TISSUE.values() for form in effect.forms if form.solution is not None}
@@ -136,14 +123,6 @@ def test_all_samples_at_once_are_one_after_the_other(case):
     assert np.abs(at_once - in_steps).max() < 1e-11 * np.abs(in_steps).max()
 
 
-def test_an_iteration_that_does_not_end_falls_back_to_steps():
-    """A state that jumps between two branches: Newton's linearisation sees no slope."""
-    state, motion = equations(r="v*c*where(r > 0, -1, 1) + where(r > 0.1, -c, 0)"), straight(walk(4))
-    known = {"c": 300.0, **state._between(motion)}
-    found = state.trajectory(motion, {"c": 300.0})["r"]
-    np.testing.assert_array_equal(found, state.in_steps(known, len(motion) - 1)[0])
-
-
 @pytest.mark.parametrize("form", SOLVED.values(), ids=lambda form: form.key)
 def test_closed_forms_are_what_their_equations_say(form):
     """For the same straight lines: exact where the equation is linear, else to the step's second order."""
@@ -166,65 +145,6 @@ def test_closed_forms_are_what_their_equations_say(form):
     assert errors[2] < 0.02 * errors[1]
 
 
-def test_a_state_needs_no_motion():
-    """ṙ = (1 − r)/τ from 0."""
-    motion = straight(np.zeros(50))
-    found = equations(r="(1 - r)/tau").trajectory(motion, {"tau": 0.1})["r"]
-    np.testing.assert_allclose(found, -np.expm1(-motion.time / 0.1), rtol=1e-12)
-
-
-def effect_of(texts: dict, values: dict) -> Effect:
-    nonlinear = tuple(
-        NonlinearParameter(f"number_{name}", "1", "one", 0.1, 1.0, 2, symbol=name) for name in values
-    )
-    force = f"A*({' + '.join(texts)})"
-    linear = (LinearParameter("size", "{y}", symbol="A"),)
-    return Effect(
-        "own", "Own.", (Form("own", force, Place.PARALLEL, linear, nonlinear, tuple(texts.items())),), "own"
-    )
-
-
-@ON_LINUX
-@pytest.mark.parametrize("case", [*CASES, *NONLINEAR])
-def test_c_takes_the_same_steps(case, zig_cache, tmp_path):
-    texts, _, values = {**CASES, **NONLINEAR}[case]
-    effect = effect_of(texts, values)
-    form = effect.forms[0]
-    parts = [(item.name, 0.5, "") for item in BASES["LE"].linear]
-    parts += [(item.name, 0.7, "own") for item in form.linear]
-    parts += [(item.name, value, "own") for item, value in zip(form.nonlinear, values.values(), strict=True)]
-    fitted = FittedModel(
-        "LE+own",
-        Structure(BASES["LE"], (form,)),
-        0.01,
-        Port("position", "mm"),
-        Port("force", "N"),
-        "LE",
-        parameters=tuple(
-            FittedParameter(name, name, "", value, effect=owner) for name, value, owner in parts
-        ),
-    )
-    (model,) = export_models([fitted], changed(SETTINGS, moving_average_ms=0))
-    inputs = walk(6, 1000)
-    found = CModel(model, tmp_path, zig_cache).response(inputs)
-    expected = model.dynamics.response(inputs)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
-
-
-def test_the_pole_of_a_relaxation_is_its_own():
-    form = SOLVED["second_relaxation/maxwell_branch"]
-    numbers = form.c_step.numbers({"branch_stiffness": 1.0, "relaxation_time": 0.5}, STEP)
-    assert numbers["pole"] == pytest.approx(np.exp(-STEP / 0.5))
-    assert "pole" not in SOLVED["hysteresis/dahl"].c_step.numbers(
-        {"friction_limit": 1.0, "presliding_distance": 0.5}, STEP
-    )
-
-
-def test_steps_know_the_functions_of_expressions():
-    assert STEP_SYMBOL == "sampling_time"
-    assert STEP_FUNCTIONS["phi1"](np.array([0.0, 1e-9, 1.0])) == pytest.approx([1.0, 1.0, np.e - 1])
-
-
 def test_equations_apart_are_solved_apart_and_alike():
     state = equations(q="v - q/tau", r="(s - q*r)/tau", u="(z - u)/tau", p="v - p*abs(p)/tau")
     assert [part.names for part in state.apart] == [("q", "r"), ("u",), ("p",)]
@@ -234,15 +154,6 @@ def test_equations_apart_are_solved_apart_and_alike():
     assert list(found) == list(state.names)
     for path, reference in zip(found.values(), together, strict=True):
         assert path == pytest.approx(reference, abs=1e-9 * np.abs(reference).max())
-
-
-def test_one_matrix_is_enough_where_the_equations_are_linear():
-    matrix = np.random.default_rng(1).normal(size=(5, 3, 3))
-    matrix[:, 2] = 0.0
-    matrix[:, :2, :2] = matrix[0, :2, :2]
-    assert _stretches(matrix, 2) == pytest.approx(_matrix_phi1(matrix), abs=1e-14)
-    matrix[3, 0, 0] += 1.0
-    assert _stretches(matrix, 2) == pytest.approx(_matrix_phi1(matrix), abs=1e-14)
 
 
 def test_a_state_that_snaps_between_two_places_against_an_ode_solver():

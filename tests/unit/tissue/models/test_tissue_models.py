@@ -6,8 +6,9 @@ from scipy import signal
 from viscoelastic import discretise, dynamic_stiffness, kelvin_boltzmann, maxwell, polynomials
 
 from lumbar.base.errors import InputError, NumericalError
+from lumbar.settings.improvement import BASE_NAMES, system_of
 from lumbar.tissue.models import tissue_models as models
-from lumbar.tissue.models.tissue_models import in_words
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction, filtered
 
 KB_ELEMENTS = {"k1": 0.4, "k2": 3.2, "b": 0.13}
@@ -48,17 +49,6 @@ def test_kelvin_voigt_is_improper_and_not_identified():
     assert models.KV.element_values({"spring_stiffness": 1.0, "viscosity": 0.1}) == {"k": 1.0, "b": 0.1}
     with pytest.raises(NumericalError, match="improper"):
         models.KV.physical_parameters(TransferFunction((1.0,)), T)
-
-
-def test_simulation_equals_the_continuous_system_on_a_fine_grid():
-    """Motion in ramps, integrated by scipy.signal.lsim with 200 steps per sample."""
-    rng = np.random.default_rng(3)
-    system = kelvin_boltzmann(**KB_ELEMENTS)
-    coarse = T * np.arange(60)
-    position = np.concatenate([[0.0], rng.standard_normal(59)])
-    fine = np.linspace(0, coarse[-1], 59 * 200 + 1)
-    _, force, _ = signal.lsim(polynomials(system), np.interp(fine, coarse, position), fine)
-    np.testing.assert_allclose(discretise(system, T).simulate(position), force[::200], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("ratio", [1e-5, 1e-3, 0.3, 3.0, 20.0])
@@ -149,5 +139,6 @@ def test_inverted_linear_reaches_its_force_and_opposes_the_other_models():
         models.inverted_linear(5.0, 0.0)
 
 
-def test_words_of_the_analogue():
-    assert in_words(models.KB.network) == "(spring k1 parallel to dashpot b) in series with spring k2"
+def test_the_names_of_the_settings_are_those_of_the_models():
+    assert (CHOSEN_BY_DATA, *BASES) == BASE_NAMES
+    assert {name: system_of(name) for name in BASES} == {name: base.system for name, base in BASES.items()}
