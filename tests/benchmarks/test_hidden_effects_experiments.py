@@ -8,9 +8,9 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from hidden_effects.catalogue import OUTSIDE_FORMS, PAIRS, SINGLE, form_named
+from hidden_effects.catalogue import form_named
 from hidden_effects.diagnosing import diagnose_folders, read_folder
-from hidden_effects.experiment import KINDS, make_experiment, plan_batch, write_experiments
+from hidden_effects.experiment import make_experiment, plan_batch, write_experiments
 from hidden_effects.form import HiddenEffect, simulate
 from hidden_effects.settings import HiddenEffectsSettings
 from hidden_effects_cases import recorded_motion
@@ -62,13 +62,6 @@ def test_nothing_but_noise_is_left_of_a_null_experiment(number):
     assert experiment.label["severity"] == 0.0
 
 
-def test_both_effects_of_a_pair_are_as_strong_as_wanted():
-    plan = plan_batch("pair", 0, SHORT)[2]
-    label = make_experiment(plan, replace(SHORT, residual_over_noise=(5.99, 6.01))).label
-    assert label["effects"] == list(plan.forms)
-    assert label["residual_over_noise"] == pytest.approx([6.0, 6.0], rel=0.02)
-
-
 def test_an_experiment_depends_on_seed_kind_and_number_alone():
     plan = plan_batch("single", 0, SHORT)[7]
     first = make_experiment(plan, SHORT)
@@ -81,39 +74,6 @@ def test_an_experiment_depends_on_seed_kind_and_number_alone():
         assert np.array_equal(values, again.records[name])
     other = make_experiment(plan, replace(SHORT, seed=1))
     assert not np.allclose(first.records["multisine"], other.records["multisine"])
-
-
-def test_drawn_values_stay_in_the_configured_ranges():
-    plans = plan_batch("null", 0, replace(SHORT, nulls=40, nulls_per_batch=40))
-    labels = [make_experiment(plan, SHORT).label for plan in plans]
-    for key, wanted in (("ke", "elastic_N_per_mm"), ("k2", "relaxing_N_per_mm"), ("tau_s", "relaxation_s")):
-        low, high = getattr(SHORT, wanted)
-        values = [label[key] for label in labels]
-        assert low <= min(values) < max(values) <= high
-        assert max(values) - min(values) > 0.5 * (high - low)
-    assert {label["noise_colour"] for label in labels} == {"white", "autoregressive", "flicker"}
-
-
-def test_batches_hold_every_form_once_and_all_nulls_without_a_gap():
-    wanted = HiddenEffectsSettings(nulls=23, nulls_per_batch=10)
-    slices = wanted.slices
-    for kind, size in (("single", len(SINGLE)), ("pair", len(PAIRS)), ("outside", len(OUTSIDE_FORMS))):
-        plans = [plan for part in range(slices, 2 * slices) for plan in plan_batch(kind, part, wanted)]
-        assert sorted(plan.number for plan in plans) == list(range(size, 2 * size))
-        whole = plan_batch(kind, 1, replace(wanted, slices=1))
-        assert sorted(plans, key=lambda plan: plan.number) == whole
-    nulls = [plan.number for part in range(3) for plan in plan_batch("null", part, wanted)]
-    assert nulls == list(range(23))
-    names = [plan.name for kind in KINDS for part in range(2) for plan in plan_batch(kind, part, wanted)]
-    assert len(set(names)) == len(names)
-
-
-def test_levels_cover_the_range_of_strengths_for_every_form():
-    levels = np.array([[plan.level for plan in plan_batch("single", part, SHORT)] for part in range(12)])
-    largest_gap = np.diff(
-        np.sort(np.vstack([np.zeros_like(levels[:1]), levels, np.ones_like(levels[:1])]), axis=0), axis=0
-    )
-    assert largest_gap.max() < 0.35
 
 
 def test_files_have_the_agreed_format_and_read_back(tmp_path):
@@ -133,12 +93,6 @@ def test_files_have_the_agreed_format_and_read_back(tmp_path):
         begin = label["ke"] * record["input"][0]
         assert record.time[0] == 0.0
         assert record["output"][0] == pytest.approx(begin, abs=5 * label["noise_rms_N"])
-
-
-def test_labels_have_the_keys_of_the_recorded_sets(shared):
-    theirs = json.loads((shared / "hidden_effects" / "labels.json").read_text())["case_00"]
-    ours = make_experiment(plan_batch("single", 0, SHORT)[0], SHORT).label
-    assert theirs.keys() <= ours.keys()
 
 
 def test_blind_reading_sees_recordings_only(tmp_path):
@@ -171,16 +125,6 @@ def test_contradictory_settings_are_refused():
         HiddenEffectsSettings(relaxation_s=(0.3, 0.1), noise_colours=colours)
     assert "relaxation_s: [0.3, 0.1]" in str(caught.value)
     assert "noise_colours: all weights are 0" in str(caught.value)
-
-
-@pytest.mark.parametrize("ratio", [0.3, 400.0])
-def test_strengths_out_of_reach_are_labelled_as_they_are(ratio):
-    wanted = replace(SHORT, residual_over_noise=(ratio, ratio))
-    for number in (9, 22, 34, 36):
-        experiment = make_experiment(plan_batch("single", 0, wanted)[number], wanted)
-        found = experiment.label["residual_over_noise"][0]
-        assert np.isfinite(experiment.records["multisine"]).all()
-        assert found == pytest.approx(ratio, rel=0.05) if ratio < 1 else found < ratio
 
 
 # 36 recordings that somebody else's generator made: how the labels' one "shape" number and their forms read in this

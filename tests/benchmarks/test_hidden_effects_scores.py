@@ -17,7 +17,6 @@ from hidden_effects.scores import (
     confusion,
     forms_table,
     outcome,
-    power_summary,
     scores,
     share_with_interval,
 )
@@ -132,13 +131,6 @@ def test_mistakes_are_counted_where_they_belong():
     assert set(", ".join(delay["instead"]).split(", ")) <= {"inertia", "–"}
 
 
-def test_nothing_strong_leaves_an_empty_table_of_forms():
-    truth = {"null_0000": labels()["null_0000"]}
-    frame = scores(truth, {"null_0000": diagnosis("adequate")})
-    assert forms_table(frame, HiddenEffectsSettings()).frame.empty
-    assert len(accuracy_table(frame, HiddenEffectsSettings()).frame) == 2
-
-
 def test_labels_and_diagnoses_must_belong_together():
     truth = labels()
     said = {name: oracle(label) for name, label in truth.items()}
@@ -171,46 +163,9 @@ def test_power_curve_recovers_the_curve_it_was_drawn_from():
     assert low < truth < high
 
 
-def test_firth_estimate_of_two_groups_adds_a_half_to_each_cell():
-    # For a saturated model with two groups the penalised estimate is known in closed form (Firth, 1993).
-    strength = np.repeat([2.0, 5.0], [10, 12])
-    named = np.array([True] * 3 + [False] * 7 + [True] * 12)
-    curve = fit_power_curve(strength, named)
-    assert curve.share(np.array([2.0, 5.0])) == pytest.approx([3.5 / 11, 12.5 / 13], rel=1e-3)
-
-
-def test_isotonic_estimate_is_the_maximum_of_minimum_averages():
-    rng = np.random.default_rng(9)
-    strength = np.arange(1.0, 31.0)
-    named = rng.random(30) < strength / 30
-    curve = fit_power_curve(strength, named)
-    expected = [
-        max(min(np.mean(named[s : t + 1]) for t in range(i, 30)) for s in range(i + 1)) for i in range(30)
-    ]
-    assert curve.isotonic == pytest.approx(expected)
-
-
-def test_power_where_all_or_none_are_named():
-    strength = np.geomspace(2, 20, 40)
-    everything = fit_power_curve(strength, np.ones(40, dtype=bool))
-    assert everything.isotonic_strength_at(0.95) == 2.0
-    nothing = fit_power_curve(strength, np.zeros(40, dtype=bool))
-    assert nothing.strength_at(0.95) is None
-    assert nothing.isotonic_strength_at(0.95) is None
-    assert strength_interval(nothing, 0.95, 0.95, 20, seed=1) == (None, None)
-
-
 def test_a_power_curve_needs_experiments_of_different_strength():
     with pytest.raises(InputError, match="raise experiments_per_form"):
         fit_power_curve([3.0, 3.0, 3.0], [True, False, True])
-
-
-def test_power_summary_names_what_was_tested():
-    truth = labels()
-    frame = scores(truth, {name: oracle(label) for name, label in truth.items()})
-    summary = power_summary(frame, HiddenEffectsSettings(bootstrap_resamples=20), seed=1)
-    assert summary["experiments"] == 3 * len(SINGLE)
-    assert summary["isotonic"] == summary["tested"][0]
 
 
 def test_the_whole_benchmark_makes_the_same_experiments_and_more():
@@ -288,18 +243,3 @@ def test_logistic_curve_is_the_maximum_that_a_general_optimiser_finds():
     found = minimize(penalised, [4.0, -0.5], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-12})
     assert [curve.intercept, curve.slope] == pytest.approx(found.x, rel=1e-3)
     assert curve.strength_at(0.95) is None
-
-
-def test_logistic_fit_converges_on_every_pattern_of_failures():
-    rng = np.random.default_rng(12)
-    for share in (0.02, 0.1, 0.5, 0.9, 0.98):
-        for size in (3, 10, 60, 500):
-            strength = np.exp(rng.uniform(0.4, 3.2, size))
-            curve = fit_power_curve(strength, rng.random(size) < share)
-            assert np.isfinite([curve.intercept, curve.slope]).all()
-    separated = fit_power_curve(np.geomspace(1, 20, 50), np.arange(50) >= 20)
-    assert 1 < separated.strength_at(0.95) < 20
-    # Weaker effects than the weakest tested are not spoken of.
-    high = fit_power_curve(np.geomspace(1, 20, 50), np.arange(50) >= 2)
-    assert high.share(np.array([1.0]))[0] > 0.01
-    assert high.strength_at(0.01) == 1.0
