@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 from runtime_models import SETTINGS, entry, models_json, selected
-from scipy.signal import cont2discrete, dlsim, lfilter, ss2tf
+from scipy.signal import dlsim, lfilter
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
@@ -33,19 +33,6 @@ def test_straight_lines_give_the_same_forces_at_the_old_instants(name, ratio):
     expected = lfilter(model.numerator, model.denominator, slow)
     found = lfilter(faster.numerator, faster.denominator, fast)[::ratio]
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
-
-
-def test_a_known_continuous_model_comes_back():
-    """Kelvin–Boltzmann from k = 0.8 N/mm, branch 6 N/mm, τ = 0.035 s, by scipy's first-order hold at both rates."""
-    a, b, c, d = -1 / 0.035, 1.0, -6.0 / 0.035, 6.8
-    coefficients = {}
-    for step in (0.01, 0.001):
-        discrete = cont2discrete(tuple(np.atleast_2d(item) for item in (a, b, c, d)), step, method="foh")
-        numerator, denominator = ss2tf(*discrete[:4])
-        coefficients[step] = (tuple(numerator[0]), tuple(denominator))
-    found = at_rate(LinearModel(*coefficients[0.01]), 0.01, 0.001)
-    np.testing.assert_allclose(found.numerator, coefficients[0.001][0], rtol=1e-10)
-    np.testing.assert_allclose(found.denominator, coefficients[0.001][1], rtol=1e-10)
 
 
 DELAYED = {
@@ -150,23 +137,3 @@ def test_output_is_that_of_the_transfer_function(numerator, denominator, states)
     system = observer_form(TransferFunction(tuple(numerator), tuple(denominator)))
     assert system.nstates == states
     np.testing.assert_allclose(simulate(system, inputs), lfilter(numerator, denominator, inputs), atol=1e-12)
-
-
-def test_random_systems_of_high_order():
-    generator = np.random.default_rng(2)
-    for order in range(1, 13):
-        poles = 0.9 * generator.uniform(-1, 1, order)
-        denominator, numerator = np.poly(poles), generator.standard_normal(order + 1)
-        system = observer_form(TransferFunction(tuple(numerator), tuple(denominator)))
-        inputs = generator.standard_normal(200)
-        expected = lfilter(numerator, denominator, inputs)
-        np.testing.assert_allclose(simulate(system, inputs), expected, atol=1e-9 * np.abs(expected).max())
-
-
-def test_transfer_function_is_that_of_python_control():
-    """Observer form and `control.tf`, which know nothing of each other, respond alike at every frequency."""
-    numerator, denominator = (1.9, -2.9, 1.1), (1.0, -1.5, 0.57)
-    z = np.exp(1j * np.linspace(0.01, np.pi, 50))
-    system = control.StateSpace(*observer_form(TransferFunction(numerator, denominator)), 0.01)
-    np.testing.assert_allclose(system(z), control.tf(numerator, denominator, 0.01)(z), rtol=1e-10)
-    np.testing.assert_allclose(np.sort(system.poles()), np.sort(np.roots(denominator)), rtol=1e-12)

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from c_programs import ON_LINUX
-from effect_entries import BASE_NUMBERS, COMBINATIONS, FORM_NUMBERS, effect_entry, entry_of_effects, parameter
+from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry, entry_of_effects, parameter
 from runtime_models import (
     SETTINGS,
     TARGET,
@@ -26,17 +26,6 @@ from lumbar.tissue.fmu.check.fmu_check import check_fmus
 from lumbar.tissue.models import bases as base_models
 from lumbar.tissue.models.fitted_model import FittedModel
 from study_settings import changed
-
-
-@ON_LINUX
-@pytest.mark.usefixtures("without_plots")
-def test_finished_fmus_give_these_forces_in_both_versions(zig_cache, tmp_path):
-    """Through fmpy: FMI 3.0 at once, FMI 2.0 one sample late; schema and lint find nothing."""
-    models = [exported(effect_entry(*structure)) for structure in COMBINATIONS[:2]]
-    export_fmus(models, tmp_path, "synthetic twin", TARGET, zig_cache)
-    for check in check_fmus(models, tmp_path, 300, seed=2):
-        assert check.largest_error < 1e-12
-        assert check.largest_output > 0.1
 
 
 @ON_LINUX
@@ -160,27 +149,12 @@ def with_effect(effect: str, form: str) -> dict:
         (with_effect("hysteresis", "preisach"), "unknown form 'preisach'.*dahl"),
         (with_effect("base", "KB"), "unknown effect 'base'"),
         ({"structure": {"effects": [{"effect": "inertia", "form": "mass"}] * 2}}, "inertia is there twice"),
+        ({"parameters": [parameter("spring_stiffness", 1.0)] * 2}, "spring_stiffness: it is there twice"),
     ],
 )
 def test_entries_that_cannot_be_exported_are_named(change, words):
     with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
         exported({**effect_entry("KB"), **change})
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ([parameter("viscosity", 1.0)], "viscosity: unknown parameter.*spring_stiffness"),
-        ([parameter("spring_stiffness", 1.0)], "spring_stiffness: it is there twice"),
-        ([parameter("coulomb_force", 1.0, "coulomb_friction")], "unknown parameter"),
-        ([parameter("k1", float("nan"))], "value: nan; .*finite number"),
-        ([parameter("k1", "stiff")], "value: 'stiff'; .*valid number"),
-    ],
-)
-def test_parameters_that_do_not_belong_there_are_named(parameters, words):
-    entry = effect_entry("KB")
-    with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
-        exported({**entry, "parameters": [*entry["parameters"], *parameters]})
 
 
 def test_numbers_that_cannot_run_are_named():
@@ -355,12 +329,9 @@ def rewritten(tmp_path, old: str, new: str):
         ("fabs(force)", "atan2(force, exp (1.0))", r"calls atan2, exp; .*portable_tanh\(double x\)"),
         ('"creep_stiffness", "', '"force", "', "parameter 'force' cannot be a name in C code"),
         ('"creep_stiffness", "', '"double", "', "parameter 'double' cannot be a name"),
-        ('"creep_stiffness", "', '"shared_0", "', "parameter 'shared_0' cannot be a name"),
-        ('"creep_stiffness", "', '"portable_tanh", "', "parameter 'portable_tanh' cannot be a name"),
         ('"creep_stiffness", "', '"k; #include", "', "parameter 'k; #include' cannot be a name"),
         ('"creep_stiffness", "', '"Steifigkeit_ä", "', "parameter 'Steifigkeit_ä' cannot be a name"),
         ("memory=2", "memory=257", "creep/mean: keeps 257 numbers at 100 Hz; at most 256"),
-        ("memory=2", "memory=-1", "creep/mean: keeps -1 numbers"),
         ('given["lag_time"]', 'given["tau"]', r"lag/first_order: .*c_step fail \(KeyError: 'tau'\)"),
         (
             '{"pole": float(',

@@ -27,10 +27,6 @@ def select(content, **changes):
     return selected(content, changed(SETTINGS, **changes))
 
 
-def test_models_come_in_the_configured_order():
-    assert [model.name for model in select(models_json(), models=["KB", "IL"])] == ["KB", "IL"]
-
-
 def test_the_fit_of_the_configured_record_and_estimator_is_taken():
     content = models_json(
         entry("KB", [1.0], [1.0]),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from c_programs import ON_LINUX, CModel, loader_program
+from c_programs import ON_LINUX, loader_program
 from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import (
     ENERGY,
@@ -23,10 +23,8 @@ from runtime_models import (
     random_motion,
     selected,
 )
-from scipy.linalg import expm
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.fmu.build.guards import guard_forces
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.reference_response import reference_output
 from lumbar.tissue.fmu.check.fmu_check import check_fmus, simulate_fmu
@@ -82,32 +80,6 @@ def test_fmus_at_1_khz_pass_all_checks(guards, names, zig_cache, tmp_path):
         assert (check.largest_output > 0.05) != (check.model.name == "IL" and guards.get("contact", False)), (
             check.file
         )
-
-
-@pytest.mark.parametrize("name", ["KB", "HO", EFFECTS["name"]])
-def test_guarded_forces_differ_in_no_bit(name, zig_cache, tmp_path):
-    """The model's own C code sample by sample, then the guards in Python, against the finished FMU."""
-    settings = changed(
-        DEVICE,
-        moving_average_ms=0,
-        start="offset",
-        contact=True,
-        output_rate_limit=500.0,
-        device_damping=DAMPING,
-        rate_Hz=None,
-    )
-    model = next(item for item in models(settings) if item.name == name)
-    inputs = random_motion(3000, seed=8)
-    touched = np.where(inputs < model.input.offset, 0.0, inputs - model.input.offset)
-    outputs = 1.0 * CModel(model, tmp_path, zig_cache).response(touched) + model.output.offset
-    limited = np.clip(np.where(model.resistance * outputs < 0, 0.0, outputs), -15.0, 15.0)
-    export_fmus([model], tmp_path, "synthetic twin", TARGET, zig_cache)
-    for version in (2, 3):
-        expected = guard_forces(model, inputs, limited, event_mode=version == 3).read
-        found = simulate_fmu(tmp_path / f"{name}_fmi{version}.fmu", inputs)
-        np.testing.assert_array_equal(found, expected)
-        assert np.count_nonzero(expected != limited) > 100
-        assert np.abs(expected).max() > 0.5
 
 
 @pytest.mark.parametrize("rate", [None, 1000.0])
@@ -216,35 +188,6 @@ def energies(client, model, folder, steps: int, gain: float = 0.0) -> list[float
     command = [client, "passive", library, token, steps, model.sampling_time, unit, DAMPING, gain]
     done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=True)
     return [float(word) for word in done.stdout.split()]
-
-
-@pytest.mark.parametrize(("damping", "calm"), [(None, False), (DAMPING, True)])
-def test_a_passive_model_calms_a_stylus_that_its_hold_would_shake(damping, calm, zig_cache, tmp_path):
-    """A stylus of 0.25 kg with 5.5 N s/m, held by a hand of 300 N/m, on KB of the default study at 100 Hz.
-
-    Without device damping enough for the hold (Colgate and Schenkel's condition) the force swings between its limits.
-    """
-    kelvin = entry("KB", [4.638, -4.0663], [1.0, -0.40743])
-    settings = changed(DEVICE, models=["KB"], rate_Hz=None, moving_average_ms=30.0, device_damping=damping)
-    (model,) = selected(models_json(kelvin), settings)
-    export_fmus([model], tmp_path, "synthetic twin", TARGET, zig_cache)
-    motion = np.array([[0, 1, 0, 0], [-300, -5.5, -1, 300], [0, 0, 0, 0], [0, 0, 0, 0]])
-    motion[1] /= 0.25
-    over = expm(motion * 0.01)
-    slave = instance(tmp_path / "KB_fmi3.fmu", tmp_path)
-    state, forces = np.zeros(2), []
-    for k in range(300):
-        put(slave, 1, 1000 * state[0])
-        forces.append(get(slave))
-        slave.enterStepMode()
-        slave.doStep(k * 0.01, 0.01)
-        slave.enterEventMode()
-        if damping:
-            assert get(slave, ENERGY) >= 0.0
-        state = (over @ [*state, forces[-1], 0.01 * min(1.0, k / 20)])[:2]
-    slave.freeInstance()
-    swing = np.ptp(forces[-50:])
-    assert swing < 0.1 if calm else swing > 29.0
 
 
 def instance(path, folder):

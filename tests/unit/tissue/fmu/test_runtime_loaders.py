@@ -124,40 +124,6 @@ def test_the_embedded_reference_is_played(name, unzipped, player):
     assert np.abs(expected).max() > 0.1
 
 
-@pytest.mark.parametrize("name", ["KB", "effects"])
-def test_a_faster_loop_feels_the_same_model(name, unzipped, player):
-    """At 1 kHz a 100 Hz model gives its forces every ten calls, and holds them: it does not run ten times too fast."""
-    folder = unzipped / name
-    time, position = signal(folder, "input").T
-    fast = np.arange(10 * (len(time) - 1) + 1) * 1e-3 + 1234.5
-    forces = player(folder, np.column_stack([fast, np.interp(fast - 1234.5, time, position)]))
-    expected = signal(folder, "output")[:, 1]
-    np.testing.assert_allclose(forces[::10], expected, atol=1e-9)
-    np.testing.assert_array_equal(forces[:-1].reshape(-1, 10), np.repeat(forces[:-1:10], 10).reshape(-1, 10))
-
-
-@pytest.mark.parametrize("every", [2, 3])
-def test_a_slower_loop_misses_no_sample(every, unzipped, player):
-    """Positions between two calls lie on a straight line, so that ramps and rests are played as if sampled fast."""
-    folder = unzipped / "KB"
-    time = np.arange(121) * 0.01
-    position = np.interp(time, [0.0, 0.3, 0.6, 0.9, 1.2], [0.0, 0.0, 2.0, 2.0, -1.0])
-    every_sample = player(folder, np.column_stack([time, position]))
-    forces = player(folder, np.column_stack([time, position])[::every])
-    np.testing.assert_allclose(forces, every_sample[::every], atol=1e-9)
-
-
-def test_an_uneven_clock_is_followed(unzipped, player):
-    """Instants that jitter by 2 ms about 1 kHz of a slow motion: forces of the same moments, to what a sample changes."""
-    folder = unzipped / "KB"
-    time, position = signal(folder, "input").T
-    jittered = np.sort(np.random.default_rng(3).uniform(0.0, time[-1], 10 * len(time)))
-    jittered[0] = 0.0
-    forces = player(folder, np.column_stack([jittered, np.interp(jittered, time, position)]))
-    samples = np.floor(jittered / 0.01 + 1e-3).astype(int)
-    np.testing.assert_allclose(forces, signal(folder, "output")[samples, 1], atol=0.03)
-
-
 def test_parameters_are_those_of_the_fmu(unzipped, player):
     folder = unzipped / "KB"
     reference = folder / "resources" / "reference_input.csv"
