@@ -170,6 +170,34 @@ def test_push_is_followed_by_every_model(fmu_models, fmu_folder):
     assert played.most_delayed() in {"KB", "HO"}
 
 
+@pytest.mark.parametrize("name", ["KB", "HO"])
+def test_a_hundred_thousand_steps_differ_in_no_bit(name, fmu_models, zig_cache, tmp_path):
+    """C code against Eqs 3.17 and 3.18 with lists in Python, states included; both against scipy's dlsim."""
+    from c_programs import CModel
+    from scipy.signal import dlsim
+
+    model = next(model for model in fmu_models if model.name == name)
+    system = model.dynamics.state_space
+    matrix, column, row = system.A.tolist(), system.B[:, 0].tolist(), system.C[0].tolist()
+    inputs = np.random.default_rng(11).standard_normal(100_000)
+    state, expected = [0.0] * system.nstates, np.empty(len(inputs))
+    for k, u in enumerate(inputs.tolist()):
+        output, following = float(system.D[0, 0]) * u, []
+        for i in range(system.nstates):
+            output += row[i] * state[i]
+            total = column[i] * u
+            for j in range(system.nstates):
+                total += matrix[i][j] * state[j]
+            following.append(total)
+        state, expected[k] = following, output
+    compiled = CModel(model, tmp_path, zig_cache)
+    found = compiled.response(inputs)
+    np.testing.assert_array_equal(found, expected)
+    assert compiled.state[: system.nstates] == state
+    _, simulated, _ = dlsim((system.A, system.B, system.C, system.D, 0.01), inputs)
+    np.testing.assert_allclose(found, simulated[:, 0], atol=1e-12 * np.abs(found).max())
+
+
 def test_table_says_when_the_feedthrough_acts(fmu_models, fmu_folder, tmp_path):
     table = check_table(check_fmus(fmu_models, fmu_folder, 100, 3), "synthetic twin", 3)
     found = dict(zip(table.frame["file"], table.frame["feedthrough"], strict=True))

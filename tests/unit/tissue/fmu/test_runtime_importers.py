@@ -85,29 +85,23 @@ def printed(command: list, **environment: str) -> list[float]:
     return [float.fromhex(line) for line in lines]
 
 
-@with_python
+def players() -> list:
+    """Command, version of FMI (libcosim of libcosimpy 0.0.6 and FMI4j 0.38 have no FMI 3.0) and mark of each that plays rows."""
+    java = ["java", "-cp", f"{FOLDER}/jars/*", HERE / "PlayFmi4j.java"]
+    ecos = [PYTHON, HERE / "play_ecos.py"]
+    return [
+        pytest.param([PYTHON, HERE / "play_libcosim.py"], 2, marks=with_python, id="libcosim-fmi2"),
+        *(pytest.param(ecos, version, marks=with_python, id=f"ecos-fmi{version}") for version in (2, 3)),
+        pytest.param(java, 2, marks=with_java, id="fmi4j-fmi2"),
+    ]
+
+
+@pytest.mark.parametrize(("player", "version"), players())
 @pytest.mark.parametrize("name", NAMES)
-def test_libcosim_reads_the_forces_of_fmi2(name, folder, positions_file, expected):
-    """libcosim of libcosimpy 0.0.6 has no FMI 3.0."""
-    command = [PYTHON, HERE / "play_libcosim.py", folder / f"{name}_fmi2.fmu", positions_file, STEP]
-    assert printed(command) == expected(name, 2)
-
-
-@with_python
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("name", NAMES)
-def test_ecos_reads_the_forces(name, version, folder, positions_file, expected):
-    command = [PYTHON, HERE / "play_ecos.py", folder / f"{name}_fmi{version}.fmu", positions_file, STEP]
-    assert printed(command, LD_LIBRARY_PATH=str(FOLDER / "python" / "lib")) == expected(name, version)
-
-
-@with_java
-@pytest.mark.parametrize("name", NAMES)
-def test_fmi4j_reads_the_forces_of_fmi2(name, folder, positions_file, expected):
-    """FMI4j 0.38 has no FMI 3.0."""
-    fmu = folder / f"{name}_fmi2.fmu"
-    command = ["java", "-cp", f"{FOLDER}/jars/*", HERE / "PlayFmi4j.java", fmu, positions_file, STEP]
-    assert printed(command) == expected(name, 2)
+def test_another_importer_reads_the_forces(name, player, version, folder, positions_file, expected):
+    command = [*player, folder / f"{name}_fmi{version}.fmu", positions_file, STEP]
+    libraries = {"LD_LIBRARY_PATH": str(FOLDER / "python" / "lib")} if "play_ecos" in str(player[-1]) else {}
+    assert printed(command, **libraries) == expected(name, version)
 
 
 def fmi_sim(fmu: Path, positions_file: Path, folder: Path, *options: str) -> dict[float, list[float]]:

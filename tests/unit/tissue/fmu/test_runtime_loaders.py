@@ -134,32 +134,26 @@ def test_parameters_are_those_of_the_fmu(unzipped, player):
     assert np.abs(player(folder, reference, "force_limit=2")).max() == 2.0
 
 
-@pytest.mark.nightly
-@with_wine
 @pytest.mark.parametrize("name", ["KB", "effects"])
-def test_windows_plays_the_reference_to_the_same_bits(name, unzipped, player, windows_player):
-    folder = unzipped / name
-    reference = folder / "resources" / "reference_input.csv"
-    forces = windows_player(folder, reference)
-    np.testing.assert_array_equal(forces, player(folder, reference))
-    np.testing.assert_allclose(forces, signal(folder, "output")[:, 1], atol=1e-13)
-
-
-@with_node
-@pytest.mark.parametrize("name", ["KB", "effects"])
-def test_webassembly_gives_the_same_bits(name, unzipped, player, wasm_player):
+@pytest.mark.parametrize(
+    "other",
+    [
+        pytest.param("wasm_player", marks=with_node),
+        pytest.param("csharp_player", marks=with_mono),
+        pytest.param("windows_player", marks=[pytest.mark.nightly, with_wine]),
+    ],
+)
+def test_loaders_and_platforms_give_the_same_bits(other, name, unzipped, player, request):
     """Under the reference, and under walks at rates that are the model's, faster, slower and uneven; parameters too."""
-    folder, generator = unzipped / name, np.random.default_rng(7)
+    folder, generator, other = unzipped / name, np.random.default_rng(7), request.getfixturevalue(other)
     reference = folder / "resources" / "reference_input.csv"
-    forces = wasm_player(folder, reference)
-    np.testing.assert_array_equal(forces, player(folder, reference))
-    np.testing.assert_allclose(forces, signal(folder, "output")[:, 1], atol=1e-13)
+    np.testing.assert_array_equal(other(folder, reference), player(folder, reference))
     for step in (0.01, 0.001, 0.03, None):
         steps = np.full(5000, step) if step else generator.uniform(0.0, 0.02, 5000)
         rows = np.column_stack([np.cumsum(steps), np.cumsum(generator.standard_normal(5000)) * 0.1])
-        np.testing.assert_array_equal(wasm_player(folder, rows), player(folder, rows))
-    given = (folder, rows, "gain=0.5", "force_offset=1", "force_limit=2")
-    np.testing.assert_array_equal(wasm_player(*given), player(*given))
+        np.testing.assert_array_equal(other(folder, rows), player(folder, rows))
+    given = (folder, rows, "gain=0.5", "force_offset=1", "force_limit=2", "position_offset=0.25")
+    np.testing.assert_array_equal(other(*given), player(*given))
 
 
 MISUSES = pytest.mark.parametrize(
@@ -185,16 +179,13 @@ def refused(program: list, rows, parameters: list[str], folder: Path, work: Path
 
 
 @MISUSES
-def test_misuse_is_an_error(rows, parameters, words, unzipped, zig_cache, tmp_path):
-    program = loader_program(LOADERS / "play_fmu.c", "x86_64-linux", tmp_path, zig_cache)
-    assert words in refused([program], rows, parameters, unzipped / "KB", tmp_path)
-
-
-@with_node
-@MISUSES
-@pytest.mark.usefixtures("wasm_player")
-def test_misuse_of_webassembly_is_the_same_error(rows, parameters, words, unzipped, tmp_path):
-    program = ["node", LOADERS / "play_fmu.mjs"]
+@pytest.mark.parametrize("language", ["c", pytest.param("javascript", marks=with_node)])
+def test_misuse_is_an_error(language, rows, parameters, words, unzipped, zig_cache, tmp_path, request):
+    if language == "javascript":
+        request.getfixturevalue("wasm_player")
+        program = ["node", LOADERS / "play_fmu.mjs"]
+    else:
+        program = [loader_program(LOADERS / "play_fmu.c", "x86_64-linux", tmp_path, zig_cache)]
     assert words in refused(program, rows, parameters, unzipped / "KB", tmp_path)
 
 
@@ -260,18 +251,6 @@ def test_the_chai3d_example_presses_into_tissue(unzipped, player, tmp_path):
     np.testing.assert_allclose([float(force) for force in forces], expected, atol=1e-12)
     assert expected.max() > 1.0
     assert (float(released), closed) == (0.0, "closed")
-
-
-@with_mono
-@pytest.mark.parametrize("name", ["KB", "effects"])
-def test_the_loader_in_c_sharp_gives_the_same_forces(name, unzipped, player, csharp_player):
-    folder = unzipped / name
-    reference = folder / "resources" / "reference_input.csv"
-    np.testing.assert_array_equal(csharp_player(folder, reference), player(folder, reference))
-    time = np.arange(300) * 0.0037
-    rows = np.column_stack([time, 2.0 * np.sin(9.0 * time)])
-    parameters = ("gain=0.7", "force_limit=6", "position_offset=0.25")
-    np.testing.assert_array_equal(csharp_player(folder, rows, *parameters), player(folder, rows, *parameters))
 
 
 @with_mono

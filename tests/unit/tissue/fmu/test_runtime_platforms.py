@@ -8,7 +8,6 @@ import zipfile
 from pathlib import Path
 
 import fmpy
-import numpy as np
 import pytest
 from c_programs import ON_LINUX, WINE, loader_program, with_wine, write_sources
 from effect_entries import FIVE_EFFECTS, effect_entry
@@ -18,7 +17,6 @@ from lumbar.base.errors import InputError
 from lumbar.tissue.fmu.build import compiler
 from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, resolve_targets
 from lumbar.tissue.fmu.build.package import export_fmus, fmu_contents, universal_library
-from lumbar.tissue.fmu.build.reference_response import reference_push
 from patience import PATIENCE_S
 from study_settings import changed
 
@@ -196,13 +194,3 @@ def test_misuse_is_answered_and_sanitizers_find_nothing(index, tmp_path):
             [tmp_path / "misuse", *arguments], capture_output=True, text=True, check=False, timeout=PATIENCE_S
         )
         assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-
-
-def test_reference_of_the_fmu_is_what_its_version_gives():
-    model = some_models()[0]
-    time, inputs, forces = reference_push(model, "3.0")
-    _, _, late = reference_push(model, "2.0")
-    assert np.abs(forces).max() == pytest.approx(model.output_limit / 2)
-    through = model.dynamics.numerator[0] * (inputs - np.concatenate([inputs[:1], inputs[:-1]]))
-    np.testing.assert_allclose(forces - late, through, atol=1e-6)
-    assert len(time) == len(inputs) == len(forces)

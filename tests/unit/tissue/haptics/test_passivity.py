@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import control
 import numpy as np
 import pytest
 from drawn_loops import drawn_device, drawn_model, largest_pole
@@ -14,7 +13,6 @@ from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import (
     SampledModel,
     largest_stable_gain,
-    loop_response,
     propagation,
 )
 from lumbar.tissue.haptics.passive_fit import (
@@ -49,30 +47,6 @@ def test_a_virtual_wall_needs_the_published_damping(stiffness, viscosity):
     if viscosity < 0:  # negative damping acts at low frequencies, where it adds to the spring's
         expected = max(stiffness * PERIOD / 2 - viscosity, expected)
     assert required_damping(wall) == pytest.approx(expected, rel=1e-4)
-
-
-def test_the_worst_frequency_is_found_between_the_points():
-    model = SampledModel(
-        "KB", 1000.0 * np.convolve([4.638, -4.0663], np.ones(3) / 3), np.array([1, -0.4074]), PERIOD
-    )
-    fine = damping_at(model, np.linspace(1e-4, np.pi, 400_001))
-    assert required_damping(model, points=200) == pytest.approx(fine.max(), rel=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_a_delay_of_a_whole_sample_is_one_more_power_of_z(seed):
-    rng = np.random.default_rng([seed, 1])
-    model = drawn_model(rng)
-    model = SampledModel("", model.numerator, model.denominator, model.sampling_time)
-    angles = np.linspace(0.05, np.pi, 50)
-    almost = model.late(model.sampling_time * (1 - 1e-7))
-    assert almost.delay > 0
-    np.testing.assert_allclose(
-        damping_at(almost, angles),
-        np.maximum(damping_at(model.late(model.sampling_time), angles), 0.0),
-        rtol=2e-3,
-        atol=2e-3 * np.abs(damping_at(almost, angles)).max(),
-    )
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -120,15 +94,6 @@ def test_a_branch_is_the_ramp_invariant_maxwell_element():
     )
 
 
-def test_branches_add_up():
-    inputs = np.random.default_rng(7).standard_normal(400)
-    apart = sum(
-        k * unit_branch(time, PERIOD).simulate(inputs)
-        for k, time in zip(TRUTH.stiffnesses, TRUTH.times, strict=True)
-    )
-    np.testing.assert_allclose(TRUTH.transfer_function(PERIOD).simulate(inputs), apart, atol=1e-9)
-
-
 def test_stiffnesses_are_those_of_non_negative_least_squares():
     data = data_of(TRUTH.transfer_function(PERIOD), noise=0.3)
     times = [np.inf, *np.geomspace(0.01, 5.0, 9)]
@@ -139,12 +104,6 @@ def test_stiffnesses_are_those_of_non_negative_least_squares():
     np.testing.assert_allclose(
         found.stiffnesses, expected[expected > 1e-4 * expected.max()], rtol=1e-2, atol=1e-3
     )
-
-
-def test_a_passive_truth_is_found():
-    found = fit_passive(data_of(Branches((0.5, 3.0), (np.inf, 0.034)).transfer_function(PERIOD)), True, 1)
-    np.testing.assert_allclose(found.stiffnesses, (0.5, 3.0), rtol=1e-3)
-    assert found.times[1] == pytest.approx(0.034, rel=1e-3)
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
@@ -193,14 +152,6 @@ def test_a_spring_that_pushes_gives_out_energy():
     assert takes_energy(Branches((0.0, 3.0), (np.inf, 0.034)).transfer_function(PERIOD))
 
 
-def test_random_networks_take_energy():
-    rng = np.random.default_rng(8)
-    for _ in range(50):
-        times = np.exp(rng.uniform(np.log(0.002), np.log(5.0), 3))
-        network = Branches(tuple(rng.uniform(0.1, 3.0, 4)), (np.inf, *times))
-        assert takes_energy(network.transfer_function(PERIOD))
-
-
 STYLUS = DeviceSettings()
 
 
@@ -213,42 +164,6 @@ def test_device_and_hand_move_as_integrated():
 
     integrated = solve_ivp(motion, (0, 0.013), [0.002, -0.1], rtol=1e-12, atol=1e-15).y[:, -1]
     np.testing.assert_allclose(transition @ [0.002, -0.1] + 3.0 * by_force, integrated, rtol=1e-9)
-
-
-@pytest.mark.parametrize("average", [1, 3])
-def test_largest_gain_is_that_of_python_control(average):
-    model = SampledModel(
-        "KB", 1000.0 * np.convolve([4.638, -4.0663], np.ones(average) / average), np.array([1, -0.4074]), 0.01
-    )
-    plant = control.sample_system(control.tf([1], [0.25, 5.5, 300.0]), 0.01, "zoh")
-    length = max(len(model.numerator), len(model.denominator))
-    tissue = control.tf(
-        *(np.pad(p, (0, length - len(p))) for p in (model.numerator, model.denominator)), 0.01
-    )
-    margins, *_ = control.stability_margins(plant * tissue, returnall=True)
-    assert largest_stable_gain(model, STYLUS)[0] == pytest.approx(min(margins), rel=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_a_pole_reaches_the_unit_circle_at_the_largest_gain_and_none_before(seed):
-    rng = np.random.default_rng([seed, 3])
-    model, device = drawn_model(rng), drawn_device(rng)
-    gain, frequency = largest_stable_gain(model, device)
-    for share in np.linspace(0.02, 0.98, 40):
-        assert abs(largest_pole(model, device, share * gain)) < 1
-    pole = largest_pole(model, device, gain)
-    assert abs(pole) == pytest.approx(1.0, abs=1e-7)
-    assert np.angle(pole) == pytest.approx(2 * np.pi * frequency * model.sampling_time, abs=1e-3)
-    assert abs(largest_pole(model, device, 1.02 * gain)) > 1
-
-
-def test_poles_solve_the_loop_s_characteristic_equation():
-    rng = np.random.default_rng(4)
-    for _ in range(20):
-        model, device = drawn_model(rng), drawn_device(rng)
-        pole = largest_pole(model, device, 0.7)
-        # The loop's response holds at any z: angles may be complex.
-        assert 1 + 0.7 * loop_response(model, device)(-1j * np.log(pole)) == pytest.approx(0, abs=1e-6)
 
 
 def test_an_unstable_model_has_no_stable_gain():

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from c_programs import ON_LINUX
-from drawn_loops import largest_pole
 from effect_entries import effect_entry, entry_of_effects
 from runtime_models import SETTINGS, entry, models_json, selected
 from scipy.signal import lfilter
@@ -22,10 +21,10 @@ from lumbar.tissue.fmu.build.export_model import export_models
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.reference_response import reference_push
 from lumbar.tissue.fmu.check.instance import UnzippedFmu
-from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, largest_stable_gain
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.device_table import with_device
 from lumbar.tissue.haptics.judgement import analyse, judge, judge_exported, judge_fmu, run_loop
-from lumbar.tissue.haptics.passivity import _lowest, lowest_rates, required_damping
+from lumbar.tissue.haptics.passivity import _lowest, lowest_rates
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
 from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.model_data import FittedParameter, MotionRange
@@ -59,12 +58,6 @@ def test_the_command_says_what_happens_and_writes_table_and_figures(run, models,
     }
 
 
-def test_a_heavily_damped_device_is_passive(run, models):
-    out = run.done("render", models, "--model", "KB", "--damping", "60", "--rate", "100")
-    assert "KB at 100 Hz: passive in any hand" in out
-    assert "comes to rest" in out
-
-
 def test_a_stylus_that_nobody_holds_is_judged(run, models):
     out = run.done("render", models, "--model", "KB", "--hand", "0")
     assert "hand: 0 N/m" in out
@@ -78,11 +71,6 @@ def test_a_stylus_that_nobody_holds_is_judged(run, models):
 @pytest.mark.parametrize("option", ["--mass", "--damping", "--rate"])
 def test_a_device_without_mass_damping_or_rate_is_refused(run, models, option):
     assert "a finite number above 0" in run.refused("render", models, "--model", "KB", option, "0")
-
-
-def test_a_torque_is_refused_with_the_reason():
-    with pytest.raises(InputError, match="angle in 'rad'"):
-        lumbar.render(fitted("KB", "rad", "angle"))
 
 
 def test_the_table_defines_its_columns_and_keeps_the_numbers(tmp_path):
@@ -292,16 +280,6 @@ def test_at_100_Hz_no_model_is_stable_on_a_light_stylus(name, damping, gain):
     assert not found.stable
 
 
-def test_a_thousand_samples_a_second_mend_kelvin_boltzmann():
-    assert analysed("KB", 1000.0).damping == pytest.approx(6.82, rel=2e-3)
-    assert analysed("KB", 1000.0).gain == pytest.approx(2.59, rel=4e-3)
-    assert analysed("KB", 1000.0, without_average()).damping == pytest.approx(3.26, rel=2e-3)
-
-
-def without_average() -> RuntimeSettings:
-    return replace(DEFAULTS, moving_average_ms=0.0)
-
-
 def test_a_client_that_reads_first_gets_the_feedthrough_late():
     """C x[k] + D u[k−1], not the whole force: that would be H/z, which asks for 45 N·s/m of Kelvin–Boltzmann."""
     model = export_at(fitted("KB"), DEFAULTS, 100.0)
@@ -352,14 +330,6 @@ def test_the_inverted_model_is_judged_as_it_is_displayed():
     assert "no damping makes it passive" in loose.finding and "where it runs away" in loose.finding
     run = run_loop(meets, loose.device)
     assert run.outcome == "it runs away, until 15 N are the limit"
-
-
-def test_a_spring_that_pushes_is_not_passive_and_held_by_the_hand_alone():
-    """Kelvin–Boltzmann with −800 N/m in a hand of 300 N/m: an eigenvalue leaves the circle at z = 1."""
-    model = SampledModel("", 1000 * np.array([3.0, -3.2]), np.array([1.0, -0.75]), 0.001)
-    assert largest_stable_gain(model, STYLUS) == (pytest.approx(0.375), 0.0)
-    assert abs(largest_pole(model, STYLUS)) > 1.0
-    assert required_damping(model) == np.inf
 
 
 @ON_LINUX
@@ -476,20 +446,6 @@ def analysed_alone(name: str, rate: float):
     """On a servo that is as fast as the model."""
     device = replace(STYLUS, rate_Hz=rate)
     return analyse(render_model(export_at(fitted(name), DEFAULTS, rate), device), device)
-
-
-def test_the_simulated_loops_do_what_the_analysis_says():
-    """30 N peak to peak at 6 to 20 Hz against the limit of ±15 N at 100 Hz; rest at 1 kHz."""
-    judgements, _ = judge([fitted(name) for name in ("MW", "Maxwell", "KB", "HO")], DEFAULTS)
-    slow = [item for item in judgements if item.analysis.rate == 100.0]
-    assert len(slow) == 4
-    for item in slow:
-        assert item.run.peak_to_peak == 30.0
-        assert 6 < item.run.frequency < 20
-    fast = {item.analysis.name: item for item in judgements if item.analysis.rate == pytest.approx(1000.0)}
-    for name in ("Maxwell", "KB"):
-        assert fast[name].analysis.stable
-        assert not fast[name].run.oscillates
 
 
 def test_a_model_that_is_held_answers_as_its_long_polynomials_do():
