@@ -1,6 +1,5 @@
 """Scores against hand counts, closed forms and simulated power."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from statsmodels.stats.proportion import proportion_confint
 
 from hidden_effects.catalogue import MECHANISMS, OUTSIDE_FORMS, SINGLE
 from hidden_effects.power_curve import fit_power_curve, strength_interval
-from hidden_effects.run import WHOLE, batches, begin_anew_if_changed, make_and_diagnose, publish
+from hidden_effects.run import WHOLE, batches, publish
 from hidden_effects.scores import (
     accuracy_table,
     confusion,
@@ -172,42 +171,6 @@ def test_the_whole_benchmark_makes_the_same_experiments_and_more():
     for key in DRAWN:
         assert getattr(WHOLE, key) == getattr(HiddenEffectsSettings(), key)
     assert len(batches(Path(), WHOLE)) == 4 * (12 + 5 + 10) + 20
-
-
-@pytest.fixture
-def few(tmp_path, monkeypatch):
-    """Two batches of three nulls, with a diagnosis that takes no time and is counted."""
-    made = []
-
-    def diagnose_folders(folder):
-        made.append(folder.name)
-        return {path.name: diagnosis("adequate") for path in folder.iterdir()}
-
-    monkeypatch.setattr("hidden_effects.diagnosing.diagnose_folders", diagnose_folders)
-    settings = HiddenEffectsSettings(
-        experiments_per_form=0, experiments_per_pair=0, experiments_per_outside_form=0
-    )
-    return tmp_path, replace(settings, nulls=3, nulls_per_batch=2, periods=2), made
-
-
-def make_missing(folder, settings):
-    begin_anew_if_changed(folder, settings)
-    for batch in batches(folder, settings):
-        if not batch.done(settings):
-            make_and_diagnose(batch, settings)
-
-
-def test_a_run_goes_on_from_what_another_has_diagnosed(few):
-    folder, settings, made = few
-    make_missing(folder, settings)
-    assert made == ["null_00", "null_01"]
-    make_missing(folder, replace(settings, confidence=0.9, keep_recordings=False))
-    assert made == ["null_00", "null_01"]
-    make_missing(folder, replace(settings, nulls=5, keep_recordings=False))
-    assert made[2:] == ["null_01", "null_02"]  # the second one has grown
-    assert [path.name for path in (folder / "experiments").iterdir()] == ["null_00"]
-    make_missing(folder, replace(settings, seed=5))
-    assert made[4:] == ["null_00", "null_01"]
 
 
 def test_publishing_writes_tables_and_pictures(tmp_path):

@@ -3,7 +3,6 @@
 import csv
 import dataclasses
 import json
-import re
 from itertools import chain
 
 import numpy as np
@@ -20,7 +19,6 @@ from lumbar.tissue.identification.arx_search import NEGLIGIBLE_POINTS, Identific
 from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
 from lumbar.tissue.identification.model_tables import (
     physical_parameters_table,
-    table_2_1,
     table_3_1,
     unit_slug,
 )
@@ -317,17 +315,7 @@ def test_models_file_keeps_its_contract_and_simulates_the_same(identified, recor
     assert 100 * (1 - error.var() / measured[50:].var()) == pytest.approx(kb.scores.vaf_percent, rel=1e-9)
 
 
-def test_table_2_1_and_physical_parameters_are_written(identified, tmp_path):
-    table_2_1("definitions").write(tmp_path / "table_2_1")
-    with (tmp_path / "table_2_1.csv").open(newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert [row["name"] for row in rows] == ["Linear elastic", "Maxwell", "Kelvin–Voigt", "Kelvin–Boltzmann"]
-    assert [row["proper"] for row in rows] == ["yes", "yes", "no", "yes"]
-    assert [re.findall(r"\[.+\]", row["references"]) for row in rows] == [
-        *[["[48, 57]"]] * 2,
-        ["[48, 57–59]"],
-        ["[48, 57]"],
-    ]
+def test_the_table_of_physical_parameters_has_what_is_fitted_and_what_follows(identified):
     frame = physical_parameters_table([*chain(*identified)], 0.95, "synthetic twin").frame
     kept = frame[
         (frame.model == KB.name) & (frame.estimator == "output_error") & (frame.trained_on == "long")
