@@ -31,8 +31,10 @@ def main() -> int:
             expected.published(which, records) if records else 0.0 for which in ("linear", "best")
         )
         judgement, why = judge(expected, best, answer)
-        print(_text(name, expected, answer, linear, best, f"{judgement} {why}".strip()), flush=True)
         rows.append(_row(expected, answer, linear, best, f"{judgement}: {why}" if why else judgement))
+        print(f"{name}, {answer.seconds:.1f} s: {rows[-1]}", flush=True)
+        for item, (value, low, high, published) in parameters(expected, answer).items():
+            print(f"  {item} {value:.4g} ({low:.4g} to {high:.4g}), published {published:g}")
         run.keep(name, answer, judgement, why, expected.not_yet)
     return run.end("real records", [HEAD, "|---|---|---|---|---|---|", *rows])
 
@@ -48,22 +50,6 @@ def _named(answer) -> str:
 
 def _errors(before: float, after: float) -> str:
     return f"{before:.3g} → {after:.3g}"
-
-
-def _text(name, expected, answer, linear, best, judgement) -> str:
-    lines = [f"{name}: {judgement}", f"  named       {_named(answer)}"]
-    if answer.document:
-        document = answer.document
-        lines += [
-            f"  base        {document['base']}, fitted to {document['train']}, complete {document['complete']}, after "
-            f"{document['verdict_after']}; ties {', '.join(document['tied_with']) or '-'}; findings {answer.findings or '-'}",
-            f"  error       {_errors(*answer.errors)} {expected.unit}, published {_errors(linear, best)}",
-        ]
-        lines += [
-            f"  {item:11} {value:.4g} ({low:.4g} to {high:.4g}), published {published:g}"
-            for item, (value, low, high, published) in parameters(expected, answer).items()
-        ]
-    return "\n".join([*lines, f"  seconds     {answer.seconds:.1f}"])
 
 
 def _row(expected, answer, linear, best, judgement) -> str:
