@@ -11,11 +11,12 @@ from periodic_records import multisine, noise, record, relaxing_force
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
-from lumbar.records.stretches import check_clipping, flat_tops
+from lumbar.records.stretches import check_clipping
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.fitting.decimation import ENOUGH, MOST, limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import check_excitation
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import refine
 from lumbar.tissue.diagnosis.selection.verdict import details
 from lumbar.tissue.effects.catalogue import TISSUE
@@ -73,8 +74,13 @@ def bad_training() -> dict[str, tuple]:
     }
 
 
-@pytest.mark.parametrize("fault", bad_training())
-@pytest.mark.parametrize("command", ["compare", "locate", "diagnose", "refine"])
+@pytest.mark.parametrize(
+    ("command", "fault"),
+    [
+        *(("diagnose", fault) for fault in bad_training()),
+        *((command, "clipped force") for command in ("compare", "locate", "refine")),
+    ],
+)
 def test_an_unsound_training_record_is_refused(run, tmp_path, command, fault):
     position, force, words = bad_training()[fault]
     write(tmp_path / "in", a=(position, force), b=(OTHER, force_of(OTHER)))
@@ -93,31 +99,11 @@ def test_a_record_too_short_for_its_period(run, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_unequal_sampling(run, tmp_path):
-    write(tmp_path / "in", a=(GOOD, force_of(GOOD)), b=(OTHER, force_of(OTHER)))
-    path = tmp_path / "in" / "a.csv"
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join(lines[:101] + lines[141:]) + "\n")
-    err = run.refused("diagnose", tmp_path / "in", "--output", tmp_path / "out")
-    assert "sampled evenly" in err and "line 102" in err
-    assert not (tmp_path / "out").exists()
-
-
 def test_clipped_records_can_be_accepted(run, tmp_path):
     write(tmp_path / "in", a=(GOOD, np.clip(force_of(GOOD), -1.5, 1.5)), b=(OTHER, force_of(OTHER)))
     study = tmp_path / "study.yaml"
     study.write_text(yaml.safe_dump({"tissue": {"layout": {"clipped": "accept"}}}))
     run.done("compare", tmp_path / "in", "--output", tmp_path / "out", "--config", study)
-
-
-def test_flat_tops_are_counted():
-    values = np.clip(GOOD, -1.0, 1.5)
-    low, high = sorted(flat_tops(values), key=lambda top: top.level)
-    assert (low.level, high.level) == (-1.0, 1.5)
-    inside = np.concatenate([[0], (GOOD > 1.5).astype(int), [0]])
-    lengths = np.flatnonzero(np.diff(inside) == -1) - np.flatnonzero(np.diff(inside) == 1)
-    assert high.samples == lengths[lengths >= 3].sum()
-    assert len(high.starts) == np.sum(lengths >= 3)
 
 
 @pytest.mark.parametrize(
@@ -131,14 +117,6 @@ def test_flat_tops_are_counted():
 )
 def test_what_is_not_clipped_is_not_called_so(force):
     check_clipping(record_of(GOOD, force))
-
-
-def test_a_position_may_rest_at_its_extreme():
-    time = np.arange(4000) * STEP
-    ramp_and_hold = np.clip(4.0 * np.abs((time / 5) % 2 - 1) - 1.0, 0.0, 2.0)
-    check_clipping(record_of(ramp_and_hold, force_of(ramp_and_hold)))
-    with pytest.raises(InputError, match="output: clipped"):
-        check_clipping(record_of(ramp_and_hold, ramp_and_hold))
 
 
 @pytest.mark.parametrize("slows", ["jerk", "acceleration"])
@@ -165,18 +143,6 @@ def test_a_position_that_stops_at_speed_is_clipped():
             check_clipping(record_of(np.clip(GOOD, -3.0, level), force_of(GOOD)))
 
 
-@pytest.mark.parametrize("case", ["g04", "g14"])
-def test_a_ramp_and_hold_is_read(case, shared):
-    import lumbar
-
-    records = lumbar.read(shared / "hard_effects" / case / "records")
-    assert [np.ptp(record["input"]) > 1 for record in records] == [True, True]
-
-
-def test_records_of_like_size_are_comparable():
-    check_excitation(record_of(GOOD, force_of(GOOD)), [record_of(0.2 * OTHER, force_of(OTHER), "b")])
-
-
 def test_an_effect_that_the_record_does_not_excite_is_refused():
     """On one sine a mass is a negative spring, a second branch another spring: nothing tells them from the base."""
     sine = motion(40.0, lines=[10])
@@ -188,10 +154,6 @@ def test_an_effect_that_the_record_does_not_excite_is_refused():
 
 
 def test_a_fit_that_did_not_converge_is_no_result():
-    from dataclasses import replace
-
-    from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-
     position = motion(40.0)
     records = [
         record_of(position, force_of(position) + 0.01 * position**3),
@@ -206,10 +168,6 @@ def test_a_fit_that_did_not_converge_is_no_result():
 
 def test_a_force_that_grows_beyond_measure_with_speed_is_in_no_other_unit():
     """Slow motion tells units apart: there a force that explodes at high speed is as in any other record."""
-    from periodic_records import STEP, record
-
-    from lumbar.tissue.diagnosis.fitting.preparation import check_excitation
-
     time = np.arange(0, 20, STEP)
     slow = 5 * np.sin(2 * np.pi * 0.2 * time)
     fast = 5 * np.sin(2 * np.pi * (0.1 * time + 0.12 * time**2))
@@ -231,12 +189,6 @@ def slow(samples, seed=0):
     """Position whose band ends at a hundredth of the rate."""
     lines = np.arange(1, samples // 100 + 1)[:40]
     return multisine(1, samples, lines * (samples // 100 // len(lines)), seed)
-
-
-def test_records_that_are_few_enough_stay_the_very_same():
-    given = [record(multisine(10), multisine(10)), record(slow(5000), slow(5000), "other")]
-    kept, findings = limit_samples(given)
-    assert findings == () and all(one is other for one, other in zip(kept, given, strict=True))
 
 
 def test_a_fast_record_of_a_slow_motion_is_thinned_and_told():

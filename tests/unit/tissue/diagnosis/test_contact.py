@@ -51,9 +51,6 @@ def test_palpation_is_contact_and_nothing_else(pressed):
     assert pressed.experiment.surface == pytest.approx(3.0, rel=0.01)
     assert parameters(pressed) == pytest.approx(KNOWN, rel=0.02)
     assert pressed.base.test_rms == pytest.approx(0.02, rel=0.05)
-
-
-def test_the_surface_is_told(pressed):
     (finding,) = (item for item in pressed.findings if item.kind == "surface")
     assert finding.value == pressed.experiment.surface
     assert finding.unit == "mm"

@@ -201,12 +201,6 @@ def test_a_spring_that_gets_softer_is_not_called_hardening():
     assert lost["cubic_stiffness_lost"] == pytest.approx(0.02, rel=0.02)
 
 
-def test_without_softening_in_the_catalogue_it_stays_without_a_name():
-    catalogue = {name: TISSUE[name] for name in ("hardening_stiffness", "inertia", "drift")}
-    found = diagnose(experiment(softening_spring), DiagnosisSettings(catalogue=catalogue))
-    assert (found.verdict, found.selected) == ("unexplained", ())
-
-
 def test_a_rhythm_of_the_excitation_is_not_called_a_disturbance():
     """A force that a square of the position makes repeats with the excitation, whatever else could tell it."""
 

@@ -55,12 +55,6 @@ def test_amplitudes_against_a_bounded_solver(seed):
     assert error[0] == pytest.approx(error[1], rel=1e-8)
 
 
-def test_base_is_recovered_without_noise():
-    found = fit_base(Structure(BASES["KB"]), experiment("", (), (), noise=0.0))
-    assert found.linear == pytest.approx([0.6, 1.2], rel=1e-6)
-    assert found.nonlinear == pytest.approx([0.15], rel=1e-6)
-
-
 CASES = {
     "hardening_stiffness/cubic": ((0.02,), ()),
     "coulomb_friction/coulomb": ((0.8,), (0.5,)),
@@ -92,26 +86,19 @@ def test_effect_and_base_are_recovered_together(key):
     assert found.nonlinear == pytest.approx([0.15, *nonlinear], rel=0.03)
 
 
-# A delay, play or soft limit of zero size is outside its range, so these do not contain the base.
-CONTAINING = sorted(set(FORMS) - {"delay/pure", "backlash/play", "saturation/soft"})
-
-
-@pytest.mark.parametrize("key", CONTAINING)
-def test_a_larger_model_never_fits_worse(key):
-    data = experiment("", (), ())
-    base = fit_base(Structure(BASES["KB"]), data)
-    assert add(base, FORMS[key], data).squared_error <= base.squared_error * (1 + 1e-4)
-
-
-@pytest.mark.parametrize("key", [form.key for form in FORMS.values() if form.place is not Place.PARALLEL])
-def test_a_form_that_is_the_smaller_model_in_the_limit_is_worse_only_at_a_bound(key):
+@pytest.mark.parametrize("key", FORMS)
+def test_a_larger_model_never_fits_worse_but_at_a_bound(key):
+    """A delay, play or limit of zero size is outside its range: such forms hold the smaller model in the limit only."""
     data = experiment("", (), ())
     base = fit_base(Structure(BASES["KB"]), data)
     found = add(base, FORMS[key], data)
+    worse = found.squared_error > base.squared_error * (1 + 1e-4)
+    if FORMS[key].place is Place.PARALLEL or not worse:
+        assert not worse
+        return
     low, high = shape_bounds(found.structure, data, found.nonlinear)
     at_bound = np.isclose(found.nonlinear, low, rtol=1e-3) | np.isclose(found.nonlinear, high, rtol=1e-3)
-    worse = found.squared_error > base.squared_error * (1 + 1e-6)
-    assert not worse or (at_bound[1:].any() and found.converged)
+    assert at_bound[1:].any() and found.converged
 
 
 @pytest.mark.parametrize(("key", "kept"), [("coulomb_friction/coulomb", 1.0), ("backlash/play", 7.0)])
@@ -132,26 +119,6 @@ def test_an_optimiser_that_ends_worse_has_not_converged(monkeypatch, key, kept):
     assert found.squared_error == pytest.approx(kept * base.squared_error)
     if kept == 1.0:
         assert np.allclose(found.simulate(data.motion), base.simulate(data.motion))
-
-
-@pytest.mark.statistical
-def test_intervals_hold_the_truth():
-    inside = np.zeros(4)
-    for seed in range(60):
-        data = experiment("hardening_stiffness/cubic", (0.02,), (), noise=0.05, seed=seed)
-        structure = Structure(BASES["KB"], (FORMS["hardening_stiffness/cubic"],))
-        found = estimates(fit(structure, data, np.array([0.15])), data, "mm", "N")
-        truth = (0.6, 1.2, 0.02, 0.15)
-        inside += [item.low <= value <= item.high for item, value in zip(found, truth, strict=True)]
-    assert (inside >= 51).all()  # 60 × 95 % = 57; below 51 with a probability of 0.1 %
-    assert [item.unit for item in found] == ["N/mm", "N/mm", "N/mm^3", "s"]
-
-
-def test_whitening_is_applied_to_design_and_force():
-    data = experiment("", (), (), noise=0.02)
-    coloured = FitData("test", data.motion, data.force, np.array([1.0, -0.9]))
-    found = fit_base(Structure(BASES["KB"]), coloured)
-    assert found.linear == pytest.approx([0.6, 1.2], rel=0.05)
 
 
 SAMPLES = 4000
@@ -198,19 +165,6 @@ def test_covariance_of_scores_is_the_sum_over_lags():
     critical = 1.96 + 2.9694 * share + 0.416 * share**2 - 0.5324 * share**3
     expected *= (critical / 1.96) ** 2 / (1 - 2 * times.sum() / 1200)
     np.testing.assert_allclose(score_covariance(scores), expected, rtol=1e-9)
-
-
-@pytest.mark.parametrize("share", [0.05, 0.2])
-def test_critical_values_of_bartletts_window(share):
-    """95 % of means lie within them, however small the sample is beside the window (Kiefer and Vogelsang)."""
-    random = np.random.default_rng(3)
-    size, trials = 300, 4000
-    values = random.standard_normal((trials, size))
-    centred = values - values.mean(axis=1, keepdims=True)
-    window = np.maximum(1 - np.abs(np.subtract.outer(np.arange(size), np.arange(size))) / (share * size), 0)
-    ratio = np.abs(values.sum(axis=1)) / np.sqrt(np.einsum("ti,ij,tj->t", centred, window, centred))
-    critical = 1.96 + 2.9694 * share + 0.416 * share**2 - 0.5324 * share**3
-    assert np.mean(ratio < critical) == pytest.approx(0.95, abs=0.012)
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.2])

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from force_driven import (
     STIFFNESS,
     VISCOSITY,
     ZERO,
-    driving_force,
     forward_records,
     records_behind,
 )
@@ -23,12 +21,10 @@ from force_driven import (
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.cli.command import main
-from lumbar.records.record import Channel, Record, forced
 from lumbar.study.load_study import load_settings
 from lumbar.tissue.diagnosis.forward import forward_diagnosis
 from lumbar.tissue.diagnosis.forward.forward_base import response_of
 from lumbar.tissue.diagnosis.linear.direction import FORWARD
-from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.models.bases import BASES
@@ -42,9 +38,8 @@ def friction():
     return records, lumbar.diagnose(records, train="train", settings=FORCE_IN)
 
 
-@pytest.mark.parametrize(
-    "hidden", ["hysteresis", pytest.param("hardening_stiffness", marks=pytest.mark.nightly)]
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("hidden", ["hysteresis", "hardening_stiffness"])
 def test_what_is_hidden_is_named(hidden):
     found = lumbar.diagnose(forward_records(hidden), train="train", settings=FORCE_IN).verdict
     assert (found.verdict, found.selected, found.complete) == ("named", (hidden,), True)
@@ -131,14 +126,6 @@ def test_no_sensor_is_told_where_a_set_of_effects_that_was_not_selected_explains
     assert forward_diagnosis._behind_sensor(alone, found.settings).path == [known.base, after]
 
 
-def test_a_sensor_that_is_not_surely_better_is_no_crash(friction):
-    """Whether its effect accumulates was looked up in a catalogue that does not hold the sensor's effects."""
-    _, found = friction
-    base = found.verdict.base
-    judge = Selection(found.verdict.experiment, base, found.settings, singles=[])
-    assert not judge.surely_better(base, SimpleNamespace(effects=("absolute_value",), fit=base.fit))
-
-
 @pytest.mark.nightly
 def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path, capsys):
     """Recorded as force in, motion out and not said so: flagged, with the line of YAML; with it the study runs."""
@@ -190,19 +177,3 @@ def test_the_response_of_a_base_is_that_of_its_transfer_function():
     np.testing.assert_allclose(
         response_of(BASES["KB-mass"], linear, nonlinear)(frequency), expected, rtol=1e-9
     )
-
-
-def test_a_driving_force_repeats():
-    _, force = driving_force(6.0, 3, 1)
-    np.testing.assert_allclose(force[:600], force[600:1200], atol=1e-9)
-
-
-def test_the_force_is_the_input_wherever_it_stands_in_the_file():
-    columns = {
-        "input": Channel(np.zeros(3), "position", "mm"),
-        "output": Channel(np.ones(3), "force", "N"),
-    }
-    as_imported = Record("a", np.arange(3.0), columns, "a.csv")
-    turned = forced(as_imported)
-    assert [turned.channels[role].quantity for role in ("input", "output")] == ["force", "position"]
-    assert forced(turned) is turned

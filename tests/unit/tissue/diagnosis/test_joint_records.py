@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from fine_tissue import FINE, branch, sampled, sines
-from periodic_records import STEP, noise, record
+from periodic_records import STEP, noise, noisy_record, record
 
 import lumbar
 from lumbar.base.errors import InputError
@@ -150,14 +150,10 @@ def test_records_that_are_fitted_together_are_sampled_alike():
 
 def test_the_noises_colour_is_left_out_where_the_error_is_a_models():
     """An error far above the noise is fitted as it is; one at the noise is whitened."""
-    from periodic_records import noisy_record
-
-    from lumbar.tissue.diagnosis.selection.diagnose import diagnose as diagnosed
-
     texture = lambda time, force: 3.0 * np.sin(7.0 * force)  # noqa: E731, nothing of the catalogue
     settings = DiagnosisSettings(base="KB", most_effects=1)
-    far = diagnosed([noisy_record(6, 0.02, 1, 0.9, extra=texture)], settings)
-    near = diagnosed([noisy_record(6, 0.3, 1, 0.9)], settings)
+    far = diagnose([noisy_record(6, 0.02, 1, 0.9, extra=texture)], settings)
+    near = diagnose([noisy_record(6, 0.3, 1, 0.9)], settings)
     assert far.model.train_rms > 3 * far.experiment.floor.rms
     assert len(far.experiment.training.whitening) == 1
     assert near.model.train_rms < 1.2 * near.experiment.floor.rms
@@ -239,6 +235,7 @@ def test_what_a_tissue_remembers_goes_on_in_the_next_record_of_a_session(effect,
         assert fitted[name].low < value < fitted[name].high
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("effect", ["softening", "hysteresis"])
 def test_taken_apart_the_same_records_are_explained_worse(effect):
     verdict = diagnosed(effect, together=False).verdict

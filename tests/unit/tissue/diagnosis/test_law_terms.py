@@ -73,20 +73,6 @@ def test_every_term_is_dimensionally_sound_and_a_form_can_be_made_of_it():
             assert dimension(parse(form.equation), known) == FORCE, item.name
 
 
-def test_names_of_terms_are_unique():
-    names = [item.name for item in library()]
-    assert len(names) == len(set(names))
-
-
-def test_an_unsound_term_is_noticed():
-    from dataclasses import replace
-
-    with pytest.raises(InputError, match="do not go together"):
-        check_dimensions(replace(term("friction"), parts=("v + z",)))
-    with pytest.raises(AssertionError, match="z - q"):
-        check_dimensions(replace(term("branch"), state=(("q", "z - q"),)))
-
-
 def test_states_solved_term_by_term_are_those_of_the_whole_form():
     from dataclasses import replace
 
@@ -117,11 +103,3 @@ def test_a_bridge_holds_on_the_way_out_until_it_tears():
     (found,) = form_of((term("adhesion"),)).columns(motion, np.array([0.4]))
     assert np.mean(np.abs(found - expected) > 0.02) < 0.01
     assert found.min() < -0.35
-
-
-def test_the_largest_depth_is_known_at_once():
-    motion = standard_motion(0.5)
-    (found,) = form_of((term("stiffness_deepest"),)).columns(motion, np.zeros(0))
-    np.testing.assert_allclose(
-        found, motion.position * np.maximum.accumulate(np.abs(motion.position)), atol=0.02
-    )

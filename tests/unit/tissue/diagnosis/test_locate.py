@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 from scipy.signal import lfilter
-from scipy.stats import chi2, kendalltau, spearmanr
+from scipy.stats import kendalltau, spearmanr
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
-from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.residuals.locate import (
     all_records_sentence,
     locate,
-    location_table,
     residual_of,
 )
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import rank_correlation, reversals
-from lumbar.tissue.diagnosis.residuals.residual import Residual, chi_square_p, steady_velocity
+from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.residuals.residual_tests import (
     Cause,
     causes_sentence,
@@ -146,13 +144,6 @@ def test_parity_of_the_map():
         assert words in located(ERRORS[error], lines=DETECTION_GRID).views["depth"].sentence
 
 
-def test_depth_shows_the_error_itself():
-    table = located(ERRORS["quadratic"]).views["depth"].table
-    inner = slice(1, -1)  # outer bins are wide
-    assert table["mean"][inner] == pytest.approx(0.01 * table["position"][inner] ** 2, abs=0.03)
-    assert table["advancing"][inner] == pytest.approx(table["mean"][inner], abs=0.05)
-
-
 def test_detection_lines_tell_even_from_odd():
     even = located(ERRORS["quadratic"], lines=DETECTION_GRID).views["frequency"]
     odd = located(ERRORS["cubic"], lines=DETECTION_GRID).views["frequency"]
@@ -191,14 +182,6 @@ def test_lines_are_found_and_classed():
     assert classes[0] == classes[2] == classes[58] == EVEN
     assert classes[1] == EXCITED
     assert excited_lines(multisine(1, 500) + 1e-4 * noise(500, 1)).tolist() == list(range(1, 26))
-
-
-def test_correlations_tell_even_from_odd():
-    quadratic, cubic = (located(ERRORS[name]).views["correlations"] for name in ("quadratic", "cubic"))
-    assert quadratic.numbers["p even"] < 1e-10
-    assert cubic.numbers["p odd"] < 1e-10
-    assert quadratic.sentence.index("even functions") < quadratic.sentence.find("odd functions") % 10_000
-    assert cubic.sentence.index("odd functions") < cubic.sentence.find("even functions") % 10_000
 
 
 def test_without_a_floor_the_views_still_work():
@@ -245,35 +228,12 @@ def test_sizes_under_the_null(pole, repeating):
     assert accused / trials <= 0.05 + scatter
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_deviation_of_averages_under_noise(pole):
-    """Standard deviations of bin means, against their scatter over simulated noise."""
-    test = noisy_record(10, 0.3, 3, pole)
-    force = relaxing_force(test["input"])
-    residual = locate(test, force, noise_floor(test)).residual
-    groups = np.digitize(residual.position, [-2, 0, 2])
-    stated = residual.averages(groups, 4).deviation
-    scatter = []
-    for seed in range(400):
-        values = 0.3 * noise(len(residual.values), seed, pole)
-        scatter.append(np.bincount(groups, values, 4) / np.bincount(groups, minlength=4))
-    assert stated == pytest.approx(np.std(scatter, axis=0), rel=0.15)
-
-
 def test_ljung_box_is_that_of_statsmodels():
     values = noise(700, 5, 0.1)
     expected = acorr_ljungbox(values, lags=[12])
     statistic, p_value = ljung_box(values, 12)
     assert statistic == pytest.approx(expected["lb_stat"].iloc[0], rel=1e-9)
     assert p_value == pytest.approx(expected["lb_pvalue"].iloc[0], rel=1e-9)
-
-
-def test_chi_square_of_correlated_sums():
-    covariance = np.array([[2.0, 0.5], [0.5, 1.0]])
-    sums = np.array([1.5, -0.7])
-    expected = chi2.sf(sums @ np.linalg.solve(covariance, sums), 2)
-    assert chi_square_p(sums, covariance) == pytest.approx(expected, rel=1e-9)
 
 
 def test_mann_kendall_agrees_with_kendalls_tau():
@@ -307,21 +267,6 @@ def test_velocity_of_a_noisy_position_is_steadied():
     assert steady_velocity(position, STEP)[5:-5] == pytest.approx(expected[5:-5], abs=0.01)
     noisy = steady_velocity(position + 0.05 * noise(2000, 1), STEP)
     assert np.std(noisy - expected) < 0.15 * np.std(expected)
-
-
-def test_a_diverging_simulation_is_refused():
-    test = noisy_record(4, 0.3, 2)
-    with pytest.raises(InputError, match="unstable"):
-        locate(test, np.full(len(test), np.inf), None)
-
-
-def test_the_table_lists_every_view(tmp_path):
-    location = located(ERRORS["cubic"])
-    location_table([location], "synthetic twin").write(tmp_path / "location")
-    text = (tmp_path / "location.csv").read_text()
-    assert text.count("\n") == 1 + len(location.views)
-    assert len(location.sentences) == 1 + len(location.views)
-    assert isinstance(location.residual, Residual)
 
 
 FIRST_VIEWS = {
@@ -381,14 +326,6 @@ def test_errors_of_large_and_of_fast_cycles_are_told_apart():
     drag = located(lambda z, v, t: 1e-3 * v * np.abs(v)).views["cycles"]
     assert drag.numbers["rank_with_speed"] > max(0.5, drag.numbers["rank_with_amplitude"])
     assert "too few" in located(ERRORS["cubic"], lines=[1], periods=4).views["cycles"].sentence
-
-
-def test_cycles_hold_the_error_between_their_turning_points():
-    location = located(ERRORS["cubic"])
-    table, residual = location.views["cycles"].table, location.residual
-    third = (residual.time >= table["start"][2] - 1e-9) & (residual.time < table["stop"][2] - 1e-9)
-    assert table["rms"][2] == pytest.approx(np.sqrt(np.mean(residual.values[third] ** 2)))
-    assert table["amplitude"][2] == pytest.approx(np.ptp(residual.position[third]) / 2)
 
 
 def test_rank_correlation_against_scipy():

@@ -1,23 +1,13 @@
-"""What is left of a record: compared, told apart from noise, parted into lines and shares, and judged adequate.
-
-The signal is designed and written by ``lumbar signals``, answered by a tissue simulated here, recorded as a file and
-given to ``lumbar locate``.
-"""
-
-import csv
-import json
+"""What is left of a record: compared, told apart from noise, parted into shares, and judged adequate."""
 
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
-from column_files import write_columns
 from fine_tissue import FINE, branch, sampled, sines
 from numpy.testing import assert_allclose
 from periodic_records import multisine, noise, noisy_record, record, relaxing_force
 from scipy.signal import lfilter
 
-from lumbar import cli
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
@@ -29,7 +19,6 @@ from lumbar.tissue.diagnosis.residuals.compare import (
     compare_record,
     comparison_table,
 )
-from lumbar.tissue.diagnosis.residuals.time_frequency import EVEN, EXCITED, ODD, excited_lines, line_classes
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
@@ -116,12 +105,6 @@ def test_groups_hold_every_sample_once_and_keep_phases_together(size, period):
         for group in groups:
             phases = np.unique(group % period)
             assert np.ptp(phases) == len(phases) - 1
-
-
-def test_the_same_seed_gives_the_same_interval():
-    test, force = aperiodic(1500, 0.3, 1)
-    assert compare_record(test, force, seed=3) == compare_record(test, force, seed=3)
-    assert compare_record(test, force, seed=3).rms.low != compare_record(test, force, seed=4).rms.low
 
 
 def test_intervals_are_those_of_the_figures_of_resampled_records():
@@ -215,64 +198,6 @@ def test_distortion_is_estimated_without_bias():
     power = distortion_power(inputs, smooth * inputs + distortion, excited)
     assert power[excited].mean() == pytest.approx(1.0, abs=0.1)
     assert_allclose(power[2:1500:2], np.abs(distortion[2:1500:2]) ** 2)
-
-
-PERIODS = 6
-SIGMA = 0.02
-
-FORCES = {"even": lambda z: 0.02 * z**2, "odd": lambda z: 0.01 * z**3, "none": lambda z: 0.0 * z}
-
-
-@pytest.fixture(scope="module")
-def designed(tmp_path_factory):
-    """Folder with an odd multisine of six periods and its description."""
-    folder = tmp_path_factory.mktemp("signals")
-    study = folder / "study.yaml"
-    multisine = {"grid": "odd", "detection_group": 4, "periods": PERIODS}
-    study.write_text(yaml.safe_dump({"signals": {"multisine": multisine}}))
-    assert cli.main(["signals", "--band", "5", "--config", str(study), "--output", str(folder)]) == 0
-    return folder
-
-
-def located(designed, kind: str, tmp_path, capsys) -> dict[str, dict]:
-    """Rows of ``location.csv`` of the multisine by view."""
-    position = np.loadtxt(designed / "multisine.csv", delimiter=",", skiprows=1)
-    time, z = position[:, 0], position[:, 1]
-    force = lfilter([1.5, -1.3], [1.0, -0.85], z) + FORCES[kind](z)
-    force += SIGMA * np.random.default_rng(4).standard_normal(len(z))
-    records = tmp_path / "records"
-    records.mkdir()
-    write_columns(records / "multisine.csv", "%.6f", time_s=time, position_mm=z, force_N=force)
-    capsys.readouterr()
-    assert cli.main(["locate", str(records), "--output", str(tmp_path / "out")]) == 0
-    with (tmp_path / "out" / "location.csv").open(encoding="utf-8") as stream:
-        return {row["view"]: row for row in csv.DictReader(stream)}
-
-
-def test_the_lines_are_classed_as_designed(designed):
-    description = json.loads((designed / "multisine.json").read_text(encoding="utf-8"))
-    lines, left_out = np.array(description["lines"]), description["detection_lines"]
-    position = np.loadtxt(designed / "multisine.csv", delimiter=",", skiprows=1)[:, 1]
-    period = position.reshape(PERIODS, -1)[-1]
-    found = excited_lines(period)
-    assert found.tolist() == lines.tolist()
-    assert np.all(lines % 2 == 1)
-    classes = line_classes(found, len(period) // 2)
-    assert set(classes[left_out["odd"]]) == {ODD} and len(left_out["odd"]) > 2
-    assert set(classes[left_out["even"]]) == {EVEN}
-    assert set(classes[lines]) == {EXCITED}
-
-
-@pytest.mark.parametrize("kind", FORCES)
-def test_even_and_odd_nonlinearity_are_told_apart(designed, kind, tmp_path, capsys):
-    rows = located(designed, kind, tmp_path, capsys)
-    sentence = rows["frequency"]["finding"]
-    even, odd = "(even nonlinearity" in sentence, "(odd nonlinearity" in sentence
-    assert (even, odd) == (kind == "even", kind == "odd"), sentence
-    if kind == "none":
-        assert "no line stands out of the noise" in sentence
-    else:
-        assert "an odd grid with detection lines would" not in sentence
 
 
 def single_shots(force, sigma: float = 0.01, seconds: float = 18.0) -> list:

@@ -11,15 +11,13 @@ from periodic_records import record as recorded
 from scipy.signal import lfilter
 from sensor_records import clean_records, tissue_record
 
-import lumbar
 from lumbar.records.columns import read_record
 from lumbar.records.record import Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.tissue.diagnosis.fitting.uncertainty import zero_interval
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model
-from lumbar.tissue.diagnosis.sensors.position_noise import edge_above_floor, within_band
-from lumbar.tissue.diagnosis.sensors.sensor_faults import repair, sensor_faults, shift_times
+from lumbar.tissue.diagnosis.sensors.sensor_faults import repair, sensor_faults
 from lumbar.tissue.models.motion import Motion
 
 EFFECTS = ("none", "hardening", "coulomb")
@@ -184,22 +182,7 @@ def test_a_tool_that_shakes_is_no_noise_of_its_sensor():
     assert kinds(recorded(measured, force)) == []  # half of it is motion: nothing sure can be said
 
 
-def test_the_band_is_left_as_it_is_up_to_its_ends():
-    time = np.arange(2000) / 100.0
-    wave = sum(np.cos(2 * np.pi * line * time / 7.3 + line**2) for line in range(1, 30))
-    edge = edge_above_floor(wave + 1e-3 * np.random.default_rng(0).standard_normal(len(time)), 0.01)
-    assert 29 / 7.3 < edge < 2 * 29 / 7.3
-    assert np.abs(within_band(wave, 0.01, edge) - wave).max() < 5e-3 * np.ptp(wave)
-
-
-def test_shifting_in_time_against_a_closed_form():
-    count = np.arange(3000)
-    wave = np.sin(2 * np.pi * 0.31 * count + 0.3)
-    rate = 2e-4
-    expected = np.sin(2 * np.pi * 0.31 * count * (1 + rate) + 0.3)
-    assert np.abs(shift_times(wave, rate) - expected)[20:-20].max() < 1e-3
-
-
+@pytest.mark.nightly
 def test_long_records_take_little_memory():
     rng = np.random.default_rng(12)
     time = np.arange(1_000_000) / 1000.0
@@ -341,25 +324,3 @@ def test_a_mass_is_as_large_as_without_the_noise():
 )
 def test_nothing_is_told_where_no_mass_suffers(record):
     assert "rough_acceleration" not in [item.kind for item in sensor_faults(record)]
-
-
-def test_the_positioning_axis_has_its_published_mass_at_its_own_rate(shared):
-    """95.1 kg, published of records through an 80 Hz filter; 86.8 kg come out of the 1 kHz records as they are."""
-    columns = {
-        "time": ColumnSettings("t", "s", "time"),
-        "input": ColumnSettings("qm", "mm", "position", scale=1000.0),
-        "output": ColumnSettings("vir", "N", "force", scale=35.15065188),
-    }
-    files = [shared / "real" / "positioning_axis" / f"DATA_EMPS{part}.mat" for part in ("", "_PULSES")]
-    records = lumbar.read(
-        files, layout=ColumnLayout(columns=columns, format="mat"), names=("reference", "pulses")
-    )
-    assert records[0].sampling_time == pytest.approx(1e-3)
-    assert 1e3 * told_mass(records[0]) < 88
-    (fault,) = sensor_faults(records[0])
-    assert fault.kind == "rough_acceleration"
-    assert fault.value == pytest.approx(80, abs=10)
-    refined = lumbar.refine(list(records), ["inertia", "coulomb_friction"], base="KV", train="reference")
-    mass = refined.models[-1]["inertia.mass"]
-    assert 1e3 * mass.value == pytest.approx(95.1, rel=0.005)
-    assert 1e3 * mass.low < 95.1 < 1e3 * mass.high

@@ -27,7 +27,6 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
@@ -182,18 +181,6 @@ def ties_of_others(diagnosis) -> list:
     return [index for index in signal_angles(diagnosis).clusters[0] if index != 0]
 
 
-def test_nothing_is_compared_where_nothing_is_selected():
-    motion = one_sine("sine", 1, 60.0)
-    effect = calibrated(
-        form_named("hardening_stiffness:cubic"), {}, 1e-6, motion, TRUE_TISSUE, Scales.of(motion, TRUE_TISSUE)
-    )
-    diagnosis = diagnose(
-        [recorded(motion, effect, 0.05, 2), recorded(one_sine("b", 2, 20.0), effect, 0.05, 3)]
-    )
-    assert diagnosis.selected == ()
-    assert signal_angles(diagnosis) is None
-
-
 def test_excitations_keep_to_the_machine():
     time = np.arange(3000) / 100
     motion = Motion(time, 4 * np.sin(2 * np.pi * 0.5 * time) + 1.0, 0.01)
@@ -220,10 +207,6 @@ def test_excitations_keep_to_the_machine():
     )
     for kind in kinds:
         assert any(kind in item.words for item in unlimited), kind
-
-
-def test_every_effect_of_the_catalogue_is_known_to_the_experimenter():
-    assert all(effect.experiment for effect in TISSUE.values())
 
 
 def pressed(step: float) -> list[Record]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from effect_entries import FORM_NUMBERS, effect_entry
-from force_driven import FORCE_IN, ZERO, forward_records, records_behind
+from force_driven import FORCE_IN, forward_records
 from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 
 import lumbar
@@ -69,35 +69,6 @@ def test_every_form_of_the_catalogue_is_the_same_in_other_units(key, units):
 )
 def test_records_that_the_force_drove_are_the_same_in_other_units(effect, units):
     check_alike(of_forward, forward_records(effect), units)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("base", ["LE", "Maxwell", "KV", "KB", "KV-mass", "KB-mass"])
-def test_bases_from_force_to_motion_are_the_same_in_other_units(base):
-    def of_base(records, train):
-        return lumbar.diagnose(records, base=base, train=train, settings=FORCE_IN).verdict
-
-    check_alike(of_base, forward_records("nothing"), SLOW)
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("units", [replace(SLOW, turned=False), FAST], ids=["slow", "fast"])
-def test_an_absolute_value_is_the_same_in_other_units(units):
-    found = check_alike(of_forward, records_behind(np.abs), units)
-    assert (found.verdict, found.selected) == ("named", ("absolute_value",))
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("units", [SLOW, FAST], ids=["slow", "fast"])
-def test_a_motion_sensor_that_clips_is_the_same_in_other_units(units):
-    records = []
-    for record in forward_records("nothing"):
-        position = record["output"] - ZERO
-        limit = 0.6 * np.abs(position).max()
-        noise = 0.003 * np.random.default_rng(3).standard_normal(len(position))
-        records.append(record.with_values(output=np.clip(position, -limit, limit) + noise))
-    found = check_alike(of_forward, records, units)
-    assert found.selected == ("saturation",)
 
 
 @pytest.mark.nightly
