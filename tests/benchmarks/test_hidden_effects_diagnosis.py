@@ -54,23 +54,6 @@ def test_a_single_effect_is_named_and_explained_to_the_noise(tmp_path, mechanism
     assert found["ladder"][-1]["test_rms"] < 0.5 * found["ladder"][0]["test_rms"]
 
 
-@pytest.mark.parametrize("number", range(4))
-def test_nothing_is_named_where_nothing_is_hidden(tmp_path, number):
-    result, found, _ = diagnosed(tmp_path, "null", number)
-    assert result == "adequate", (found["verdict"], found["selected"])
-
-
-@pytest.mark.parametrize("number", range(2))
-def test_both_effects_of_a_pair_are_found(tmp_path, number):
-    result, found, label = diagnosed(tmp_path, "pair", number)
-    assert result == "named", (
-        label["form"],
-        label["residual_over_noise"],
-        found["verdict"],
-        found["selected"],
-    )
-
-
 # The second is a random telegraph signal: noise to any model, and no more than spikes to the floor.
 @pytest.mark.parametrize("number", [0, 2])
 def test_what_the_catalogue_does_not_hold_stays_unexplained(tmp_path, number):

@@ -51,17 +51,6 @@ def test_the_residual_is_as_wanted_by_another_fit(number):
     assert left_by_best_model(experiment.records["multisine"]) / noise == pytest.approx(np.sqrt(65), rel=0.03)
 
 
-@pytest.mark.parametrize("number", range(3))
-def test_nothing_but_noise_is_left_of_a_null_experiment(number):
-    experiment = make_experiment(
-        plan_batch("null", 0, HiddenEffectsSettings(nulls=3))[number], HiddenEffectsSettings()
-    )
-    left = left_by_best_model(experiment.records["multisine"])
-    assert left / experiment.label["noise_rms_N"] == pytest.approx(1.0, abs=0.04)
-    assert experiment.label["effects"] == []
-    assert experiment.label["severity"] == 0.0
-
-
 def test_an_experiment_depends_on_seed_kind_and_number_alone():
     plan = plan_batch("single", 0, SHORT)[7]
     first = make_experiment(plan, SHORT)

@@ -14,7 +14,7 @@ from hidden_effects.form import HiddenEffect, Scales, simulate
 from hidden_effects.noise import COLOURS, draw_noise
 from hidden_effects.rate_independent import bouc_wen, dahl, play, rounded_play, stop
 from lumbar.base.errors import InputError
-from lumbar.twin.kelvin_boltzmann import Tissue, maxwell_force
+from lumbar.twin.kelvin_boltzmann import Tissue
 from lumbar.twin.tool_motion import ToolMotion, draw_motions
 
 TISSUE = Tissue(0.5, 1.0, 0.15)
@@ -119,30 +119,6 @@ def test_rounded_play_solves_its_differential_equation_and_tends_to_play():
     assert np.allclose(rounded_play(motion.position, 0.6, 0.05), expected, atol=3e-3)
     sharp = play(motion.position, 0.6)
     assert np.abs(rounded_play(motion.position, 0.6, 1e-4) - sharp).max() < 2e-3
-
-
-def test_relaxation_with_depth_solves_its_differential_equation():
-    motion = smooth_motion()
-
-    def slope(f, z, v):
-        return TISSUE.relaxing * v - f * np.exp(1.2 * np.tanh(z / 2.0)) / TISSUE.relaxation_s
-
-    expected = integrate(motion, slope) - maxwell_force(motion.position, motion.step, 1.0, 0.15)
-    assert np.allclose(outside.relaxation_with_depth(motion, TISSUE, 1.2, 2.0), expected, atol=3e-3)
-
-
-def test_power_law_branch_solves_its_differential_equation_and_is_linear_for_exponent_1():
-    motion = smooth_motion()
-    reference = 0.7 * np.abs(motion.position).max() / 4
-
-    def slope(f, z, v):
-        return 0.7 * v - f * (np.abs(f) / reference) ** 1.4 / TISSUE.relaxation_s
-
-    scale = np.abs(integrate(motion, slope)).max()
-    found = outside.power_law_branch(motion, TISSUE, 0.7, 2.4)
-    assert np.abs(found - integrate(motion, slope)).max() < 0.02 * scale
-    linear = outside.power_law_branch(motion, TISSUE, 0.7, 1.0)
-    assert np.allclose(linear, maxwell_force(motion.position, motion.step, 0.7, 0.15), atol=0.02 * scale)
 
 
 def test_spring_pot_gives_the_fractional_derivative_of_a_ramp():

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.effects.catalogue import PENDULUM, TISSUE, catalogue_of, catalogue_with
+from lumbar.tissue.effects.catalogue import PENDULUM, TISSUE, catalogue_with
 from lumbar.tissue.effects.hooks import interval_starts, modulation_starts
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 from lumbar.twin.hip_moment import Mass, Swing, acceleration, constant, rate
 
-NAMES = ["hand_load", "passive_stiffness", "coulomb_friction", "variable_length", "moving_pivot", "drag"]
 FORMS = {form.key: form for effect in PENDULUM.values() for form in effect.forms}
 TIME = np.arange(2000) * 0.01
 MASS, LENGTH, CENTRAL, DAMPING = 40.0, 0.4, 2.0, 6.0
@@ -66,14 +65,6 @@ def simulated(key, linear, nonlinear=(), base=None, sign=1.0, forms=FORMS):
     structure = Structure(BASES["pendulum"], (forms[key],) if key else ())
     everything = np.array([*(base or base_linear(sign)), *linear])
     return structure.simulate(MOTION, everything, np.array(nonlinear))
-
-
-def test_the_names_that_others_rely_on():
-    assert list(PENDULUM) == NAMES
-    assert catalogue_of("pendulum") is PENDULUM
-    assert catalogue_of("KB") is TISSUE
-    with pytest.raises(InputError, match="unknown base model 'HO'; known are"):
-        catalogue_of("HO")
 
 
 @SIGNS

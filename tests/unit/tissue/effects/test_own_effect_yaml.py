@@ -18,6 +18,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.effects.catalogue import catalogue_with, catalogues_with, read_base
 from lumbar.tissue.models.fitted_model import models_document, read_models
+from lumbar.tissue.models.motion import Motion
 from study_settings import changed
 
 RIBS = """
@@ -83,21 +84,6 @@ def test_an_equation_in_yaml_is_named_with_its_numbers(ribbed):
     assert "rib distance" in text or "rib_distance" in text
 
 
-def test_a_state_in_yaml_is_the_catalogues_own(tmp_path):
-    """Dahl's friction from its equation alone, without its closed form, under a motion in straight lines.
-
-    A smooth motion turns between two samples; the closed form knows, a state that is solved from sample to sample does not.
-    """
-    from lumbar.tissue.models.motion import Motion
-
-    catalogue = catalogue_with([written(tmp_path, DAHL)])
-    own, built_in = catalogue["own_friction"].forms[0], catalogue["hysteresis"].forms[0]
-    position = np.cumsum(np.random.default_rng(5).standard_normal(500)) * 0.1
-    motion = Motion(np.arange(500) * 0.01, position - position[0], 0.01, smooth=False)
-    (found,), (expected,) = (form.columns(motion, np.array([0.3])) for form in (own, built_in))
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-
-
 def test_the_examples_twins_are_one_effect(project):
     folder = project / "examples" / "own_effect"
     twins = [
@@ -135,6 +121,8 @@ def test_the_examples_twins_are_one_effect(project):
         ("equation:", "place: input\nequation:", "line 4: place: 'input'; parallel .* or output"),
         ("equation:", "by_hand: play\nequation:", "line 4: by_hand: unknown key; allowed are name"),
         ("equation:", "essential: [ribs]\nequation:", "line 4: essential: ribs; linear parameters are cosine_of_ribs, sine"),
+        ("equation:", "essential: sine_of_ribs\nequation:", "line 4: essential: 'sine_of_ribs'; a list of names"),
+        ("points: 8", "lines: 0", "parameters.p.lines: 0; a number above 0"),
         ("equation:", "general: 1\nequation:", "line 4: general: 1; true or false"),
         ("equation:", "state: {r: A*v}\nequation:", "state.r: A is linear; a state knows nonlinear parameters only"),
         ("equation:", "state: {r: a - r/p}\nequation:", "state.r: a is not known between samples"),
@@ -239,19 +227,23 @@ parameters:
 """Two states, one of which is not linear."""
 
 
-def test_a_state_begins_where_the_file_says(tmp_path):
-    """Creep at rest where the tool is first: the closed form of a Maxwell branch, under a motion in straight lines."""
-    from lumbar.tissue.models.motion import Motion
+@pytest.mark.parametrize(
+    ("text", "effect", "number"), [(DAHL, "hysteresis", 0.3), (CREEP, "second_relaxation", 0.2)]
+)
+def test_a_state_in_yaml_is_the_catalogues_own(text, effect, number, tmp_path):
+    """Dahl's friction, and creep at rest where the tool is first, from their equations: the closed forms, for straight lines.
 
-    catalogue = catalogue_with([written(tmp_path, CREEP)])
-    own, branch = catalogue["own_creep"].forms[0], catalogue["second_relaxation"].forms[0]
-    position = 2.0 + np.cumsum(np.random.default_rng(5).standard_normal(500)) * 0.1
+    A smooth motion turns between two samples; the closed form knows, a state that is solved from sample to sample does not.
+    """
+    catalogue = catalogue_with([written(tmp_path, text)])
+    own, built_in = catalogue[text.split()[1]].forms[0], catalogue[effect].forms[0]
+    position = np.cumsum(np.random.default_rng(5).standard_normal(500)) * 0.1
+    position += 2.0 if text == CREEP else -position[0]
     motion = Motion(np.arange(500) * 0.01, position, 0.01, smooth=False)
-    (found,), (expected,) = (form.columns(motion, np.array([0.2])) for form in (own, branch))
+    (found,), (expected,) = (form.columns(motion, np.array([number])) for form in (own, built_in))
     assert found[0] == 0.0
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-    assert own.text.endswith("q(0) = z")
-    assert own.latex.endswith(r"q(0) = z")
+    assert own.text.endswith("q(0) = z") == own.latex.endswith(r"q(0) = z") == (text == CREEP)
 
 
 @ON_LINUX

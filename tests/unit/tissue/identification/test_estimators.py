@@ -79,42 +79,6 @@ def test_parameter_covariance_is_that_of_ordinary_least_squares(record, structur
     np.testing.assert_allclose(deviations, reference.bse, rtol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("structure", "truth"),
-    [
-        (KB.structure, TransferFunction((1.9, -1.5), (1.0, -0.7))),
-        (ArxStructure(2, (0, 1, 2)), TransferFunction((1.0, -0.4, 0.2), (1.0, -1.1, 0.5))),
-        (ArxStructure(4, (1, 2)), TransferFunction((0.0, 0.4, 0.2), (1.0, -0.5, 0.2, -0.1, 0.3))),
-    ],
-)
-def test_noise_free_coefficients_are_recovered(structure, truth):
-    inputs = np.random.default_rng(2).standard_normal(300)
-    outputs = truth.simulate(inputs)
-    found = structure.transfer_function(ReducedRegression(inputs, outputs, 5).path(structure).solution(0.0))
-    np.testing.assert_allclose(found.numerator, truth.numerator, atol=1e-10)
-    np.testing.assert_allclose(found.denominator, truth.denominator, atol=1e-10)
-    np.testing.assert_allclose(structure.coefficients(found), structure.coefficients(truth), atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("vaf", "fit"),
-    [
-        (12.24, 6.32),
-        (82.64, 58.33),
-        (2.09, 1.05),
-        (67.44, 42.94),
-    ],
-)
-def test_metrics_reproduce_published_pairs_of_vaf_and_fit(vaf, fit):
-    """Table 3.1 of the thesis: an error of zero mean with this VAF has this FIT."""
-    rng = np.random.default_rng(0)
-    measured, error = rng.standard_normal((2, 5000))
-    error -= error.mean()
-    error *= np.sqrt(1 - vaf / 100) * measured.std() / error.std()
-    assert variance_accounted_for(measured, measured + error) == pytest.approx(vaf, abs=1e-9)
-    assert fit_ratio(measured, measured + error) == pytest.approx(fit, abs=0.006)
-
-
 def test_metrics_of_numbers_worked_by_hand():
     measured, modelled = np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 1.0, 4.0, 6.0])
     assert mean_residual(measured, modelled) == 0.5

@@ -10,8 +10,9 @@ from lumbar.records.record import Channel, Record
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.driven_motion import POINTS, ForceBalance, ForceDrive, can_be_simulated
-from lumbar.tissue.models.form import Place
+from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.measured_motion import MEASURED, for_base, with_smooth_angle
+from lumbar.tissue.models.model_data import FittedParameter, Port
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 
@@ -185,12 +186,6 @@ def test_the_beginning_is_taken_from_the_measured_motion():
     assert np.abs(structure.simulate(motion, linear, np.zeros(0)) - whole[late:]).max() > 0.1
 
 
-def test_what_cannot_be_simulated_is_said():
-    kept = {form.key for effect in TISSUE.values() for form in effect.forms} - FORMS.keys()
-    assert {"backlash/play", "delay/pure", "saturation/sharp", "hysteresis/elastoplastic"} <= kept
-    assert all(form.place is Place.PARALLEL for form in FORMS.values())
-
-
 def test_a_delay_is_one_of_the_force():
     """The motion of a delayed force is the delayed motion."""
     delay = TISSUE["delay"].forms[0]
@@ -199,6 +194,21 @@ def test_a_delay_is_one_of_the_force():
     plain = ForwardStructure(BASES["KV-mass"]).simulate(motion, linear, np.zeros(0))
     found = ForwardStructure(BASES["KV-mass"], (delay,)).simulate(motion, linear, np.array([late]))
     np.testing.assert_allclose(found[7:], plain[:-7], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["KV-mass", "KB-mass"])
+def test_bases_with_a_mass_as_transfer_functions(name):
+    linear, nonlinear, (above, below) = COMPLIANCES[name]
+    base = BASES[name]
+    values = [*zip(base.linear, linear, strict=True), *zip(base.nonlinear, nonlinear, strict=True)]
+    parameters = tuple(FittedParameter(item.name, "", "", value) for item, value in values)
+    model = FittedModel(
+        name, Structure(base), STEP, Port("position", "mm"), Port("force", "N"), name, parameters=parameters
+    )
+    s = 2j * np.pi * 1.3
+    assert complex(model.to_control()(s)) == pytest.approx(
+        np.polyval(below, s) / np.polyval(above, s), rel=1e-9
+    )
 
 
 SWING_TIME = np.arange(3000) * STEP
@@ -217,11 +227,6 @@ def record(noise=0.0, decimals=None):
 def acceleration_error(item):
     exact = -np.sin(2 * np.pi * np.outer(SWING_TIME, LINES)) @ (SIZES * (2 * np.pi * LINES) ** 2)
     return np.sqrt(np.mean((Motion.of(item).acceleration - exact)[50:] ** 2))
-
-
-def test_an_exact_angle_is_left_as_it_is():
-    assert with_smooth_angle(record()) is not None
-    assert np.array_equal(with_smooth_angle(record())["input"], record()["input"])
 
 
 @pytest.mark.parametrize(

@@ -73,11 +73,6 @@ def test_operations_keep_the_order_in_which_they_are_written():
     assert at(parse("a + b + c"), given) != at(parse("a + (b + c)"), given)
 
 
-def test_small_whole_powers_are_products():
-    base = np.random.default_rng(1).standard_normal(100)
-    np.testing.assert_array_equal(Evaluator([parse("a**3")])({"a": base})[0], base * base * base)
-
-
 @pytest.mark.parametrize("text", [*SMOOTH, *EQUATIONS])
 def test_what_is_written_is_read_again(text):
     assert parse(to_text(parse(text))) == parse(text)

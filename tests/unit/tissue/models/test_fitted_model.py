@@ -14,7 +14,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.uncertainty import derived_estimates, estimates
-from lumbar.tissue.diagnosis.selection.refine import refine, refined_fit
+from lumbar.tissue.diagnosis.selection.refine import refine
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.effects.signature import standard_motion
 from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
@@ -78,6 +78,7 @@ def test_a_base_without_effects_is_the_transfer_function_that_it_simulates(base)
     expected = control.forced_response(model.to_control(), fine, position).outputs[::50]
     found = model.simulate(record(position[::50]))
     np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
+    assert model.to_state_space()(2j) == pytest.approx(model.to_control()(2j))
 
 
 def test_kelvin_voigt_and_the_linearised_pendulum_are_improper_and_have_no_state_space():
@@ -268,16 +269,3 @@ def test_elements_of_a_base_that_is_fitted_with_effects_have_their_formula_and_i
         assert item.high - item.low == pytest.approx(high - low, rel=0.1)
         assert item.low == pytest.approx(low, rel=0.01)
     assert {item.name: item.value for item in found} == pytest.approx(KB.derive(*fit.linear, *fit.nonlinear))
-
-
-def test_kelvin_boltzmann_has_the_same_parameters_with_and_without_effects():
-    model = refined_fit(tissue_records(), ["inertia"], DiagnosisSettings(base="KB", train="long"))
-    assert [item.key for item in model.parameters if not item.effect] == [
-        "spring_stiffness",
-        "branch_stiffness",
-        "relaxation_time",
-        *(element.name for element in KB.elements),
-    ]
-    assert model["k1"].unit == "N/mm"
-    assert model["spring_stiffness"].value == pytest.approx(0.5, rel=0.05)
-    assert read_models(json.loads(json.dumps(models_document([model], "test"))), CATALOGUES) == [model]

@@ -123,6 +123,14 @@ def test_all_samples_at_once_are_one_after_the_other(case):
     assert np.abs(at_once - in_steps).max() < 1e-11 * np.abs(in_steps).max()
 
 
+def test_an_iteration_that_does_not_end_falls_back_to_steps():
+    """A state that jumps between two branches: Newton's linearisation sees no slope."""
+    state, motion = equations(r="v*c*where(r > 0, -1, 1) + where(r > 0.1, -c, 0)"), straight(walk(4))
+    known = {"c": 300.0, **state._between(motion)}
+    found = state.trajectory(motion, {"c": 300.0})["r"]
+    np.testing.assert_array_equal(found, state.in_steps(known, len(motion) - 1)[0])
+
+
 @pytest.mark.parametrize("form", SOLVED.values(), ids=lambda form: form.key)
 def test_closed_forms_are_what_their_equations_say(form):
     """For the same straight lines: exact where the equation is linear, else to the step's second order."""

@@ -103,20 +103,6 @@ def test_models_without_mechanical_counterpart_are_refused_with_the_reason(model
         model.physical_parameters(transfer_function, T)
 
 
-def test_free_run_is_the_recursion_started_from_rest():
-    rng = np.random.default_rng(1)
-    model = TransferFunction((0.3, -0.2, 0.1), (1.0, -1.2, 0.5))
-    inputs = 2.0 + rng.standard_normal(50)
-    past_input, past_output = inputs[0], model.static_gain * inputs[0]
-    u = [past_input, past_input, *inputs]
-    y = [past_output, past_output]
-    for k in range(2, 52):
-        y.append(0.3 * u[k] - 0.2 * u[k - 1] + 0.1 * u[k - 2] + 1.2 * y[k - 1] - 0.5 * y[k - 2])
-    np.testing.assert_allclose(model.simulate(inputs), y[2:], rtol=1e-12)
-    held = np.full(30, 4.0)
-    np.testing.assert_allclose(model.simulate(held), model.static_gain * held)
-
-
 @pytest.mark.parametrize("denominator", [(1.0, -1.0), (1.0, -1.04), (1.0, 0.0, 1.2), (1.0, float("nan"))])
 def test_an_unstable_model_is_never_simulated(denominator):
     model = TransferFunction((1.0, 0.5), denominator)
