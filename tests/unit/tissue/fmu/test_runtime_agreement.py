@@ -70,6 +70,7 @@ ALTERED = {
         ('"output_limit": 15.0', '"output_limit": 16.0'),
         ('"runtime": {', '"spare": 1, "runtime": {'),
         ('"runtime": {', '"data": "x", "runtime": {'),
+        ('"start": "offset"', '"start": "anywhere"'),
         ('"models"', '"model"'),
         ("{", "["),
     ],

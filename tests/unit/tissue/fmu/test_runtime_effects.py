@@ -176,31 +176,15 @@ BACKWARD = 0.05
 REVERSAL = 0.15
 """At a reversal half a sample of 150 mm/s² is 0.075 mm/s, a tenth of the smoothing speed."""
 ACCURACY = {
-    "coulomb_friction/coulomb": REVERSAL,
-    "coulomb_friction/arctangent": REVERSAL,
-    "coulomb_friction/stribeck": REVERSAL,
-    "depth_dependent_damping/bilinear": BACKWARD,
-    "viscous_damping/dashpot": BACKWARD,
-    "depth_dependent_damping/one_sided": BACKWARD,
-    "depth_dependent_damping/hunt_crossley": BACKWARD,
-    "quadratic_damping/quadratic": BACKWARD,
-    "quadratic_damping/power": BACKWARD,
-    "quadratic_damping/sinh": BACKWARD,
-    "inertia/mass": BACKWARD,
-    "second_relaxation/maxwell_branch": 1e-3,
-    "delay/pure": 1e-3,
-    "backlash/play": 1e-3,
-    "hysteresis/dahl": 1e-4,
-    "hysteresis/bouc_wen": 1e-4,
-    "hysteresis/bouc_wen_general": 1e-4,
-    "hysteresis/elastoplastic": 1e-4,
-    "hysteresis/iwan": 1e-4,
-    "contact_loss/sharp": 1e-3,
-    "contact_loss/soft": 1e-3,
-    "saturation/sharp": 1e-3,
-    "saturation/rounded": 1e-3,
-    "saturation/soft": 1e-3,
-    "softening/whole_force": 1e-3,
+    **dict.fromkeys(
+        ("coulomb_friction/coulomb", "coulomb_friction/arctangent", "coulomb_friction/stribeck"), REVERSAL
+    ),
+    **{key: BACKWARD for key in FORM_NUMBERS if "damping/" in key or key == "inertia/mass"},
+    **{key: 1e-4 for key in FORM_NUMBERS if key.startswith("hysteresis/")},
+    **{key: 1e-3 for key in FORM_NUMBERS if key.startswith(("contact_loss/", "saturation/"))},
+    **dict.fromkeys(
+        ("second_relaxation/maxwell_branch", "delay/pure", "backlash/play", "softening/whole_force"), 1e-3
+    ),
 }
 """Difference as a share of the largest force that the effect adds, at 1 kHz and up to 4 Hz; 1e-9 for other forms.
 A backward difference is half a sample late; relaxations, the delay, play and hysteresis see straight lines between samples,

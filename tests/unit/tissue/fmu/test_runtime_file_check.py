@@ -43,18 +43,6 @@ def scaled(path: str, factor: float):
     return change
 
 
-def twice_as_slow(files: dict[str, bytes], version: int) -> None:
-    """Everything but the library says 0.02 s: description, references, page and sources."""
-    edited('"0.01"', '"0.02"')(files, version)
-    edited("every 0.01 s", "every 0.02 s", PAGE)(files, version)
-    edited((0.01).hex(), (0.02).hex(), NUMBERS)(files, version)
-    for path in [*REFERENCE, *([WITHOUT_EVENT_MODE] if version == 3 else [])]:
-        head, *rows = files[path].decode().splitlines()
-        values = [row.split(",")[1] for row in rows]
-        late = [f"{0.02 * k!r},{value}" for k, value in enumerate(values)]
-        files[path] = ("\n".join([head, *late]) + "\n").encode()
-
-
 def of_another_machine(data: bytes) -> bytes:
     """The same ELF file, for ARM."""
     return data[:18] + b"\xb7\x00" + data[20:]
@@ -106,7 +94,6 @@ WRITTEN = {
         edited("return y;", "return z;", "sources/model_linear.c"),
         "sources: compiling for",
     ),
-    "another step wherever it is told": (twice_as_slow, "of the reference"),
 }
 """Defects of what is written, with words of the sentence that tells them."""
 ONLY_FMI3 = {

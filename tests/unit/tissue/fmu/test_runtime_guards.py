@@ -163,16 +163,6 @@ def test_device_and_fmu_never_give_out_more_than_they_took_in(settings, names, z
     assert max(energies(client, unguarded[0], tmp_path / "free", 100_000)[:3]) < -0.1
 
 
-@pytest.mark.nightly
-def test_switching_gives_out_nothing_in_ten_million_steps(zig_cache, tmp_path):
-    """As above, 10⁷ steps in each of three ways to display the force."""
-    chosen = exported(changed(DEVICE, device_damping=DAMPING), tmp_path, zig_cache, "KB", EFFECTS["name"])
-    client = loader_program(CLIENT, TARGET[0], tmp_path, zig_cache)
-    for model in chosen:
-        found = energies(client, model, tmp_path, 10_000_000, model.gain_limit)
-        assert min(found[:3]) >= -1e-12, model.name
-
-
 CLIENT = Path(__file__).parents[2] / "fmu_client.c"
 
 

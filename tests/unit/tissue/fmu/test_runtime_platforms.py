@@ -23,7 +23,7 @@ from study_settings import changed
 HERE = Path(__file__).parents[2]
 QEMU = shutil.which("qemu-aarch64")
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
-STEPS = 1_000_000
+STEPS = 200_000
 with_qemu = pytest.mark.skipif(
     QEMU is None or not ARM_LIBRARIES.is_dir(),
     reason="no qemu-aarch64 or no C library for it: apt-get install qemu-user libc6-arm64-cross",

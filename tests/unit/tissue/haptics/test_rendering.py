@@ -84,15 +84,6 @@ def test_the_table_defines_its_columns_and_keeps_the_numbers(tmp_path):
     assert "Re{(1 − exp(−jωT)) H(exp(jωT))}" in (tmp_path / "rendering.html").read_text()
 
 
-def test_side_by_side_stand_the_loop_that_oscillates_and_the_mended_one():
-    figure = lumbar.render([fitted("Maxwell"), fitted("KB")]).loop_figure()
-    titles = [axes.get_title() for axes in figure.axes[:2]]
-    assert titles[0].endswith("Hz") and "oscillates" in titles[0]
-    assert "comes to rest" in titles[1]
-    limits = [line.get_ydata() for line in figure.axes[2].lines if len(set(line.get_ydata())) == 1]
-    assert sorted(values[0] for values in limits) == [-15.0, 15.0]
-
-
 @ON_LINUX
 @pytest.mark.parametrize("name", ["IL", "KB", "HO"])
 def test_an_fmu_is_judged_as_its_model(name, fmu_folder, fmu_models, zig_cache):
