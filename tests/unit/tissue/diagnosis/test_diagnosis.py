@@ -46,6 +46,7 @@ def labels(shared):
 def test_one_effect_both_of_two_and_none_are_told(case, labels, name):
     assert set(case(name).selected) == set(labels[name]["effects"])
     assert case(name).verdict == ("named" if labels[name]["effects"] else "adequate")
+    assert headline(case(name)).startswith("Nothing is missing") == (not labels[name]["effects"])
 
 
 @pytest.mark.statistical

@@ -111,11 +111,6 @@ class Multisine:
         return self.lines / self.period
 
     @property
-    def rms(self) -> float:
-        """Root mean square over a period, mm."""
-        return float(np.sqrt(np.sum(self.amplitudes**2) / 2))
-
-    @property
     def peak(self) -> float:
         """Largest absolute value, between samples too, mm."""
         return float(np.abs(self._fine()).max())
