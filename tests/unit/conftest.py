@@ -1,4 +1,4 @@
-"""Fixtures of the FMU tests: FMUs are built once for all of them."""
+"""Fixtures of several folders: FMUs and lifts of the twin, made once, and the command."""
 
 from contextlib import nullcontext
 
@@ -9,7 +9,7 @@ from runtime_models import SETTINGS, TARGET, models_json, selected
 
 from pictures import sketched
 from running import ZIG_CACHE
-from study_settings import changed
+from study_settings import changed, study_settings
 
 
 @pytest.fixture(scope="session")
@@ -96,6 +96,22 @@ def fmu_instance(fmu_folder, tmp_path):
 def fmu_positions():
     """Return positions of a random walk in mm."""
     return np.cumsum(np.random.default_rng(7).standard_normal(200)) * 0.2
+
+
+@pytest.fixture(scope="session")
+def twin_lift(tmp_path_factory):
+    """Return a function that gives the marker file of a lift of the synthetic twin."""
+    from lumbar.twin.lifting_recordings import write_lift
+
+    folder = tmp_path_factory.mktemp("twin")
+
+    def written(name: str):
+        path = folder / f"{name}.c3d"
+        if not path.exists():
+            write_lift(study_settings().twin.lifting, name, [3], path, None)
+        return path
+
+    return written
 
 
 class Command:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from lumbar.interface.lift import Lift
+from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.pushes import contest
 from lumbar.lifting.pushes.motion import DepositMotion
 from lumbar.lifting.pushes.simulation import Scene, Traits
@@ -9,8 +11,12 @@ from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import check_weights
 from lumbar.lifting.stability.model.trajectories import Trajectory
 from lumbar.records.markers import MarkerRecording
+from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import from_plain
 from lumbar.settings.pushes import PerturbationsSettings, PushesSettings
+from lumbar.settings.subject import TrialSettings
+from lumbar.twin.lifting_recordings import true_movement
+from study_settings import study_settings
 
 GRAVITY = 9.81
 WEIGHTS = check_weights([[1.0, 0.0], [0.0, 0.1]], 1e-3, [[100.0, 0.0], [0.0, 10.0]])
@@ -113,6 +119,21 @@ def deposit(subject="a", mass=75.0, box=15.0, duration=1.2, foot=0.2) -> Deposit
         ankle_height_m=0.04,
         heel_m=0.065,
         toe_m=foot,
+    )
+
+
+def true_recording(name) -> MarkerRecording:
+    """Markers of a lift of the synthetic twin as they are, without noise or gap."""
+    movement = true_movement(study_settings().twin.lifting, name)
+    return MarkerRecording("lift", movement.time, 100.0, dict(movement.markers), source="lift.c3d")
+
+
+def lift_of(recording, subject, mass=0.0, settings=None, name="lift") -> Lift:
+    """A recording analysed as the lift of a box of this mass in kg."""
+    settings = settings or LiftingSettings()
+    trial = TrialSettings(box_mass_kg=mass, markers="lift.c3d")
+    return Lift(
+        analyse_lift(recording, name, subject, trial, settings), subject, trial, settings, "test", None
     )
 
 

@@ -1,6 +1,5 @@
 """Files are written whole or not at all, and JSON is strict."""
 
-import json
 import math
 import re
 import subprocess
@@ -37,21 +36,6 @@ def test_a_full_disk_is_told_with_the_file_and_the_free_space(tmp_path):
     )
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_errors_about_other_files_keep_their_names(tmp_path):
-    with pytest.raises(FileNotFoundError) as caught, replacing(tmp_path / "result.txt"):
-        (tmp_path / "absent.csv").read_text()
-    assert caught.value.filename == str(tmp_path / "absent.csv")
-
-
-def test_a_reader_of_the_old_file_is_not_disturbed(tmp_path):
-    path = tmp_path / "result.txt"
-    write_text(path, "old")
-    with path.open() as stream:
-        write_text(path, "new")
-        assert stream.read() == "old"
-    assert path.read_text() == "new"
 
 
 def test_folders_are_made_and_line_ends_kept(tmp_path):
@@ -99,13 +83,6 @@ def test_csv_keeps_full_precision(tmp_path):
     write_csv(path, pd.DataFrame({"x": values}))
     assert b"\r" not in path.read_bytes()
     assert pd.read_csv(path, float_precision="round_trip")["x"].tolist() == values
-
-
-def test_json_bytes_do_not_depend_on_the_run(tmp_path):
-    for name in ("one", "two"):
-        write_json(tmp_path / name, {"b": 1, "a": [0.1, "µ"]})
-    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
-    assert json.loads((tmp_path / "one").read_text(encoding="utf-8"))["a"] == [0.1, "µ"]
 
 
 def test_what_a_killed_process_half_wrote_is_found_by_its_files_name(tmp_path):

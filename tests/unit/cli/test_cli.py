@@ -3,7 +3,6 @@
 import json
 import shutil
 import zipfile
-import zlib
 from html import unescape
 
 import numpy as np
@@ -14,7 +13,6 @@ from pendulum_experiments import make_pendulum_experiment
 
 from lumbar.cli.command import COMMANDS
 from running import python
-from study_settings import study_settings
 
 
 @pytest.fixture(scope="module")
@@ -207,12 +205,8 @@ def test_survey_does_not_call_real_answers_reconstructed(run, project, tmp_path)
     assert "reconstructed" not in table
 
 
-def test_lift_and_basin_follow_each_other(run, project, tmp_path):
-    from lumbar.twin.lifting_recordings import write_lift
-
-    twin = study_settings().twin
-    markers = tmp_path / "expert_23kg.c3d"
-    write_lift(twin.lifting, "expert_23kg", [twin.seed, zlib.crc32(b"expert_23kg")], markers, None)
+def test_lift_and_basin_follow_each_other(run, project, twin_lift, tmp_path):
+    markers = twin_lift("expert_23kg")
     subject = project / "config" / "subjects" / "expert.yaml"
     output = tmp_path / "out"
     out = run.done("lift", markers, "--subject", subject, "--box-mass", 23, "--output", output)
@@ -235,12 +229,6 @@ def test_lift_and_basin_follow_each_other(run, project, tmp_path):
         "mass of the box is -1 kg"
         in run("lift", markers, "--subject", subject, "--box-mass", -1, "--output", output)[2]
     )
-
-
-def test_an_output_that_cannot_be_written(run, project, tmp_path):
-    (tmp_path / "file").write_text("x")
-    sheet = project / "resources" / "survey" / "survey_reconstructed.csv"
-    run.refused("survey", sheet, "--output", tmp_path / "file")
 
 
 @pytest.mark.parametrize(
@@ -337,37 +325,6 @@ def test_angle_and_moment_are_enough(run, friction, tmp_path):
     assert "Not tried: variable length as measured, for want of length_m" in page
 
 
-def test_gravity_of_the_settings_reaches_the_effects(run, tmp_path):
-    folder = write(tmp_path / "load", make_pendulum_experiment("hand_load", 2, 16.0).records)
-    (tmp_path / "mars.yaml").write_text("stability: {pendulum: {gravity_m_s2: 3.71}}", encoding="utf-8")
-    common = (folder, "--base", "pendulum", "--add", "hand_load", "--output", tmp_path)
-    added = []
-    for settings in ((), ("--config", tmp_path / "mars.yaml")):
-        run.done("refine", *common, *settings)
-        model = json.loads((tmp_path / "refined.json").read_text(encoding="utf-8"))["models"][-1]
-        added.append(model["structure"]["effects"][0].get("constants"))
-    assert added == [None, {"g": 3.71}]
-
-
-@pytest.mark.nightly
-def test_compare_locate_and_refine(run, friction, tmp_path):
-    folder = tmp_path / "two"
-    folder.mkdir()
-    for name in ("sway.csv", "swings.csv"):
-        shutil.copy(friction / name, folder)
-    common = (folder, "--base", "pendulum", "--output", tmp_path)
-    assert "N m" in run.done("compare", *common)
-    assert "Around reversals" in run.done("locate", *common)
-    run.done("refine", *common, "--add", "coulomb_friction", "--data", "a bench")
-    written = json.loads((tmp_path / "refined.json").read_text(encoding="utf-8"))
-    assert written["data"] == "a bench"
-    base, model = written["models"]
-    assert model["name"] == "pendulum+coulomb_friction"
-    assert model["scores"]["train_rms"] < 0.3 * base["scores"]["train_rms"]
-    err = run.refused("refine", *common, "--add", "backlash")
-    assert "unknown effect backlash; known are hand_load, passive_stiffness" in err
-
-
 def test_further_columns_are_used_where_they_are(run, tmp_path):
     records = make_pendulum_experiment("variable_length", 3, 8.0).records
     for columns in records.values():
@@ -395,14 +352,3 @@ def test_wrong_records_are_told_and_nothing_is_written(run, friction, tmp_path):
         assert (status, out) == (1, "")
         assert words in err
         assert not (tmp_path / "out").exists()
-
-
-def test_a_column_in_one_record_only_is_told(run, friction, tmp_path):
-    for path in friction.iterdir():
-        (tmp_path / path.name).write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
-    lines = (tmp_path / "swings.csv").read_text(encoding="utf-8").splitlines()
-    lines = [f"{lines[0]},box_held", *(f"{line},1" for line in lines[1:])]
-    (tmp_path / "swings.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    err = run.refused("diagnose", tmp_path, "--base", "pendulum", "--output", tmp_path / "out")
-    assert "box_held is share of the box held in 1" in err
-    assert "all records of a set need the same channels" in err

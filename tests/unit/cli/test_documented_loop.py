@@ -4,9 +4,9 @@ import json
 import re
 import shlex
 
-import numpy as np
 import pytest
 
+from column_files import write_records
 from lumbar.twin.examples import example_records
 
 LOOP = ("compare", "locate", "refine", "export")
@@ -24,21 +24,6 @@ def section(page: str, start: str, stop: str) -> str:
     return page[page.index(start) : page.index(stop)]
 
 
-@pytest.fixture
-def records(tmp_path, monkeypatch):
-    """A folder to work in, with records in the folder that the page names."""
-    monkeypatch.chdir(tmp_path)
-
-    def write(folder: str) -> None:
-        (tmp_path / folder).mkdir(parents=True)
-        for record in example_records():
-            rows = np.column_stack([record.time, record["input"], record["output"]])
-            path = tmp_path / folder / f"{record.name}.csv"
-            np.savetxt(path, rows, "%.8f", ",", header="time_s,position_mm,force_N", comments="")
-
-    return write
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize(
     ("page", "start", "stop", "folder"),
@@ -47,8 +32,9 @@ def records(tmp_path, monkeypatch):
         ("docs/tissue/tutorial.md", "## 1. ", "## 5. ", "results/thesis/twin/two_hidden_effects"),
     ],
 )
-def test_the_loop_runs_as_it_stands(run, project, records, tmp_path, page, start, stop, folder):
-    records(folder)
+def test_the_loop_runs_as_it_stands(run, project, monkeypatch, tmp_path, page, start, stop, folder):
+    monkeypatch.chdir(tmp_path)
+    write_records(tmp_path / folder, example_records(), "%.8f")
     listed = commands(section((project / page).read_text(encoding="utf-8"), start, stop))
     assert set(LOOP) <= {command[0] for command in listed}
     for command in listed:

@@ -1,8 +1,8 @@
 """Which trial a file is the recording of, and several lifts at once: one that fails keeps no other from its result."""
 
+import gzip
 import json
 import shutil
-import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +14,11 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.interface.lift import trial_of
 from lumbar.interface.lift_batch import lift_all, planned_lifts
+from lumbar.interface.new_study import new_study
+from lumbar.lifting.movement.lift_tables import gaps_frame
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import DeclaredEvents, SubjectSettings, TrialSettings
+from lumbar.twin.lifting_recordings import true_movement, write_markers
 from study_settings import study_settings
 
 LATE = DeclaredEvents(deposit_start_s=6.3, reason="test")
@@ -26,14 +29,11 @@ def person(*trials, **more):
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory):
+def recording(tmp_path_factory, twin_lift):
     """A lift of the synthetic twin."""
-    from lumbar.twin.lifting_recordings import write_lift
-
-    twin, path = study_settings().twin, tmp_path_factory.mktemp("lift") / "day1" / "a.c3d"
+    path = tmp_path_factory.mktemp("lift") / "day1" / "a.c3d"
     path.parent.mkdir()
-    write_lift(twin.lifting, "expert_23kg", [twin.seed, zlib.crc32(b"expert_23kg")], path, None)
-    return path
+    return shutil.copy(twin_lift("expert_23kg"), path)
 
 
 def test_a_trial_is_that_of_its_own_file_whatever_the_box():
@@ -135,19 +135,33 @@ def test_a_lift_without_a_deposit_is_saved_and_its_basins_say_why(recording, tmp
     assert failures["reason"].str.contains("the box still moves at the last frame looked at").all()
 
 
-def test_the_static_trial_of_a_person_tells_where_a_marker_that_is_never_seen_with_the_others_is(tmp_path):
-    """The right PSIS is hidden from the first frame to the last but for a moment in which the left one is hidden."""
-    from lumbar.lifting.movement.lift_tables import gaps_frame
-    from lumbar.twin.lifting_recordings import true_movement, write_markers
-
+def lifted(folder, **files):
+    """Write the twin's lift into a folder, each file with its own choice and movement of the markers; return them all."""
     twin = study_settings().twin.lifting
     markers = true_movement(twin, "expert_23kg").markers
-    (tmp_path / "day1").mkdir()
-    standing = {name: points[:50] for name, points in markers.items()}
-    write_markers(tmp_path / "day1" / "standing.c3d", standing, twin.rate_Hz, "ann")
-    hidden = {name: points.copy() for name, points in markers.items()}
-    hidden["R_PSIS"][30:] = hidden["L_PSIS"][:30] = np.nan
-    write_markers(tmp_path / "day1" / "a.c3d", hidden, twin.rate_Hz, "ann")
+    for name, change in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        write_markers(folder / f"{name}.c3d", change(markers), twin.rate_Hz, "ann")
+    return markers
+
+
+def without(*labels):
+    return lambda markers: {name: points for name, points in markers.items() if name not in labels}
+
+
+def standing(markers):
+    return {name: points[:50] for name, points in markers.items()}
+
+
+def test_the_static_trial_of_a_person_tells_where_a_marker_that_is_never_seen_with_the_others_is(tmp_path):
+    """The right PSIS is hidden from the first frame to the last but for a moment in which the left one is hidden."""
+
+    def hidden(markers):
+        found = {name: points.copy() for name, points in markers.items()}
+        found["R_PSIS"][30:] = found["L_PSIS"][:30] = np.nan
+        return found
+
+    markers = lifted(tmp_path, **{"day1/standing": standing, "day1/a": hidden})
     ann = person(TrialSettings(23, "day1/a.c3d"), static="day1/standing.c3d")
     lift = lumbar.lift(tmp_path / "day1" / "a.c3d", ann)
     gaps = gaps_frame(lift.analysed)
@@ -161,17 +175,12 @@ def test_the_static_trial_of_a_person_tells_where_a_marker_that_is_never_seen_wi
         lumbar.lift(tmp_path / "day1" / "a.c3d", replace(ann, static="lost.c3d"))
 
 
-def test_a_folder_below_is_a_person_and_what_stands_still_is_the_static_trial(tmp_path):
-    from lumbar.interface.new_study import new_study
-    from lumbar.twin.lifting_recordings import true_movement, write_markers
+def study_text(folder) -> str:
+    return next(iter(new_study(folder, "s").files.values()))
 
-    twin = study_settings().twin.lifting
-    markers = true_movement(twin, "expert_23kg").markers
-    for name in ("ann", "bob"):
-        (tmp_path / "lab" / name).mkdir(parents=True)
-        write_markers(tmp_path / "lab" / name / "lift.c3d", markers, twin.rate_Hz, name)
-    standing = {name: points[:50] for name, points in markers.items()}
-    write_markers(tmp_path / "lab" / "ann" / "cal.c3d", standing, twin.rate_Hz, "ann")
+
+def test_a_folder_below_is_a_person_and_what_stands_still_is_the_static_trial(tmp_path):
+    lifted(tmp_path / "lab", **{"ann/lift": without(), "bob/lift": without(), "ann/cal": standing})
     study = new_study(tmp_path / "lab")
     assert list(study.files) == [
         "config/studies/lab.yaml",
@@ -187,73 +196,43 @@ def test_a_folder_below_is_a_person_and_what_stands_still_is_the_static_trial(tm
 
 
 def test_files_that_face_different_ways_are_studies_of_their_own(tmp_path):
-    from lumbar.interface.new_study import new_study
-    from lumbar.twin.lifting_recordings import true_movement, write_markers
+    def turned(markers):
+        return {name: points * [-1, -1, 1] for name, points in markers.items()}
 
-    twin = study_settings().twin.lifting
-    markers = true_movement(twin, "expert_23kg").markers
-    write_markers(tmp_path / "a.c3d", markers, twin.rate_Hz, "ann")
-    turned = {name: points * [-1, -1, 1] for name, points in markers.items()}
-    write_markers(tmp_path / "b.c3d", turned, twin.rate_Hz, "ann")
+    lifted(tmp_path, a=without(), b=turned)
     with pytest.raises(InputError) as error:
         new_study(tmp_path)
     assert "- up +z, forward +y: a.c3d\n  - up +z, forward -y: b.c3d" in str(error.value)
 
 
-def lifted(folder, **files):
-    """Write the twin's lift into a folder, each file with its own choice and movement of the markers."""
-    from lumbar.twin.lifting_recordings import true_movement, write_markers
-
-    twin = study_settings().twin.lifting
-    markers = true_movement(twin, "expert_23kg").markers
-    for name, change in files.items():
-        write_markers(folder / f"{name}.c3d", change(markers), twin.rate_Hz, "ann")
-
-
-def without(*labels):
-    return lambda markers: {name: points for name, points in markers.items() if name not in labels}
-
-
 def test_a_measured_marker_stands_before_a_guess_whichever_file_was_read_first(tmp_path):
-    from lumbar.interface.new_study import new_study
-
     def guessed(markers):
         return {"T10": markers["T12"] + [0, 0, 0.06], **without("T12")(markers)}
 
     lifted(tmp_path, a=guessed, b=without())
-    text = next(iter(new_study(tmp_path, "s").files.values()))
-    assert "      T12: [T12, {between: [T10, SACRUM], share: 0.263}]  # where not measured: " in text
+    said = "      T12: [T12, {between: [T10, SACRUM], share: 0.263}]  # where not measured: "
+    assert said in study_text(tmp_path)
 
 
 def test_the_pivot_is_one_that_every_moving_recording_has(tmp_path):
-    from lumbar.interface.new_study import new_study
-
-    def standing(markers):
-        return {name: points[:50] for name, points in markers.items()}
-
     ankles = ("L_ANKLE", "R_ANKLE")
     lifted(tmp_path, a_static=standing, b=without(*ankles))
-    text = next(iter(new_study(tmp_path, "s").files.values()))
+    text = study_text(tmp_path)
     assert "      L_ANKLE: L_ANKLE" in text
     assert "  pivot: hip  # no markers on both ankles are recognised\n" in text
     lifted(tmp_path, c=without())
-    assert "are recognised in b.c3d\n" in next(iter(new_study(tmp_path, "s").files.values()))
+    assert "are recognised in b.c3d\n" in study_text(tmp_path)
     hips = [f"{side}_{part}" for side in "LR" for part in ("HIP", "ASIS")]
     lifted(tmp_path, b=without(*ankles, *hips), c=without(*ankles, *hips))
-    assert "  pivot: L5  #" in next(iter(new_study(tmp_path, "s").files.values()))
+    assert "  pivot: L5  #" in study_text(tmp_path)
     lifted(tmp_path, b=without())
     (tmp_path / "c.c3d").unlink()
-    assert "\n  pivot:" not in next(iter(new_study(tmp_path, "s").files.values()))
+    assert "\n  pivot:" not in study_text(tmp_path)
 
 
 def test_a_still_file_of_other_markers_is_no_static_trial(tmp_path):
-    from lumbar.interface.new_study import new_study
-
     def calibration(markers):
         return {f"corner {number}": points[:50] for number, points in enumerate(list(markers.values())[:6])}
-
-    def standing(markers):
-        return {name: points[:50] for name, points in markers.items()}
 
     lifted(tmp_path, a_cal=calibration, b=without())
     assert "static:" not in new_study(tmp_path, "s").files["config/subjects/s.yaml"]
@@ -265,19 +244,14 @@ def test_a_still_file_of_other_markers_is_no_static_trial(tmp_path):
 
 def test_the_xiphoid_is_the_label_that_says_so(tmp_path):
     """STRN is the xiphoid in Plug-in Gait and the manubrium elsewhere: XIPH is meant where both are there."""
-    from lumbar.interface.new_study import new_study
 
-    def renamed(markers):
-        return {{"XIPHOID": "XIPH", "MANUBRIUM": "STRN"}.get(name, name): p for name, p in markers.items()}
+    def renamed(**names):
+        return lambda markers: {names.get(name, name): points for name, points in markers.items()}
 
-    def alone(markers):
-        return {{"XIPHOID": "STRN"}.get(name, name): p for name, p in markers.items()}
-
-    lifted(tmp_path, a=alone)
-    text = next(iter(new_study(tmp_path).files.values()))
-    assert "  XIPHOID: STRN  # STRN is the xiphoid in Plug-in Gait" in text
-    lifted(tmp_path, b=renamed)
-    assert "  XIPHOID: [XIPH, STRN]  #" in next(iter(new_study(tmp_path).files.values()))
+    lifted(tmp_path, a=renamed(XIPHOID="STRN"))
+    assert "  XIPHOID: STRN  # STRN is the xiphoid in Plug-in Gait" in study_text(tmp_path)
+    lifted(tmp_path, b=renamed(XIPHOID="XIPH", MANUBRIUM="STRN"))
+    assert "  XIPHOID: [XIPH, STRN]  #" in study_text(tmp_path)
     found = lumbar.inspect(tmp_path / "b.c3d")
     assert found.meant["XIPHOID"] == "XIPH"
 
@@ -306,14 +280,9 @@ def test_recognised_labels_are_listed_once_with_the_command_that_names_them(shar
 
 
 def test_events_say_what_they_were_found_in_and_hands_that_nothing_is_known_of_what_they_hold(tmp_path):
-    from lumbar.twin.lifting_recordings import true_movement, write_markers
-
-    twin = study_settings().twin.lifting
-    markers = true_movement(twin, "expert_23kg").markers
-    bare = {name: points for name, points in markers.items() if not name.startswith("BOX_")}
+    lifted(tmp_path, box=without(), hands=without(*(f"BOX_{number}" for number in range(1, 9))))
     said = {}
-    for name, points in {"box": markers, "hands": bare}.items():
-        write_markers(tmp_path / f"{name}.c3d", points, twin.rate_Hz, "ann")
+    for name in ("box", "hands"):
         found = lumbar.lift(tmp_path / f"{name}.c3d", person(), 23)
         said[name] = str(found).splitlines()
         deposit = found.analysed.events["deposit_start"]
@@ -330,10 +299,6 @@ def test_events_say_what_they_were_found_in_and_hands_that_nothing_is_known_of_w
 
 def test_forces_of_the_same_name_packed_files_and_tables_become_trials(tmp_path):
     """A TRC with its .mot, a packed C3D and a CSV file without a unit; a table of something else is no recording."""
-    import gzip
-
-    from lumbar.interface.new_study import new_study
-
     lifted(tmp_path, lift=lambda markers: {name: points[::4] for name, points in markers.items()})
     (tmp_path / "packed.c3d.gz").write_bytes(gzip.compress((tmp_path / "lift.c3d").read_bytes()))
     points = lumbar.read(tmp_path / "lift.c3d").positions

@@ -24,14 +24,6 @@ FOOT = np.array([[[-0.15, -0.06], [0.15, -0.06], [0.15, 0.19], [-0.15, 0.19]]])
 BASE = BaseOfSupport(FOOT, np.ones((1, 4), bool))
 
 
-def test_who_stands_still_has_the_centre_itself():
-    still = extrapolated_centre(np.array([[0.02, 0.05]]), np.zeros((1, 2)), OMEGA)
-    margin, direction = BASE.margin(still)
-    assert margin == pytest.approx([0.11])
-    assert direction[0] == pytest.approx([0, -1])
-    assert smallest_impulse(MASS, OMEGA, margin) == pytest.approx([MASS * np.sqrt(G / LENGTH) * 0.11])
-
-
 def best_braking(point, velocity, duration=4.0):
     """Linear pendulum with the centre of pressure as near below the extrapolated centre, and beyond it, as the foot allows."""
     low, high = FOOT[0].min(axis=0), FOOT[0].max(axis=0)
@@ -101,17 +93,6 @@ def test_near_upright_viability_is_the_capture_margin_times_m_omega():
     capture = capture_margin(offset, velocity, height, *limits, G)
     viable = viability_margin(offset / LENGTH, velocity / LENGTH, height, MASS, *limits, G)
     assert viable == pytest.approx(MASS * OMEGA * capture, rel=2e-3)
-
-
-def test_the_capture_margin_is_mirrored_with_the_person():
-    values = np.array([0.02]), np.array([0.1]), np.array([0.9])
-    ahead, behind = np.array([0.2]), np.array([0.06])
-    mirrored = (-values[0], -values[1], values[2], behind, ahead, G)
-    assert capture_margin(*values, ahead, behind, G) == capture_margin(*mirrored)
-    angle, speed = np.array([0.05]), np.array([0.2])
-    assert viability_margin(angle, speed, values[2], MASS, ahead, behind, G) == viability_margin(
-        -angle, -speed, values[2], MASS, behind, ahead, G
-    )
 
 
 def test_weak_ankles_or_short_feet_limit_the_centre_of_pressure():

@@ -1,20 +1,17 @@
 """The page and the figures of the measures hold what the long table and the courses say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
+from lifting_cases import lift_of, true_recording
 
-from lumbar.interface.lift import Lift
 from lumbar.interface.movement import measure_movement
 from lumbar.lifting.measures.lift_values import SENSITIVITY, long_table, measures_page, write_measures
-from lumbar.lifting.movement.lift import analyse_lift
-from lumbar.publishing.figures.movement_figures import SHOWN, course_figure, support_figure
-from lumbar.records.markers import MarkerRecording
-from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.subject import TrialSettings
+from lumbar.publishing.figures.movement_figures import SHOWN, course_figure
 from lumbar.tables.table import SYNTHETIC_TWIN
-from lumbar.twin.lifting_recordings import true_movement
-from study_settings import study_settings, subject_settings
+from study_settings import subject_settings
 
 
 @pytest.fixture(scope="module")
@@ -22,14 +19,10 @@ def lifts():
     """Two measured lifts, the second without feet."""
     made = []
     for name, without in (("expert_23kg", ()), ("novice_23kg", ("TOE", "HEEL"))):
-        movement = true_movement(study_settings().twin.lifting, name)
-        positions = {key: points for key, points in movement.markers.items() if key[2:] not in without}
-        recording = MarkerRecording("lift", movement.time, 100.0, positions, source="lift.c3d")
-        subject, settings = subject_settings(name.split("_")[0]), LiftingSettings()
-        trial = TrialSettings(box_mass_kg=23.0, markers="lift.c3d")
-        lift = Lift(
-            analyse_lift(recording, name, subject, trial, settings), subject, trial, settings, "", None
-        )
+        whole = true_recording(name)
+        positions = {key: points for key, points in whole.positions.items() if key[2:] not in without}
+        recording = replace(whole, positions=positions)
+        lift = lift_of(recording, subject_settings(name.split("_")[0]), 23.0, name=name)
         found = measure_movement(lift)
         events = {key: event.as_dict() for key, event in lift.analysed.events.items()}
         made.append({"course": found.instants, "facts": lift.facts, "events": events, "values": found.values})
@@ -80,10 +73,3 @@ def test_the_course_is_drawn_with_its_events_and_what_lacks_markers_is_said(lift
     assert sorted(drawn) == pytest.approx(sorted(times))
     assert "no markers for it" in texts(figure)
     assert f"the first {SHOWN} of 6 lifts" in course_figure(3 * lifts, 0.6).get_suptitle()
-
-
-def test_the_base_is_drawn_with_the_smallest_margin(lifts):
-    figure = support_figure(lifts, 0.6)
-    deposit = lifts[0]["course"].query("phase == 'deposit'")
-    assert f"{1e3 * deposit['margin_of_stability_m'].min():+.0f} mm" in texts(figure)
-    assert "no base of support during a deposit" in texts(figure)

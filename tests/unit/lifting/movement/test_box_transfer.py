@@ -38,21 +38,6 @@ def test_t12_lies_where_a_static_trial_with_the_whole_spine_has_it(study, shared
     assert rule.share == pytest.approx(share_along(t10, sacrum, points["T12"]), abs=0.005)
 
 
-def test_the_trochanters_lie_where_a_trial_with_markers_on_them_has_them(study, shared):
-    points = raw(shared / "real" / "lifting" / "qualisys_ior_gait" / "Qualisys.c3d")
-    aliases = study[0].markers.aliases
-    for side in "LR":
-        asis, psis, trochanter = (points[f"{side}_{name}"] for name in ("IAS", "IPS", "FTC"))
-        level = np.array([1.0, 1.0, 0.0])
-        share = share_along(psis * level, asis * level, trochanter * level)
-        assert aliases[f"{side}_ILIUM"].share == pytest.approx(share, abs=0.01)
-        along = np.sum((asis - psis) * level * (trochanter - psis), axis=1) / np.sum(
-            ((asis - psis) * level) ** 2, axis=1
-        )
-        drop = np.mean((trochanter - psis - along[:, None] * (asis - psis))[:, 2])
-        assert aliases[f"{side}_HIP"].offset_m[2] == pytest.approx(drop, abs=0.005)
-
-
 def test_the_recording_becomes_pendulums_that_say_what_was_assumed(study, shared):
     settings, subject = study
     recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", settings.markers)
@@ -73,20 +58,3 @@ def test_the_recording_becomes_pendulums_that_say_what_was_assumed(study, shared
         assert 0.1 < states.length.mean() < 0.6, (com, plane)
         assert np.abs(states.angle).max() < 1.0
         assert np.abs(states.angular_velocity).max() < 1.5
-
-
-def test_the_deposit_is_as_deep_as_the_box_was_raised_over_the_shelf(study, shared):
-    """So deep that no threshold of its own is needed; and of the wrists, of which one is marked, the figure says which."""
-    from lumbar.lifting.movement.lift_tables import motion_frame
-    from lumbar.settings.lifting import EventSettings
-
-    settings, subject = study
-    assert settings.events == EventSettings()
-    recording = read_markers(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", settings.markers)
-    lift = analyse_lift(recording, "box_transfer_6kg", subject, subject.trials[0], settings)
-    motion = motion_frame(lift)
-    height = motion.set_index("time_s")["box_height_m"]
-    start, stop = (lift.events[name].time_s for name in ("deposit_start", "release"))
-    assert height.loc[start] - height.loc[stop] == pytest.approx(0.108, abs=0.002)
-    assert height.iloc[-1] - height.iloc[0] == pytest.approx(0.23, abs=0.005)
-    assert "r_wrist_height_m" in motion and "wrists_height_m" not in motion

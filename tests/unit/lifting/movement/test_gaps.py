@@ -15,7 +15,6 @@ from lumbar.lifting.movement.gaps import (
     refuse_open_gaps,
 )
 from lumbar.records.markers import MarkerRecording, read_markers
-from lumbar.records.stretches import runs
 from lumbar.settings.layout import MarkerLayout
 
 RATE = 100.0
@@ -72,15 +71,6 @@ def test_seen_frames_stay_as_they_are():
     assert np.isnan(holes[20]).all(), "the input is not changed"
 
 
-def test_a_far_away_part_has_no_influence():
-    holes = with_gaps(CUBIC, slice(50, 60))
-    far = holes.copy()
-    far[120:] += 5.0
-    near, _ = fill_gaps(recording(C7=holes))
-    other, _ = fill_gaps(recording(C7=far))
-    np.testing.assert_array_equal(near["C7"][50:60], other["C7"][50:60])
-
-
 @pytest.mark.parametrize(
     ("gap", "outcome"),
     [
@@ -122,24 +112,10 @@ def test_a_single_frame_between_two_gaps_is_not_enough():
     assert [gap.outcome for gap in gaps] == [TOO_LONG, ALONE, TOO_LONG]
 
 
-def test_no_filling_on_request():
-    holes = with_gaps(CUBIC, slice(50, 51))
-    kept, gaps = fill_gaps(recording(C7=holes), maximum_s=0.0)
-    np.testing.assert_array_equal(kept["C7"], holes)
-    assert [gap.outcome for gap in gaps] == [TOO_LONG]
-
-
 @pytest.mark.parametrize("maximum_s", [-0.1, np.nan])
 def test_a_longest_gap_that_is_no_length_of_time(maximum_s):
     with pytest.raises(InputError, match="gaps"):
         fill_gaps(recording(C7=CUBIC), maximum_s)
-
-
-def test_runs():
-    flags = np.array([1, 1, 0, 0, 1, 0, 1], dtype=bool)
-    assert list(runs(flags)) == [slice(0, 2), slice(4, 5), slice(6, 7)]
-    assert list(runs(np.zeros(3, dtype=bool))) == []
-    assert list(runs(np.zeros(0, dtype=bool))) == []
 
 
 def test_gaps_cut_into_a_real_lift(shared):
@@ -156,14 +132,3 @@ def test_gaps_cut_into_a_real_lift(shared):
     error = np.linalg.norm(filled["C7"] - real["C7"], axis=1)
     assert np.sqrt(np.mean(error[np.isnan(holes[:, 0])] ** 2)) < 0.002
     assert error.max() < 0.01
-
-
-def test_report_of_a_real_file_agrees_with_its_missing_samples(shared):
-    path = shared / "real" / "lifting" / "athlete_floor_pickup_squats" / "squat.c3d"
-    real = read_markers(path)
-    filled, gaps = fill_gaps(real)
-    missing = sum(np.isnan(points[:, 0]).sum() for points in real.positions.values())
-    left = sum(np.isnan(points[:, 0]).sum() for points in filled.positions.values())
-    assert sum(gap.n_frames for gap in gaps) == missing
-    assert sum(gap.n_frames for gap in gaps if not gap.filled) == left
-    assert 0 < left < missing

@@ -18,12 +18,8 @@ def study(project):
 
 
 @pytest.fixture(scope="module")
-def recording(study, tmp_path_factory):
-    from lumbar.twin.lifting_recordings import write_lift
-
-    path = tmp_path_factory.mktemp("twin") / "expert_23kg.c3d"
-    write_lift(study_settings().twin.lifting, "expert_23kg", [3], path, None)
-    return read_markers(path, study[0].markers)
+def recording(study, twin_lift):
+    return read_markers(twin_lift("expert_23kg"), study[0].markers)
 
 
 def analysed(study, recording, **changes):
@@ -80,34 +76,6 @@ def test_another_cut_off_leaves_out_what_is_too_short_for_it_alone(study, record
     lift, settings = analysed(study, replace(recording, positions={**recording.positions, "C7": points}))
     spread = model_spread(lift, study[1], settings).set_index("choice")
     assert 0 < spread.loc["cut-off 4 Hz", "distance_mm"] < 5
-
-
-def test_the_skin_moves_the_trunk_back_and_turns_its_pendulum(spread):
-    assert -80 < spread.loc["winter, skin", "forward_mm"] < -60
-    assert -0.08 < spread.loc["winter, skin", "angle_rad"] < -0.05
-    assert abs(spread.loc["hips reed", "forward_mm"]) < 3
-    assert spread.loc["cut-off 4 Hz", "speed_rms_mm_s"] > 1
-
-
-def test_a_window_of_the_recording_is_compared_at_its_own_instants(study, recording):
-    settings, subject = study
-    trial = changed(subject.trials[0], window_s=(2.0, 9.0))
-    lift = analyse_lift(recording, "x", subject, trial, settings)
-    rows = model_spread(lift, subject, settings).set_index("choice")
-    assert np.abs(rows.loc["cut-off 6 Hz"].drop("note").to_numpy(float)).max() < 1e-9
-
-
-def test_a_gap_that_stays_open_leaves_the_rest_to_compare(study, recording, spread):
-    positions = {**recording.positions, "C7": recording["C7"].copy()}
-    positions["C7"][630:660] = np.nan  # within the deposit, too long to be filled
-    lift, settings = analysed(study, replace(recording, positions=positions))
-    rows = model_spread(lift, study[1], settings).set_index("choice")
-    assert "samples missing within the deposit" in lift.missing["thorax"]
-    columns = ["forward_mm", "up_mm", "angle_rad"]
-    assert rows.loc["winter, skin", columns].to_numpy(float) == pytest.approx(
-        spread.loc["winter, skin", columns].to_numpy(float), rel=0.05
-    )
-    assert np.isfinite(rows.drop(columns="note").to_numpy(float)).all()
 
 
 def test_a_choice_that_is_never_known_with_the_result_says_so_and_warns_of_nothing(study, recording, recwarn):

@@ -78,14 +78,6 @@ def test_forward_and_right_are_positive():
     assert states["flexion_extension"].angle[0] == pytest.approx(np.arctan(0.2))
 
 
-def test_the_angle_goes_on_beyond_half_a_turn():
-    bob = rod(2.5 * TIME, 1.0, "lateral_bending") + np.array([0, 0.5, 0])
-    states = pendulum_states(TIME, bob, START, STOP, POINTS, "turning")
-    angle = states["lateral_bending"].angle
-    assert np.ptp(angle) == pytest.approx(5.0, abs=1e-4)
-    assert np.diff(angle).min() > 0
-
-
 def test_the_spline_does_not_end_where_the_deposit_ends():
     # Off-grid limits: the same instants of a longer deposit have the same states.
     bob = rod(0.3 * np.sin(5 * TIME), 1.0, "lateral_bending")
@@ -138,12 +130,8 @@ def study(project):
 
 
 @pytest.fixture(scope="module")
-def recording(study, tmp_path_factory):
-    from lumbar.twin.lifting_recordings import write_lift
-
-    path = tmp_path_factory.mktemp("twin") / "novice_23kg.c3d"
-    write_lift(study[1], "novice_23kg", [3], path, None)
-    return read_markers(path, study[0].markers)
+def recording(study, twin_lift):
+    return read_markers(twin_lift("novice_23kg"), study[0].markers)
 
 
 def test_the_whole_chain_recovers_the_twins_true_pendulum(study, recording):
@@ -220,17 +208,6 @@ def test_the_box_pulls_the_pendulum_forward_where_it_counts_in_the_position(stud
     boxed = analyse_lift(recording, "x", subject, trial, changed(settings, box={"in_position": True}))
     key = ("thorax", "flexion_extension")
     assert (boxed.states[key].angle > alone.states[key].angle + 0.05).all()
-
-
-def test_the_contract_of_the_states_table(study, recording):
-    settings, _, subject, trial = study
-    frame = states_frame(analyse_lift(recording, "x", subject, trial, settings).states)
-    assert list(frame.columns) == [
-        *("com", "plane", "time_s", "angle_rad", "angular_velocity_rad_s", "angular_acceleration_rad_s2"),
-        *("length_m", "length_rate_m_s"),
-    ]
-    assert frame.groupby(["com", "plane"]).size().to_list() == [1000] * 6
-    assert not frame.isna().any().any()
 
 
 def test_other_choices_make_the_pendulums_of_a_study_that_makes_them(tmp_path):

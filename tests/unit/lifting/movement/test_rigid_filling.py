@@ -1,10 +1,14 @@
 """Filling of rigid bodies: closed forms, markers hidden in a real recording of a box, and what is left open."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from lifting_cases import true_recording
 from scipy.spatial.transform import Rotation
 
-from lumbar.lifting.movement.rigid_filling import body_shape, fill_rigid, fit_shape
+from lumbar.lifting.movement.joint_centres import trunk_points
+from lumbar.lifting.movement.rigid_filling import body_shape, fill_from_body, fill_rigid, fit_shape
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 
@@ -13,13 +17,12 @@ CORNERS = np.array([[0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0], [0, 0.3, 0.2], [0.1, 
 LABELS = tuple("ABCDE")
 
 
-def moving(noise=0.0, frames=300):
+def moving():
     """A body that turns by two thirds of a turn about a skew axis while it flies along a parabola."""
-    time = np.arange(frames) / RATE
+    time = np.arange(300) / RATE
     turns = Rotation.from_rotvec(np.outer(time * 1.4, [0.6, 0.3, np.sqrt(1 - 0.45)]))
     path = np.stack([time, -0.5 * time**2, 1 + 0.2 * time], axis=1)
     points = np.stack([turns.apply(corner) + path for corner in CORNERS], axis=1)
-    points += np.random.default_rng(5).normal(0, noise, points.shape) if noise else 0
     return {label: points[:, index] for index, label in enumerate(LABELS)}
 
 
@@ -111,3 +114,33 @@ def test_a_corner_hidden_for_a_second_of_a_real_box_comes_back_within_5_mm(share
     assert np.nanmax(error) < 0.005
     by_spline, _ = fill_gaps(MarkerRecording("box", recording.time, recording.rate, cut), 1.0)
     assert np.nanmax(np.linalg.norm(by_spline["avant_droit"][gap] - truth, axis=1)) > 10 * np.nanmax(error)
+
+
+@pytest.mark.parametrize("label", LABELS)
+def test_a_body_carries_each_of_its_markers(label):
+    points = moving()
+    filled, frames = fill_from_body(hidden(points, label, slice(20, 40)))
+    assert frames == {label: 20}
+    assert filled[label] == pytest.approx(points[label], abs=1e-12)
+
+
+def test_two_markers_carry_none_nor_do_three_on_a_line_nor_a_body_that_is_never_seen_whole():
+    four = {label: points for label, points in moving().items() if label != "E"}
+    filled, frames = fill_from_body(hidden(hidden(four, "A", slice(20, 40)), "B", slice(20, 40)))
+    assert not frames
+    assert np.isnan(filled["A"][20:40]).all()
+    line = {label: np.tile([0.0, 0.1 * place, 0.0], (60, 1)) for place, label in enumerate("ABC")}
+    line["D"] = np.tile([0.1, 0.0, 0.0], (60, 1))
+    assert not fill_from_body(hidden(line, "D", slice(20, 40)))[1]
+    never = hidden(moving(), "A", slice(None))
+    assert fill_from_body(never)[0] is never and not fill_from_body(never)[1]
+
+
+def test_a_spine_of_the_ilium_hidden_while_bending_does_not_hide_hips_and_loin():
+    whole = true_recording("novice_23kg")
+    bending = replace(whole, positions=hidden(whole.positions, "L_ASIS", slice(200, 300)))
+    points, expected = (trunk_points(body, "inner", "harrington", "male") for body in (bending, whole))
+    for name in ("MID_HIP", "L5S1", "L4L5"):
+        assert points[name] == pytest.approx(expected[name], abs=1e-6)
+        assert "carried by the rest of the pelvis: L_ASIS in 100 frames" in points.points[name].rule
+    assert "carried" not in expected.points["MID_HIP"].rule

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from lifting_cases import deposit
-from scipy.integrate import solve_ivp
 
 from lumbar.lifting.pushes.body import (
     GRAVITY,
@@ -11,7 +9,6 @@ from lumbar.lifting.pushes.body import (
     centre_of_mass,
     centre_of_pressure,
     centrifugal,
-    energy,
     ground_force,
     inverse_dynamics,
     mass_matrix,
@@ -19,7 +16,6 @@ from lumbar.lifting.pushes.body import (
     solve,
     weight_torque,
 )
-from lumbar.lifting.pushes.motion import bodies_of
 
 MASSES, CENTRES = np.array([[22.0], [45.0], [30.0]]), np.array([[0.5], [0.2], [0.4]])
 LENGTHS, INERTIAS = np.array([[0.86], [0.5], [0.55]]), np.array([[1.4], [2.2], [0.9]])
@@ -81,22 +77,6 @@ def test_joint_torques_drive_the_motion_that_they_were_computed_from(bodies):
     assert found[:, 0] == pytest.approx(np.linalg.solve(mass_matrix(bodies, ANGLE)[:, :, 0], right[:, 0]))
 
 
-def test_a_body_without_torques_keeps_its_energy(bodies):
-    def slope(_, state):
-        angle, rate = state[:3, None], state[3:, None]
-        (acceleration,) = solve(
-            mass_matrix(bodies, angle), weight_torque(bodies, angle) - centrifugal(bodies, angle, rate)
-        )
-        return np.concatenate([rate[:, 0], acceleration[:, 0]])
-
-    swing = solve_ivp(
-        slope, (0, 1.5), np.concatenate([ANGLE, RATE])[:, 0], method="DOP853", rtol=1e-9, atol=1e-9
-    ).y
-    found = energy(bodies.take(np.zeros(swing.shape[1], dtype=int)), swing[:3], swing[3:])
-    assert np.ptp(swing[0]) > 1
-    assert found == pytest.approx(found[0], rel=1e-6)
-
-
 def test_pressure_under_the_feet_balances_momentum(bodies):
     """Force and moment about the ground below the ankle, from momenta of the links a moment before and after."""
     push, height = np.array([120.0]), 0.75
@@ -129,14 +109,3 @@ def test_pressure_under_the_feet_balances_momentum(bodies):
         bodies, ANGLE, push, height
     ).sum(axis=0)
     assert centre_of_pressure(bodies, driven, *found)[0] == pytest.approx(pressure, rel=1e-5)
-
-
-def test_a_body_at_rest_presses_below_its_centre_of_mass():
-    bodies = bodies_of([deposit()])
-    angle, still = deposit().angle[:, -1:], np.zeros((3, 1))
-    torque = inverse_dynamics(bodies, angle, still, still)
-    centre = centre_of_mass(bodies, angle, still)[0]
-    pressure = centre_of_pressure(bodies, torque[0], *ground_force(bodies, angle, still, still))
-    assert pressure == pytest.approx(centre)
-    # Winter's shares without the feet, and the box.
-    assert bodies.mass == pytest.approx([0.971 * 75 + 15])

@@ -5,39 +5,31 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from lifting_cases import deposit
+from lifting_cases import deposit, lift_of, true_recording
 from scipy.stats import mannwhitneyu
 
 from lumbar.base.errors import InputError
-from lumbar.interface.lift import Lift
 from lumbar.interface.movement import measure_movement
 from lumbar.interface.pushing import pooled_prediction, push_outcomes, push_prediction, push_states
 from lumbar.lifting.measures.course import Lifter
-from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.pushes import prediction
 from lumbar.lifting.pushes.body import centre_of_mass
-from lumbar.lifting.pushes.contest import Contest, draw_pushes, scene_of
+from lumbar.lifting.pushes.contest import Contest
 from lumbar.lifting.pushes.levels import (
     BASELINES,
     DIRECTIONS,
     KNOTS,
     PREDICTORS,
     from_states,
-    states_frame,
 )
 from lumbar.lifting.pushes.motion import bodies_of, deposit_motion
 from lumbar.lifting.pushes.prediction import verdict_json
-from lumbar.lifting.pushes.simulation import Traits
 from lumbar.lifting.stability.basins import close_loops
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
-from lumbar.records.markers import MarkerRecording
-from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.pushes import PushesSettings, PushSettings
 from lumbar.settings.stability import StabilitySettings
-from lumbar.settings.subject import TrialSettings
-from lumbar.twin.lifting_recordings import true_movement
-from study_settings import study_settings, subject_settings
+from study_settings import subject_settings
 
 STABILITY = StabilitySettings()
 SETTINGS = replace(PushesSettings(), push=PushSettings(per_lift=16))
@@ -47,13 +39,9 @@ SETTINGS = replace(PushesSettings(), push=PushSettings(per_lift=16))
 def lifts():
     found = []
     for name in ("expert_23kg", "expert_15kg", "novice_15kg"):
-        movement = true_movement(study_settings().twin.lifting, name)
-        recording = MarkerRecording("lift", movement.time, 100.0, movement.markers, source="lift.c3d")
         person, mass = name.split("_")
-        subject = subject_settings(person)
-        trial = TrialSettings(box_mass_kg=float(mass.removesuffix("kg")), markers="lift.c3d")
-        analysed = analyse_lift(recording, name, subject, trial, LiftingSettings())
-        found.append(Lift(analysed, subject, trial, LiftingSettings(), "test", None))
+        box = float(mass.removesuffix("kg"))
+        found.append(lift_of(true_recording(name), subject_settings(person), box, name=name))
     return found
 
 
@@ -248,14 +236,3 @@ def test_longer_feet_let_fewer_step_and_the_measures_are_not_told(states, found,
     assert rows["steps"].tolist() == sorted(rows["steps"], reverse=True)
     assert rows["known_auc"].between(0.5, 1.0).all()
     assert rows.loc[0, "steps"] == pytest.approx(found.pushes["steps"].mean())
-
-
-def test_pushes_come_of_the_seed_and_lifts_survive_their_table(states):
-    motions, levels = from_states(states)
-    assert [item.lift for item in motions] == ["expert_23kg", "expert_15kg", "novice_15kg"]
-    assert states_frame(motions, levels)[states.columns].equals(states)
-    one = np.ones(len(motions))
-    scene = scene_of(motions, SETTINGS, Traits(one, one, one, 0.12 * one))
-    first, again, other = (draw_pushes(motions, scene, SETTINGS, seed).impulse for seed in (1, 1, 2))
-    assert (first == again).all() and not (first == other).any()
-    assert (first[::2] > 0).all() and (first[1::2] < 0).all()

@@ -109,16 +109,6 @@ def test_integration_agrees_with_an_adaptive_solver(scene):
     assert found == pytest.approx(expected, abs=3e-4)
 
 
-def test_halving_the_step_changes_nothing_that_matters():
-    pushes, ends = None, []
-    for step in (0.005, 0.0025):
-        settings = replace(SETTINGS, outcome=replace(SETTINGS.outcome, step_s=step, horizon_s=1.0))
-        scene = scene_of([deposit()], settings)
-        pushes = push(scene, 8.0, -25.0)
-        ends.append(simulate(scene, pushes))
-    assert ends[0].angle == pytest.approx(ends[1].angle, abs=2e-3)
-
-
 def test_without_a_push_the_body_takes_the_box_back_and_presses_within_its_feet(scene):
     pushes, pressure = push(scene, 0.0), []
 

@@ -77,16 +77,6 @@ def test_frames_cut_out_are_one_error_and_no_marker_is_left_out(box_transfer, cu
     assert finding.cause
 
 
-def test_noise_is_told_by_its_root_mean_square_in_space(box_transfer):
-    noise = np.random.default_rng(0).normal(0, 0.004, box_transfer["T10"].shape)
-    points = changed(box_transfer.positions, "T10", slice(None), box_transfer["T10"] + noise)
-    (finding,) = [f for f in examine(points, box_transfer.time, box_transfer.rate) if f.kind == "jitter"]
-    assert finding.markers == ("T10",)
-    told = float(finding.evidence.split(" mm")[0].split()[-1])
-    assert told == pytest.approx(4 * np.sqrt(3), rel=0.08)
-    assert "high rate" not in finding.cause
-
-
 RATE = 100.0
 TIME = np.arange(0, 30, 1 / RATE)
 

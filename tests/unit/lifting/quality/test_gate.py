@@ -8,8 +8,6 @@ from lumbar.lifting.quality.gate import examine, mask_findings
 from lumbar.lifting.quality.landmarks import side_pairs
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
-from lumbar.twin.lifting_recordings import write_lift
-from study_settings import study_settings
 
 CHAIR = Trunk("Clavical", "Sternum", "V_Sacral")
 RECORDINGS = {
@@ -31,16 +29,14 @@ STANDING_STILL = ("athlete_static_full_spine/c3dfile1.c3d", "ktk_pig_com_oracle/
 
 
 @pytest.fixture(scope="module")
-def recordings(request):
+def recordings(request, twin_lift):
     """Return a function that reads a recording once: markers by the file's labels, the nearest trunk markers."""
     made = {}
 
     def read(name):
         if name not in made:
             if name in SYNTHETIC:
-                folder = request.getfixturevalue("tmp_path_factory").mktemp("synthetic")
-                write_lift(study_settings().twin.lifting, name, [3], folder / "lift.c3d", None)
-                path, up, trunk = folder / "lift.c3d", "+z", Trunk("C7", "T12", "L5")
+                path, up, trunk = twin_lift(name), "+z", Trunk("C7", "T12", "L5")
             else:
                 path = request.getfixturevalue("shared") / "real" / "lifting" / name
                 up, trunk = RECORDINGS[name]
@@ -94,16 +90,6 @@ def test_small_and_short_corruptions_of_any_marker_are_named(recordings, name, s
             assert {label for finding in findings for label in finding.markers} == markers
             assert min(finding.frames.start for finding in findings) == pytest.approx(frames.start, abs=1)
             assert max(finding.frames.stop for finding in findings) == pytest.approx(frames.stop, abs=1)
-
-
-def test_an_exchange_is_shown_by_lengths_before_and_after(recordings):
-    recording, _ = recordings("s2m_box_transfer/Vicon.c3d")
-    frames = slice(200, 240)
-    corrupted = exchanged(recording.positions, "gauche_ext", "droite_ext", frames)
-    (finding,) = examine(corrupted, recording.time, recording.rate)
-    words = finding.evidence.split("; ")[1]
-    usual, there, mended = (int(part.split(" mm")[0].split()[-1]) for part in words.split(", "))
-    assert abs(mended - usual) <= 3 < abs(there - usual)
 
 
 def test_all_labels_of_a_side_exchanged_are_told_as_a_mirrored_body(recordings):

@@ -12,31 +12,12 @@ from lumbar.lifting.quality.sheet import quality_table
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.twin.examples import example_lift
-from lumbar.twin.lifting_recordings import write_lift, write_markers
-from study_settings import study_settings
+from lumbar.twin.lifting_recordings import write_markers
 
 
 @pytest.fixture(scope="module")
-def lift_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("lift") / "expert_23kg.c3d"
-    write_lift(study_settings().twin.lifting, "expert_23kg", [3], path, None)
-    return path
-
-
-@pytest.mark.parametrize(
-    ("name", "up", "forward"),
-    [
-        ("s2m_box_transfer/Vicon.c3d", "+z", "-x"),
-        ("sts_trunk_flexion_trc/sts_perturbed_1.trc", "+y", "+x"),
-        ("athlete_floor_pickup_squats/squat.c3d", "+y", "+z"),
-    ],
-)
-def test_the_axes_are_those_that_the_body_shows(shared, name, up, forward):
-    """As the studies of these recordings declare them, or as heights and toes in their README say."""
-    found = lumbar.inspect(shared / "real" / "lifting" / name)
-    assert found.axes == f"up {up}, forward {forward}"
-    heights = {label: np.nanmedian(positions[:, 2]) for label, positions in found.points.items()}
-    assert max(heights.values()) - min(heights.values()) > 0.4
+def lift_file(twin_lift):
+    return twin_lift("expert_23kg")
 
 
 def test_a_sound_lift_is_described_and_analysed(lift_file):

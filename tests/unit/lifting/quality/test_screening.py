@@ -10,18 +10,16 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
-from lumbar.twin.lifting_recordings import write_lift, write_markers
+from lumbar.twin.lifting_recordings import write_markers
 from study_settings import study_settings, subject_settings
 
 RATE = 100.0
 
 
 @pytest.fixture(scope="module")
-def points(tmp_path_factory):
+def points(twin_lift):
     """Markers of the expert's lift, as the file holds them."""
-    path = tmp_path_factory.mktemp("lift") / "lift.c3d"
-    write_lift(study_settings().twin.lifting, "expert_23kg", [3], path, None)
-    recording = read_markers(path, MarkerLayout(check_axes=False))
+    recording = read_markers(twin_lift("expert_23kg"), MarkerLayout(check_axes=False))
     assert recording.rate == RATE
     return recording.positions
 
@@ -90,36 +88,6 @@ def test_labels_exchanged_throughout_are_proposed_and_an_alias_mends_them(points
     assert mended.states.equals(lift_of(points).states)
 
 
-def test_labels_exchanged_inside_rules_are_accepted(shared):
-    """Rules of the box transfer, with T1 and T10 exchanged in the file and then in the rules."""
-    from lumbar.lifting.quality.gate import examine
-    from lumbar.lifting.quality.screening import meant_in_rules
-    from lumbar.settings.layout import MeanOfMarkers, PointBetween
-
-    path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
-    recording = read_markers(path, MarkerLayout(up="+z", forward="-x", check_axes=False))
-    swapped = exchanged(recording.positions, "T1", "T10", slice(None))
-
-    def rules(t1, t10):
-        return {
-            "C7": PointBetween(between=(t10, t1), share=1.11),
-            "T12": PointBetween(between=(t10, "SACRUM"), share=0.263),
-            "SACRUM": MeanOfMarkers(mean=("PSISl", "PSISr")),
-        }
-
-    def found(points, aliases):
-        meant = meant_in_rules(aliases, points, {})
-        return [finding.kind for finding in examine(points, recording.time, recording.rate, meant=meant)]
-
-    assert meant_in_rules(rules("T1", "T10"), swapped, {}) == {}
-    assert found(swapped, rules("T1", "T10")) == ["exchanged"]
-    assert found(swapped, rules("T10", "T1")) == []
-    assert found(recording.positions, rules("T10", "T1")) == ["exchanged"]
-    # One of both alone, the other inside a rule.
-    mixed = {**rules("T10", "T1"), "C7": "T10"}
-    assert meant_in_rules(mixed, swapped, {"C7": "T10"}) == {"T10": "T1"}
-
-
 def test_an_exchange_inside_rules_is_mended_through_the_reader(shared, project):
     """The study's own aliases with T1 and T10 in each other's place fill C7 and T12 of the file so exchanged."""
     from dataclasses import replace
@@ -146,12 +114,6 @@ def test_an_exchange_inside_rules_is_mended_through_the_reader(shared, project):
     assert screening.findings == []
     np.testing.assert_array_equal(mended["C7"], sound["C7"])
     np.testing.assert_array_equal(mended["T12"], sound["T12"])
-
-
-def test_nothing_of_a_sound_lift_changes(points, lift_of, monkeypatch):
-    screened = lift_of(points)
-    monkeypatch.setattr("lumbar.lifting.quality.screening.examine", lambda *_: [])
-    assert lift_of(points).states.equals(screened.states)
 
 
 def test_every_kind_of_finding_is_explained(project):

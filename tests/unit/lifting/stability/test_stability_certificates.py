@@ -19,8 +19,6 @@ from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import (
 )
 from lumbar.lifting.stability.programme.polynomials import (
     circle_maximum,
-    harmonics,
-    harmonics_of_monomials,
     monomials,
 )
 from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
@@ -72,14 +70,6 @@ def test_a_solver_that_gives_up_is_told_with_the_basin(loops, monkeypatch):
         RateProgramme(3).solve(loops, 0, 0, level=1.0)
 
 
-@pytest.mark.parametrize("degree", [3, 5, 7])
-def test_harmonics_of_monomials(degree):
-    angle = np.linspace(0, 6, 9)
-    values = harmonics_of_monomials(degree).T @ harmonics(degree, angle)
-    expected = [np.cos(angle) ** i * np.sin(angle) ** j for i, j in monomials(degree)]
-    assert values == pytest.approx(np.array(expected), abs=1e-14)
-
-
 def test_areas_and_margins(loops):
     """Certified area at least 0.9999 of the exact one; rates agree with exact maxima to 1e-6."""
     exact = exact_funnels(loops)
@@ -108,21 +98,6 @@ def test_funnels_beyond_the_taylor_range_are_no_result():
     with pytest.raises(NumericalError, match=message):
         certified_funnels(wide, 150.0, 3, **options)
     certified_funnels(wide, 150.0, 7, **options)
-
-
-def test_linear_loop_has_the_eigenvalue_as_its_certified_rate():
-    from scipy.linalg import eigvalsh, solve_continuous_are
-
-    item = minimum_jerk(duration=2.0)
-    pendulums = pendulums_of([item], "hanging", gravity=0.0)
-    a, b = np.array([[0, 1], [0, -1 / pendulums.inertia[0]]]), np.array([[0], [1 / pendulums.inertia[0]]])
-    state = np.diag([1.0, 0.1])
-    cost = solve_continuous_are(a, b, state, [[float(WEIGHTS.control)]])
-    steady = replace(WEIGHTS, terminal=np.array([cost[0, 0], cost[0, 1], cost[1, 1]]))
-    found, _ = certified_funnels(regulate(pendulums, steady), 1.0, degree=3, knots=11, **OPTIONS)
-    decay = eigvalsh(state + cost @ b @ b.T @ cost / float(WEIGHTS.control), cost)[0]
-    expected = 2.0 * decay
-    assert np.log(found.level[0, 0]) == pytest.approx(expected - 2.0 * OPTIONS["margin"], abs=1e-5)
 
 
 def test_solver_without_an_optimum_is_no_result():

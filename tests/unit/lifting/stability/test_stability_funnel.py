@@ -1,7 +1,5 @@
 """Exact funnels: against eigenvalues of the linear loop, brute force, simulation and Liouville's theorem."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from lifting_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
@@ -21,8 +19,6 @@ from lumbar.lifting.stability.funnel.monte_carlo_check import (
 )
 from lumbar.lifting.stability.model.eq_4_2_regulator import (
     Weights,
-    cost_to_go,
-    determinant,
     gain,
     normal_axes,
     regulate,
@@ -63,26 +59,13 @@ def growth_by_brute_force(loops, knot, index, level):
     return growth(circle).max()
 
 
-@pytest.mark.parametrize("sign", SIGNS)
-@pytest.mark.parametrize("level", [1e-4, 1.0, 30.0, 1000.0])
-def test_boundary_growth_against_brute_force(sign, level):
-    items = [minimum_jerk(), minimum_jerk(start=-1.2, end=1.0, mass=12.0, length=0.5)]
-    loops = loops_of(items, sign)
-    for knot in (0, 137, 400):
-        form = loops.form(2 * knot)
-        found = boundary_growth(form, np.full(2, level))
-        for index in range(2):
-            expected = growth_by_brute_force(loops, knot, index, level)
-            assert found[index] == pytest.approx(expected, rel=1e-6, abs=1e-6)
-
-
-def test_boundary_growth_finds_the_global_maximum_of_random_forms():
+@pytest.mark.parametrize(("sign", "knot"), [("hanging", 137), ("inverted", 0)])
+def test_boundary_growth_finds_the_global_maximum_of_random_forms(sign, knot):
     generator = np.random.default_rng(5)
-    loops = loops_of([minimum_jerk(start=start) for start in generator.uniform(-2.5, 2.5, 40)], "inverted")
-    form = loops.form(0)
-    level = 10 ** generator.uniform(-2, 3, 40)
-    found = boundary_growth(form, level)
-    expected = [growth_by_brute_force(loops, 0, index, level[index]) for index in range(40)]
+    loops = loops_of([minimum_jerk(start=start) for start in generator.uniform(-2.5, 2.5, 40)], sign)
+    level = 10 ** generator.uniform(-4, 3, 40)
+    found = boundary_growth(loops.form(2 * knot), level)
+    expected = [growth_by_brute_force(loops, knot, index, level[index]) for index in range(40)]
     assert found == pytest.approx(np.array(expected), rel=1e-5, abs=1e-5)
 
 
@@ -102,38 +85,6 @@ def test_without_gravity_the_rate_is_an_eigenvalue():
     integral = cumulative_simpson(np.array(rates), dx=half_step, initial=0.0)
     expected = np.exp(integral - integral[-1])[::2]
     assert exact_funnels(loops).level[:, 0] == pytest.approx(expected, rel=1e-6)
-
-
-def test_steady_linear_loop_has_an_exponential_funnel():
-    from scipy.linalg import eigvalsh, solve_continuous_are
-
-    item = minimum_jerk(duration=2.0)
-    pendulums = pendulums_of([item], "hanging", gravity=0.0)
-    a = np.array([[0, 1], [0, -1 / pendulums.inertia[0]]])
-    b = np.array([[0], [1 / pendulums.inertia[0]]])
-    cost = solve_continuous_are(a, b, full(WEIGHTS.state), [[float(WEIGHTS.control)]])
-    steady = Weights(WEIGHTS.state, WEIGHTS.control, np.array([cost[0, 0], cost[0, 1], cost[1, 1]]))
-    funnels = exact_funnels(regulate(pendulums, steady), terminal_level=0.5)
-    decay = eigvalsh(full(WEIGHTS.state) + cost @ b @ b.T @ cost / WEIGHTS.control, cost)[0]
-    assert funnels.level[0, 0] == pytest.approx(0.5 * np.exp(2.0 * decay), rel=1e-7)
-    # (1/T)∫A dt of an exponential: A_f·(e^{λT} − 1)/(λT)
-    goal = np.pi * 0.5 / np.sqrt(np.linalg.det(cost))
-    assert funnels.mean_area[0] == pytest.approx(goal * np.expm1(2 * decay) / (2 * decay), rel=1e-7)
-    assert funnels.minimum_area[0] == pytest.approx(goal, rel=1e-9)
-
-
-@pytest.mark.parametrize("sign", SIGNS)
-def test_doubling_the_knots_changes_areas_little(sign):
-    items = [minimum_jerk(), minimum_jerk(mass=20.0, length=0.7, duration=1.0)]
-    coarse, fine = (exact_funnels(loops_of(items, sign, knots=knots)).mean_area for knots in (251, 501))
-    assert coarse == pytest.approx(fine, rel=1e-5)
-
-
-def test_small_goal_sets_scale():
-    """Where the ellipse is small the loop is linear: the area is proportional to ρ(T)."""
-    loops = loops_of([minimum_jerk()], "inverted")
-    tiny, smaller = exact_funnels(loops, 1e-12), exact_funnels(loops, 1e-14)
-    assert tiny.mean_area == pytest.approx(100 * smaller.mean_area, rel=1e-4)
 
 
 @pytest.mark.parametrize("sign", SIGNS)
@@ -204,37 +155,6 @@ def test_reachable_area_is_that_of_the_simulated_boundary(sign):
     assert funnels.initial_area[0] < reachable_area(loops)[0]
 
 
-def test_area_of_the_ellipse():
-    loops = loops_of([minimum_jerk()], "hanging")
-    funnels = exact_funnels(loops)
-    semi_axes = np.sqrt(funnels.level[0, 0] / np.linalg.eigvalsh(full(funnels.cost[0, 0])))
-    assert funnels.initial_area[0] == pytest.approx(np.pi * np.prod(semi_axes))
-    assert determinant(funnels.cost[0, 0]) == pytest.approx(np.linalg.det(full(funnels.cost[0, 0])))
-
-
-def test_signs_differ_and_mirror_images_agree():
-    item = minimum_jerk()
-    mirrored = replace(item, angle=-item.angle, angular_velocity=-item.angular_velocity)
-    hanging, mirror = exact_funnels(loops_of([item, mirrored], "hanging")).mean_area
-    assert hanging == pytest.approx(mirror, rel=1e-9)
-    assert abs(exact_funnels(loops_of([item], "inverted")).mean_area[0] / hanging - 1) > 0.05
-
-
-def test_dimensions_of_the_pendulum_scale():
-    """Mass, damping and 1/√R scaled together leave the dynamics, and so the basin, as they are."""
-    heavy = Weights(WEIGHTS.state, WEIGHTS.control / 9, WEIGHTS.terminal)
-    base = exact_funnels(loops_of([minimum_jerk()], "inverted"))
-    scaled = exact_funnels(regulate(pendulums_of([minimum_jerk(mass=99.0)], "inverted", damping=3.0), heavy))
-    assert scaled.mean_area == pytest.approx(base.mean_area, rel=1e-8)
-
-
-def test_one_hundred_pendulums_equal_one():
-    item = minimum_jerk()
-    one = exact_funnels(loops_of([item], "hanging", knots=101)).mean_area[0]
-    many = exact_funnels(loops_of([item] * 100, "hanging", knots=101)).mean_area
-    assert many == pytest.approx(np.full(100, one))
-
-
 def test_basin_of_many_turns_is_no_result():
     strong = Weights(WEIGHTS.state * 50, WEIGHTS.control / 1000, WEIGHTS.terminal)
     loops = regulate(pendulums_of([minimum_jerk(duration=8.0)], "hanging"), strong)
@@ -261,8 +181,3 @@ def test_upper_share_is_clopper_pearson():
     for exits in (0, 3, 250, 499, 500):
         expected = proportion_confint(exits, 500, method="beta")[1]
         assert upper_share(np.array(exits), 500) == pytest.approx(expected)
-
-
-def test_cost_to_go_decides_the_goal_set():
-    pendulums = pendulums_of([minimum_jerk()], "hanging")
-    assert cost_to_go(pendulums, WEIGHTS)[-1, 0] == pytest.approx(WEIGHTS.terminal)

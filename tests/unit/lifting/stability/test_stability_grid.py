@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from lifting_cases import minimum_jerk
 from test_stability_areas import SETTINGS, lift, states_and_facts
 
 from lumbar.base.errors import NumericalError
@@ -204,15 +203,6 @@ def test_one_lost_convention_leaves_the_others_their_areas(monkeypatch):
     assert len(found) == 6 * len(GRID) and len(lost) == 4
     assert set(lost["com"]) == {"pelvis"} and set(lost["mass"]) == {"with_box", "without_box"}
     assert lost["reason"].str.contains("out of reach").all()
-
-
-def test_nothing_moves_about_an_upright_that_stands_still():
-    """A movement that is none has the area of its null control."""
-    states, facts = states_and_facts(
-        [minimum_jerk(com=com, plane=plane, start=1e-9, end=0) for com in COMS for plane in PLANES]
-    )
-    found = grid_areas(LiftStates(states, facts), INVERTED).query("reason == ''")
-    assert found["mean_area"].to_numpy() == pytest.approx(found["null_area"].to_numpy(), rel=1e-7)
 
 
 def test_table_4_1_stands_beside_the_published_one(made, published):

@@ -68,18 +68,6 @@ def test_arc_certificates_lose_nothing(degree):
         assert found <= programme.rate(coefficients, "random") + 1e-6
 
 
-def test_case_maximum_against_a_dense_grid():
-    generator = np.random.default_rng(2)
-    circle = np.linspace(0, 2 * np.pi, 20_001)
-    z = np.stack([np.cos(circle), np.sin(circle)])
-    for _ in range(20):
-        coefficients, side = generator.normal(size=len(monomials(6))), generator.normal(size=3)
-        values = sum(c * z[0] ** i * z[1] ** j for c, (i, j) in zip(coefficients, monomials(6), strict=True))
-        within = side[0] + side[1] * z[0] + side[2] * z[1] >= 0
-        if within.any() and not within.all():
-            assert case_maximum(Case(coefficients, side), 5) == pytest.approx(values[within].max(), abs=2e-3)
-
-
 @pytest.mark.parametrize("sign", SIGNS)
 @pytest.mark.parametrize(("kind", "box"), [("torque", True), ("mass", False), ("both", True)])
 def test_certified_area_is_the_exact_one(kind, sign, box):
@@ -93,13 +81,6 @@ def test_certified_area_is_the_exact_one(kind, sign, box):
     disturbance = disturbance_of(loops, saturation, 500, [2])
     assert monte_carlo_check(loops, exact.exact, 500, [1], disturbance).exits[0] == 0
     assert monte_carlo_check(loops, exact.negative_control, 500, [1], disturbance).exits[0] > 0
-
-
-def test_certified_area_converges_to_the_exact_one():
-    loops, saturation = limited("hanging", "torque", knots=321)
-    exact = saturated_funnels(loops, GOAL, saturation).exact.mean_area
-    errors = [abs(certify(loops, saturation, 5, knots)[0].mean_area / exact - 1)[0] for knots in (21, 81)]
-    assert errors[1] < 0.2 * errors[0] and errors[1] < 2e-4
 
 
 @pytest.mark.parametrize("saturation", [Saturation(5.0), Saturation(mass_share=0.5)])

@@ -7,7 +7,6 @@ import pytest
 from lifting_cases import WEIGHTS, minimum_jerk, pendulums_of
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.exact_funnel import boundary_growth, even_knots
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
@@ -59,43 +58,6 @@ def test_certified_rate_is_the_maximum_on_the_circle(degree, terms, maximum):
     rate, _ = Certificate(degree).solve(coefficients, "test")
     assert rate == pytest.approx(circle_maximum(coefficients, degree + 1), abs=1e-6)
     assert rate == pytest.approx(maximum, abs=1e-6)
-
-
-def test_maps_are_polynomial_identities():
-    generator = np.random.default_rng(3)
-    z1, z2 = generator.normal(size=2)
-    for degree in (3, 5):
-        values = np.array([z1**i * z2**j for i, j in monomials(degree + 1)])
-        basis = np.array([z1**i * z2**j for i, j in monomials((degree + 1) // 2)])
-        gram = generator.normal(size=(len(basis), len(basis)))
-        gram = gram + gram.T
-        upper = [(row, column) for column in range(len(basis)) for row in range(column + 1)]
-        scaled = [gram[row, column] * (1 if row == column else np.sqrt(2)) for row, column in upper]
-        assert values @ gram_map(degree) @ scaled == pytest.approx(basis @ gram @ basis)
-        multiplier = generator.normal(size=len(monomials(degree - 1)))
-        ring = sum(c * z1**i * z2**j for c, (i, j) in zip(multiplier, monomials(degree - 1), strict=True))
-        assert values @ circle_map(degree) @ multiplier == pytest.approx(ring * (1 - z1**2 - z2**2))
-
-
-@pytest.mark.parametrize("degree", [3, 5])
-def test_taylor_polynomial_approaches_the_sine(loops, degree):
-    """The error of the maximum falls with ρ like the first term of the series left out."""
-    form = loops.form(0)
-    errors = []
-    for level in (0.04, 0.01):
-        levels = np.full(2, level)
-        taylor = circle_maximum(growth_polynomial(form, levels, degree), degree + 1)
-        errors.append(np.abs(taylor - boundary_growth(form, levels)).max())
-    assert errors[0] < 0.05
-    # ρ is four times smaller: the term of order d + 1 in e, times z2/√ρ, falls by 2^d at least.
-    assert errors[1] < errors[0] / 2 ** (degree - 0.5) + 1e-7
-
-
-def test_even_knots():
-    assert even_knots(1000, 50).tolist() == list(range(0, 1000, 27))
-    assert even_knots(101, 51).tolist() == list(range(0, 101, 2))
-    assert even_knots(51, 2).tolist() == [0, 50]
-    assert len(even_knots(60, 50)) == 60
 
 
 def test_status_other_than_solved_is_no_result():
@@ -193,10 +155,3 @@ def test_half_a_milliradian_decides_where_the_level_jumps():
     assert np.ptp(first) < 0.002 * first.min()
     assert (second[4:] > 1.01 * first[4:]).all()
     np.testing.assert_array_equal(second[:4], first[:4])
-
-
-def test_steady_level_with_frozen_rate_meets_the_condition_of_step_one():
-    """With one alternation over a linear loop no decrease is needed: ρ̇ = 0 is above every V̇."""
-    loops = regulate(pendulums_of([minimum_jerk()], "hanging", gravity=0.0), WEIGHTS)
-    result = alternate(loops, knots=5, initial_level=2.0, ratio=0.5, alternations=1)
-    assert (result.funnels.level >= 2.0 - 1e-6).all()

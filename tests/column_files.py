@@ -11,7 +11,7 @@ def write_columns(path, decimals: str = "%.17g", **columns) -> None:
 
 def write_records(folder, records, decimals: str = "%.17g"):
     """Write each record of position and force as a file of its name; the folder."""
-    folder.mkdir(exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for record in records:
         values = {"time_s": record.time, "position_mm": record["input"], "force_N": record["output"]}
         write_columns(folder / f"{record.name}.csv", decimals, **values)
