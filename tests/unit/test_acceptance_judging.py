@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 import acceptance_run
-from acceptance_page import write_section
-from answers import Answer, ask, surprise
+from answers import Answer, surprise
 from hidden_effects_cases import diagnosis
-from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
 
 TESTS = Path(__file__).resolve().parents[1]
@@ -160,29 +158,6 @@ def test_an_answer_that_is_not_as_recorded_is_told(judgement, recorded, words):
     assert words in told
 
 
-def test_an_error_is_an_answer():
-    def refusing():
-        raise InputError("clipped:\n  line 2")
-
-    def crashing():
-        return 1 / 0
-
-    assert ask(refusing).refusal == "clipped: line 2"
-    assert ask(crashing).crash.startswith("ZeroDivisionError at test_acceptance_judging.py:")
-
-
-def test_a_section_of_the_page_is_replaced(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("before\n<!-- one -->\nold \\1\n<!-- end of one -->\nafter\n", encoding="utf-8")
-    write_section(page, "one", ["| new \\1 |"])
-    write_section(page, "one", ["| newer \\1 |"])
-    assert page.read_text(encoding="utf-8") == (
-        "before\n<!-- one -->\n\n| newer \\1 |\n\n<!-- end of one -->\nafter\n"
-    )
-    with pytest.raises(ValueError, match="no section"):
-        write_section(page, "two", [])
-
-
 def started(monkeypatch, folder: Path, *options: str) -> acceptance_run.AcceptanceRun:
     (folder / "records").mkdir(exist_ok=True)
     monkeypatch.setattr(acceptance_run, "SHARED", folder)
@@ -199,13 +174,3 @@ def test_a_run_keeps_every_answer_and_fails_where_one_is_not_as_recorded(monkeyp
     assert "two was right, and is crash now" in capsys.readouterr().out
     kept = json.loads((tmp_path / "answers.json").read_text())
     assert {name: item["judgement"] for name, item in kept.items()} == {"one": "flagged", "two": "crash"}
-
-
-def test_a_run_asks_only_what_is_wanted(monkeypatch, tmp_path):
-    cases = dict.fromkeys(("a00", "a01", "b00"))
-    assert list(started(monkeypatch, tmp_path).wanted(cases)) == list(cases)
-    assert list(started(monkeypatch, tmp_path, "--only", "b,a01").wanted(cases)) == ["a01", "b00"]
-    with pytest.raises(SystemExit, match="no such case; there are a00, a01, b00"):
-        started(monkeypatch, tmp_path, "--only", "c").wanted(cases)
-    with pytest.raises(SystemExit):
-        started(monkeypatch, tmp_path, "--only", "a", "--markdown", "page.md")

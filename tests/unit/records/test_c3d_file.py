@@ -61,11 +61,6 @@ def test_same_recording_in_every_encoding(shared):
     assert np.isnan(first[..., 0]).mean() == pytest.approx(0.0193, abs=1e-4)
 
 
-def test_float_encoding_against_its_own_bytes(shared):
-    path = shared / "real" / "c3d_edge" / "02_intel_float.c3d"
-    np.testing.assert_allclose(stacked(read_c3d(path)), decode(path, 10 * 512, 450, 26, 64), rtol=1e-6)
-
-
 def test_parameter_section_in_another_block(shared):
     edge = shared / "real" / "c3d_edge"
     moved, usual = read_c3d(edge / "09_param_block_variant_C.c3d"), read_c3d(edge / "01_intel_int.c3d")
@@ -185,36 +180,6 @@ def test_built_file(tmp_path, points, processor, scale, channels):
     assert (file.rate, file.unit, list(file.positions)) == (100.0, "mm", LABELS)
 
 
-def test_round_trip_with_ezc3d(tmp_path, points):
-    written = ezc3d.c3d()
-    written["parameters"]["POINT"]["RATE"]["value"] = [120.0]
-    written["parameters"]["POINT"]["LABELS"]["value"] = LABELS
-    written["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
-    quads = np.ones((4, 3, 40))
-    quads[:3] = points.transpose(2, 1, 0)
-    quads[:3, 1, 10:13] = np.nan
-    written["data"]["points"] = quads
-    written.write(str(tmp_path / "trial.c3d"))
-    recording = read_markers(tmp_path / "trial.c3d")
-    assert recording.rate == 120
-    np.testing.assert_allclose(recording["C7"], points[:, 0] / 1000, atol=1e-7)
-    assert np.flatnonzero(np.isnan(recording["SACR"][:, 0])).tolist() == [10, 11, 12]
-
-
-@pytest.mark.filterwarnings("ignore:No analog data:UserWarning")
-def test_round_trip_with_the_c3d_package(tmp_path, points):
-    writer = c3d.Writer(point_rate=50.0, analog_rate=0.0, point_scale=-1.0)
-    writer.set_point_labels(LABELS)
-    quads = np.zeros((40, 3, 5), np.float32)
-    quads[..., :3] = points
-    writer.add_frames([(frame, np.zeros((0, 1), np.float32)) for frame in quads])
-    with (tmp_path / "trial.c3d").open("wb") as stream:
-        writer.write(stream)
-    file = read_c3d(tmp_path / "trial.c3d")
-    assert file.rate == 50
-    np.testing.assert_allclose(stacked(file), points, atol=1e-4)
-
-
 def test_clock_starts_at_the_systems_first_frame(tmp_path, points):
     file = read_c3d(write(tmp_path, build_c3d(points, LABELS, first_frame=705, rate=200.0)))
     np.testing.assert_allclose(file.time, (704 + np.arange(40)) / 200, rtol=0, atol=1e-12)
@@ -289,17 +254,12 @@ def test_points_without_or_with_equal_labels_are_said(tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"replace": {"POINT:USED": [4]}}, "number of points: 3 in the header, 4 in POINT:USED"),
         ({"replace": {"POINT:RATE": [50.0]}}, "rate: 100 in the header, 50 in POINT:RATE"),
         ({"replace": {"POINT:DATA_START": [9]}}, "data block"),
-        ({"replace": {"ANALOG:USED": [3]}}, "analog samples per frame: 0 in the header, 3 in"),
         (
             {"extra": {"POINT:LONG_FRAMES": [42.0]}},
             "40 in the header, 40 in POINT:FRAMES, 42 in POINT:LONG_FRAMES",
         ),
-        ({"replace": {"POINT:FRAMES": [38]}}, "40 in the header, 38 in POINT:FRAMES"),
-        ({"scale": 0.05, "replace": {"POINT:SCALE": [0.04]}}, "scale factor: 0.05 in the header, 0.04 in"),
-        ({"omit": ["POINT:LABELS"]}, "POINT:LABELS: missing"),
         ({"rate": 0.0}, "both must be positive"),
         ({"rate": np.nan}, "POINT:RATE: [nan]; finite numbers must stand there"),
         ({"extra": {"POINT:FRAMES": ["many"]}}, "POINT:FRAMES: ['many']; finite numbers must stand there"),
@@ -307,6 +267,7 @@ def test_points_without_or_with_equal_labels_are_said(tmp_path):
     ],
 )
 def test_contradictions_are_refused(tmp_path, points, change, said):
+    """Beside those of the page of messages."""
     with pytest.raises(InputError) as caught:
         read_c3d(write(tmp_path, build_c3d(points, LABELS, **change)))
     assert said in str(caught.value)
@@ -485,21 +446,3 @@ def test_events_of_a_recording(shared):
     np.testing.assert_allclose([item[0] for item in found], [item[0] for item in expected])
     # On the recording's clock: the last foot strike is in it.
     assert recording.time[0] <= found[0][0] < found[-1][0] <= recording.time[-1]
-
-
-@pytest.mark.statistical
-def test_corrupt_bytes_end_in_a_recording_or_an_input_error(tmp_path, points):
-    """One corrupt byte anywhere before the data, one file for each of many."""
-    content = build_c3d(points, LABELS, analog=np.zeros((40, 4)), analog_per_frame=2)
-    generator = np.random.default_rng(11)
-    outcomes = set()
-    for trial in range(150):
-        corrupt = bytearray(content)
-        corrupt[int(generator.integers(0, 1024))] = int(generator.integers(256))
-        path = write(tmp_path, bytes(corrupt), f"{trial}.c3d")
-        try:
-            read_c3d(path)
-            outcomes.add("read")
-        except InputError:
-            outcomes.add("refused")
-    assert outcomes == {"read", "refused"}

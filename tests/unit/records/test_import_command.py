@@ -226,27 +226,6 @@ def test_the_damper_and_the_tool_come_out_as_their_studies_read_them(shared, pro
             np.testing.assert_allclose(imported.record[role], by_hand[role] * factor, rtol=1e-7)
 
 
-def test_foreign_files_that_say_too_little(shared):
-    real = shared / "real"
-    with pytest.raises(InputError, match=r"\[ms\], whose steps of 0.001 ms are 1e\+06 Hz"):
-        lumbar.import_recordings(real / "davinci_tool_friction/Tool_4_Maryland_L_4_03.TXT.gz")
-    told = {"position": "qm", "position_unit": "m", "force": "vir", "force_unit": "35.15 N/V"}
-    with pytest.raises(InputError, match="no column says that it is position"):
-        lumbar.import_recordings(real / "positioning_axis/DATA_EMPS.mat")
-    [axis] = lumbar.import_recordings(real / "positioning_axis/DATA_EMPS.mat", **told)
-    assert axis.record["output"].max() == pytest.approx(145.47, abs=0.01)
-    drive = {"position": "u1", "force": "z1", "position_unit": "V", "force_unit": "V", "rate": 50}
-    [drives] = lumbar.import_recordings(real / "coupled_drives/drive.mat", **drive)
-    assert list(drives.frame()) == ["time_s", "position_V", "force_V"]
-
-
-def test_the_bouc_wen_benchmark_states_its_rate(shared):
-    pytest.importorskip("h5py")
-    told = {"position": "multisine/y", "force": "multisine/u", "position_unit": "m", "force_unit": "N"}
-    [oscillator] = lumbar.import_recordings(shared / "real/bouc_wen/train.h5", **told)
-    assert 1 / oscillator.record.sampling_time == pytest.approx(750)
-
-
 def test_a_study_reads_a_part_of_a_record(sources, tmp_path, project, run):
     """``trim_s`` of a record reaches both the check of the recordings and their reading."""
     assert run("import", sources / "labview.lvm", "--output", tmp_path / "records")[0] == 0

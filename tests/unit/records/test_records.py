@@ -182,11 +182,6 @@ def test_a_file_that_is_laid_out_otherwise_is_led_to_its_import(tmp_path, text):
     assert shlex.split(command.partition("lumbar import ")[2])[0] == str(file)
 
 
-def test_a_file_that_is_absent(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
-        read_record(tmp_path / "absent.csv", LAYOUT)
-
-
 def record_of(time, *channels, name="r") -> Record:
     named = zip(("input", "output"), channels, strict=False)
     return Record(name, np.asarray(time), {role: Channel(np.asarray(v), role, "mm") for role, v in named})
@@ -282,40 +277,6 @@ def test_a_record_too_short_for_the_filter_is_refused():
         InputError, match=r"2 s are too short to be resampled to 10 Hz: 10 samples are left out"
     ):
         resample(record, 10.0)
-
-
-def test_real_recordings_are_read(shared):
-    layout = from_plain(
-        ColumnLayout,
-        {
-            "delimiter": ",",
-            "header": False,
-            "comment": "%",
-            "columns": {
-                "time": {"column": 1, "unit": "s"},
-                "input": {"column": 2, "quantity": "angle", "unit": "rad", "scale": 2 * np.pi / 8192},
-                "output": {"column": 3, "quantity": "moment", "unit": "N·m", "scale": 3.9811e-5},
-            },
-        },
-    )
-    record = read_record(
-        shared / "real/davinci_tool_friction/Tool_4_Maryland_L_4_03.TXT.gz", layout, rate=200
-    )
-    assert record.sampling_time == pytest.approx(0.005, rel=1e-3)
-    assert record.duration == pytest.approx(20, rel=0.1)
-    damper = from_plain(
-        ColumnLayout,
-        {
-            "columns": {
-                "time": {"column": "time_s", "unit": "s"},
-                "input": {"column": "disp_in", "unit": "mm", "scale": 25.4},
-                "output": {"column": "force_kip", "unit": "kN", "scale": 4.4482216},
-            }
-        },
-    )
-    record = read_record(shared / "real/friction_damper/ds2_1Hz30lbtension1amplitude.csv.gz", damper)
-    assert 1 / record.sampling_time == pytest.approx(1024, rel=1e-3)
-    assert np.ptp(record["input"]) == pytest.approx(2 * 25.4, rel=0.1)
 
 
 def test_a_part_is_read_and_the_rest_not_even_checked(tmp_path, values):

@@ -7,20 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from column_files import write_columns
 from periodic_records import multisine, noise, record, relaxing_force
 from scipy.io import savemat
 
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.records.checking import check_recordings
-from lumbar.records.text_rows import number
 from lumbar.records.unpacking import read_readable
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, columns
-from lumbar.settings.plain import plain
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.survey import SurveySettings
 
 LAYOUT = {
     "columns": {
@@ -89,25 +85,6 @@ def test_a_rate_that_cannot_be_reached_is_found_here(tmp_path):
         check_recordings([planned(written(tmp_path, "a.csv"), rate_Hz=0.01)])
 
 
-def test_answers_and_markers_have_readers_of_their_own(tmp_path, project):
-    layout = plain(SurveySettings().layout)
-    path = project / "resources" / "survey" / "survey_reconstructed.csv"
-    entry = {"chapter": "survey", "reader": "ratings", "path": str(path), "layout": layout}
-    described = check_recordings([entry])["survey"][0]
-    assert described["participants"] == 45
-    assert described["sources"] == ["reconstructed_not_real"]
-    broken = tmp_path / "broken.c3d"
-    broken.write_bytes(b"")
-    markers = {
-        "chapter": "lifting",
-        "reader": "markers",
-        "path": str(broken),
-        "layout": {"aliases": {"C7": ["C7"]}},
-    }
-    with pytest.raises(InputError, match=r"broken\.c3d"):
-        check_recordings([markers])
-
-
 ONE_EFFECT = StudySettings(improvement=ImprovementSettings(most_effects=1))
 
 
@@ -147,15 +124,6 @@ def test_fifty_samples_are_too_few_at_any_rate(step):
     position = np.cumsum(noise(50, 5))
     with pytest.raises(InputError, match=r"50 samples are too few.*48 follow.*record longer or faster"):
         lumbar.diagnose([_at(record(position, relaxing_force(position)), step)])
-
-
-def test_values_that_are_all_equal_are_refused(tmp_path):
-    time = np.arange(300) * 0.01
-    for name, cells in (("position", (0 * time, time)), ("force", (np.sin(time), 0 * time))):
-        path = tmp_path / f"{name}.csv"
-        write_columns(path, time_s=time, position_mm=cells[0], force_N=cells[1])
-        with pytest.raises(InputError, match="constant"):
-            lumbar.read(path)
 
 
 def _at(test, step):
@@ -201,11 +169,6 @@ def test_cells_that_no_recording_holds(tmp_path, cell, said, name):
     assert len(str(caught.value)) < 1000
 
 
-def test_packed_files_read_as_before(tmp_path):
-    plain, packed = lumbar.read(write(tmp_path)), lumbar.read(write(tmp_path, name="record.csv.gz"))
-    np.testing.assert_array_equal(plain["record"]["output"], packed["record"]["output"])
-
-
 def test_large_packed_file_is_read_as_a_plain_table(tmp_path):
     rows = "".join(f"{n / 1000:.3f},{n % 7},{n % 5}\n" for n in range(500_000))
     path = tmp_path / "long.csv.gz"
@@ -234,11 +197,6 @@ def test_packed_in_two_parts(tmp_path):
     path = tmp_path / "two.gz"
     path.write_bytes(gzip.compress(b"a" * 3_000_000) + gzip.compress(b"b") + b"\0" * 10)
     assert read_readable(path, Path.read_bytes) == b"a" * 3_000_000 + b"b"
-
-
-@pytest.mark.parametrize("text", ["1", "-1.5e3", " 2 ", "nan", ".5", "1e400"])
-def test_numbers(text):
-    np.testing.assert_equal(number(text), float(text))
 
 
 @pytest.mark.parametrize("reader", [lumbar.import_recordings, None])

@@ -102,10 +102,6 @@ def test_files_that_are_no_answers(tmp_path, content, message):
     assert message in message_of(path)
 
 
-def test_an_absent_file(tmp_path):
-    assert "no such file" in message_of(tmp_path / "absent.csv")
-
-
 def test_contradictory_layouts(tmp_path):
     path = written(tmp_path, *GOOD)
     twice = replace(LAYOUT, models=LAYOUT.models[:1] * 3)
@@ -130,10 +126,3 @@ def test_other_scales_delimiters_and_fewer_questions(tmp_path):
     ratings = read_ratings(path, layout)
     assert ratings.scores.tolist() == [[7, 1], [6, 2]]
     assert ratings.groups == {}
-
-
-def test_a_large_sheet_with_many_wrong_cells(tmp_path):
-    lines = [f"p{number},1,2,{number % 7},KB,1,<5" for number in range(5000)]
-    message = message_of(written(tmp_path, *lines))
-    wrong = sum(number % 7 in (0, 6) for number in range(5000))
-    assert f"{wrong} problems" in message

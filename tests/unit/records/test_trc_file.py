@@ -113,26 +113,6 @@ def test_a_lost_column_does_not_shift_all_rows(tmp_path):
         read_trc(trc(tmp_path, rows))
 
 
-def test_a_lost_cell_in_real_files(shared, tmp_path):
-    """Anywhere in the row: never another coordinate without a word."""
-    generator = np.random.default_rng(8)
-    for path in sorted((shared / "real" / "lifting").glob("*/*.trc")):
-        lines = path.read_text(encoding="cp1252").splitlines()
-        expected = read_trc(path)
-        for _ in range(4):
-            cells = lines[40].split("\t")
-            del cells[int(generator.integers(len(cells) - 1))]
-            broken = tmp_path / path.name
-            broken.write_text("\n".join([*lines[:40], "\t".join(cells), *lines[41:]]), encoding="cp1252")
-            try:
-                found = read_trc(broken)
-            except InputError as error:
-                assert "line 41: " in str(error)
-                continue
-            for label, points in found.positions.items():
-                np.testing.assert_array_equal(points, expected.positions[label])
-
-
 def test_clock_printed_with_two_digits(tmp_path):
     rows = regular_rows(300, rate=120.0, digits=2)
     file = read_trc(trc(tmp_path, rows, header={"DataRate": "120"}))
@@ -159,24 +139,17 @@ def changed(row, text):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"header": {"NumFrames": "40"}}, "NumFrames: 40; the file holds 12 frames; it may be cut short"),
         (
             {"header": {"NumMarkers": "3"}},
             "8 cells, as in most rows; 11 are needed for 3 markers (NumMarkers)",
         ),
         ({"header": {"NumMarkers": "1"}}, "NumMarkers: 1; line 4 names 2 markers"),
-        ({"header": {"NumMarkers": "4"}, "names": "\tC7\t\tSACR"}, "NumMarkers: 4; line 4 names 2 markers"),
-        ({"header": {"DataRate": "60"}}, "the rate is another, or frames are missing"),
         ({"header": {"DataRate": "0"}}, "DataRate: 0; a positive number is needed"),
         ({"header": {"DataRate": "inf"}}, "DataRate: inf; a positive number is needed, 0.001 to 1e+06"),
         ({"header": {"NumFrames": "1e999"}}, "NumFrames: 1e999; a positive number is needed"),
         ({"rows": changed(4, "6120\t17.54\t1_000\t2\t1450\t4\t-4\t1000")}, "line 11: could not convert"),
         ({"header": {"DataRate": "fast"}}, "DataRate: 'fast'; a number is needed"),
         ({"header": {"DataRate": "nan"}}, "DataRate: nan; a positive number is needed"),
-        (
-            {"rows": changed(4, "6120\t17.54\t4\t2\t1450\t4")},
-            "line 11: 6 cells; 8 are needed, as in the other rows",
-        ),
         (
             {"rows": [row + "\t3" for row in regular_rows(12)]},
             "line 7: 9 cells, as in most rows; 8 are needed",
@@ -192,6 +165,7 @@ def changed(row, text):
     ],
 )
 def test_files_that_are_refused(tmp_path, options, said):
+    """Beside those of the page of messages."""
     path = trc(tmp_path, **options)
     with pytest.raises(InputError) as caught:
         read_trc(path)

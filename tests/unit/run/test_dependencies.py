@@ -51,13 +51,6 @@ def test_everything_that_a_script_loads_is_declared(dependencies, project, tmp_p
     assert set(files) <= set(declared)
 
 
-def test_every_script_can_be_followed(dependencies, project):
-    for script in sorted((project / "workflow" / "scripts").glob("*.py")):
-        sources = dependencies.library_sources(script.name)
-        assert sources == sorted(set(sources))
-        assert all(Path(source).is_file() for source in sources)
-
-
 def test_no_import_statement_is_overlooked(dependencies, project):
     """Compare with the whole syntax tree of every file; a line of prose like an import may count too."""
     import ast

