@@ -30,24 +30,6 @@ def test_every_rule_of_the_sheet_is_planned_in_a_full_run(fresh, project):
     assert planned <= set(run.jobs)
 
 
-def test_sheet_names_each_artefact_of_the_thesis_once(project):
-    names = [row["id"] for row in artefacts(project)]
-    assert len(names) == len(set(names))
-    tables = {"table_2_1", "table_3_1", "table_3_2", "table_4_1"}
-    figures = {
-        "figure_1_1",
-        "figure_2_4",
-        "figure_3_1",
-        "figure_3_2",
-        "figure_3_4",
-        "figure_3_5",
-        "figure_4_1",
-        "figure_4_2",
-        "figure_4_3",
-    }
-    assert tables | figures | {"figure_4_4", "claims_list"} <= set(names)
-
-
 def test_sheet_follows_the_chapters_in_order(project):
     order = [CHAPTERS.index(row["chapter"]) for row in artefacts(project)]
     assert order == sorted(order)
