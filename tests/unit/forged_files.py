@@ -192,7 +192,8 @@ def _packed_again(content: bytes, generator: np.random.Generator) -> bytes:
     return new.getvalue()
 
 
-def _other_sound_files() -> dict[str, bytes]:
+def every_sound_file() -> dict[str, bytes]:
+    """Contents by name, of these kinds and of those of `fuzzed_files`."""
     time = np.arange(300) / 100
     columns = {"time_s": time, "position_mm": np.sin(time), "force_N": np.cos(time)}
     rows = [b"%.2f\t%.3f\t%.3f\n" % row for row in zip(*columns.values(), strict=True)]
@@ -202,10 +203,13 @@ def _other_sound_files() -> dict[str, bytes]:
             file.create_dataset(f"trial/{name}", data=values, chunks=(50,), compression="gzip")
 
     return {
+        **sound_files(),
         "sound.mat": _matlab(**columns),
         "packed.mat": _matlab(x0=1.0, **columns),
         "sound.h5": _hdf5(
-            lambda file: file.update({"time_s": np.arange(1000) / 100, "position_mm": np.ones(1000)})
+            lambda file: file.update(
+                {"time_s": np.arange(1000) / 100, "position_mm": np.sin(np.arange(1000))}
+            )
         ),
         "packed.h5": _hdf5(packed),
         "sound.xlsx": workbook(CELLS),
@@ -217,7 +221,7 @@ def _other_sound_files() -> dict[str, bytes]:
 def drawn(count: int, seed: int) -> Iterator[tuple[str, bytes]]:
     """Names and contents of files that are changed at random, every kind in turn."""
     generator = np.random.default_rng(seed)
-    sound = list({**sound_files(), **_other_sound_files()}.items())
+    sound = list(every_sound_file().items())
     for number in range(count):
         name, content = sound[number % len(sound)]
         if name.endswith(".xlsx"):

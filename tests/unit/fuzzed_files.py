@@ -1,29 +1,21 @@
-"""Broken files without end: sound ones of every kind, changed at random, each through the reader it is meant for."""
+"""Sound files of every kind, ways to change them at random, and the reader that each is meant for."""
 
 import gzip
 import re
-import resource
-import signal
-import time
-import warnings
-from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from c3d_builder import DEC, INTEL, MIPS, build_c3d
 
 import lumbar
-from lumbar.base.errors import InputError, Problems
+from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import read_yaml
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import MarkerLayout
 
-LONGEST_S = 10
-"""Of the processor's time: a busy machine makes no reader slow."""
 _LABELS = ["ann:C7", "ann:SACR", "ann:LTOE", "*4"]
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?")
 _WORDS = [
@@ -183,63 +175,6 @@ _CHANGES: list[Callable[[bytes, np.random.Generator, bool], bytes]] = [
     _removed,
     _repeated,
 ]
-
-
-@dataclass
-class Outcome:
-    """What became of many files, counted by ending."""
-
-    read: Counter = field(default_factory=Counter)
-    refused: Counter = field(default_factory=Counter)
-    failures: list[str] = field(default_factory=list)
-    """Files that raised another error than `InputError`, or took longer than `LONGEST_S`."""
-    longest_s: float = 0.0
-    largest_MB: float = 0.0
-    """Memory of the process at its largest."""
-
-
-def read_changed(folder: Path, count: int, seed: int) -> Outcome:
-    """Read `count` changed files; those that fail stay in `folder`."""
-    outcome = Outcome()
-    signal.signal(signal.SIGPROF, _too_long)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        for number, (name, content) in enumerate(_changed_files(count, seed)):
-            path = folder / f"{number}_{name}"
-            path.write_bytes(content)
-            start = time.process_time()
-            signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
-            try:
-                read_any(path)
-            except InputError as error:
-                outcome.refused[path.suffix] += 1
-                # A file is named by its path, a configuration by its key and line.
-                if str(path) not in str(error):
-                    outcome.failures.append(f"{path}: not named in {str(error)[:200]!r}")
-            except Exception as error:  # everything that is no InputError is a finding
-                outcome.failures.append(f"{path}: {type(error).__name__}: {str(error)[:200]}")
-                continue
-            else:
-                outcome.read[path.suffix] += 1
-            finally:
-                signal.setitimer(signal.ITIMER_PROF, 0)
-                outcome.longest_s = max(outcome.longest_s, time.process_time() - start)
-            path.unlink()
-    outcome.largest_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return outcome
-
-
-def _changed_files(count: int, seed: int) -> Iterator[tuple[str, bytes]]:
-    generator = np.random.default_rng(seed)
-    sound = list(sound_files().items())
-    for number in range(count):
-        name, content = sound[number % len(sound)]
-        binary = name.endswith((".c3d", ".gz"))
-        yield name, changed(content, generator, text=not binary)
-
-
-def _too_long(*_) -> None:
-    raise TimeoutError(f"more than {LONGEST_S} s")
 
 
 def read_any(path: Path):
