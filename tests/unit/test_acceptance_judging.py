@@ -34,64 +34,52 @@ def answer(*words, settled=False, findings=(), **keys) -> Answer:
 INCOMPLETE = {"complete": False, "after": "unexplained"}
 
 
+HELD, LATE = replace(FRICTION, fault="hold"), replace(FRICTION, fault="lag", allowed=("delay",))
+WEAK = replace(FRICTION, residual_over_noise=(0.2,))
+PAIR = replace(FRICTION, hidden=("coulomb_friction", "drift"))
+OUTSIDE = replace(FRICTION, family="i")
+TIE = replace(FRICTION, kind="tie")
+ORDER = replace(LINEAR, family="f", allowed=("second_relaxation",))
+
+
+def named(*effects, **more) -> Answer:
+    return answer("named", effects, **more)
+
+
+def tied(**more) -> Answer:
+    return answer("tied", ["hysteresis"], ["coulomb_friction"], **more)
+
+
 @pytest.mark.parametrize(
     ("label", "given", "judgement"),
     [
-        (FRICTION, answer("named", ["coulomb_friction"]), "right"),
-        (FRICTION, answer("named", ["hysteresis"]), "WRONG"),
-        (FRICTION, answer("named", ["coulomb_friction", "drift"], **INCOMPLETE), "WRONG"),
-        (FRICTION, answer("tied", ["hysteresis"], ["coulomb_friction"]), "tied"),
+        (FRICTION, named("coulomb_friction"), "right"),
+        (FRICTION, named("hysteresis"), "WRONG"),
+        (FRICTION, named("coulomb_friction", "drift", **INCOMPLETE), "WRONG"),
+        (FRICTION, tied(), "tied"),
         (FRICTION, answer("adequate"), "WRONG"),
-        (replace(FRICTION, residual_over_noise=(0.2,)), answer("adequate"), "flagged"),
+        (WEAK, answer("adequate"), "flagged"),
         (FRICTION, answer("unexplained", ["drift"]), "flagged"),
         (FRICTION, Answer(refusal="clipped"), "refused"),
         (FRICTION, Answer(crash="ZeroDivisionError"), "crash"),
-        (replace(FRICTION, fault="hold"), answer("named", ["coulomb_friction"]), "part"),
-        (
-            replace(FRICTION, fault="hold"),
-            answer("named", ["coulomb_friction"], findings=["held_samples"]),
-            "right",
-        ),
-        (
-            replace(FRICTION, fault="lag", allowed=("delay",)),
-            answer("named", ["coulomb_friction", "delay"]),
-            "right",
-        ),
-        (replace(FRICTION, hidden=("coulomb_friction", "drift")), answer("named", ["drift"]), "WRONG"),
-        (
-            replace(FRICTION, hidden=("coulomb_friction", "drift")),
-            answer("named", ["drift"], **INCOMPLETE),
-            "flagged",
-        ),
-        (
-            replace(FRICTION, family="b", hidden=("coulomb_friction", "drift")),
-            answer("named", ["drift"], **INCOMPLETE),
-            "right",
-        ),
-        (replace(FRICTION, family="i"), answer("named", ["coulomb_friction"]), "WRONG"),
-        (replace(FRICTION, family="i"), answer("unexplained", **INCOMPLETE), "part"),
-        (
-            replace(FRICTION, family="i"),
-            answer("unexplained", findings=["proposed_law"], **INCOMPLETE),
-            "right",
-        ),
-        (
-            replace(FRICTION, kind="tie"),
-            answer("tied", ["hysteresis"], ["coulomb_friction"], settled=True),
-            "right",
-        ),
-        (replace(FRICTION, kind="tie"), answer("tied", ["hysteresis"], ["coulomb_friction"]), "part"),
-        (replace(FRICTION, kind="tie"), answer("named", ["hysteresis"]), "WRONG"),
+        (HELD, named("coulomb_friction"), "part"),
+        (HELD, named("coulomb_friction", findings=["held_samples"]), "right"),
+        (LATE, named("coulomb_friction", "delay"), "right"),
+        (PAIR, named("drift"), "WRONG"),
+        (PAIR, named("drift", **INCOMPLETE), "flagged"),
+        (replace(PAIR, family="b"), named("drift", **INCOMPLETE), "right"),
+        (OUTSIDE, named("coulomb_friction"), "WRONG"),
+        (OUTSIDE, answer("unexplained", **INCOMPLETE), "part"),
+        (OUTSIDE, answer("unexplained", findings=["proposed_law"], **INCOMPLETE), "right"),
+        (TIE, tied(settled=True), "right"),
+        (TIE, tied(), "part"),
+        (TIE, named("hysteresis"), "WRONG"),
         (LINEAR, answer("adequate"), "right"),
         (LINEAR, answer("unexplained"), "flagged"),
-        (LINEAR, answer("named", ["drift"]), "WRONG"),
-        (replace(LINEAR, tag="palpation"), answer("named", ["contact_loss"]), "right"),
-        (replace(LINEAR, family="f", allowed=("second_relaxation",)), answer("adequate"), "WRONG"),
-        (
-            replace(LINEAR, family="f", allowed=("second_relaxation",)),
-            answer("unexplained", findings=["higher_order_linear"]),
-            "right",
-        ),
+        (LINEAR, named("drift"), "WRONG"),
+        (replace(LINEAR, tag="palpation"), named("contact_loss"), "right"),
+        (ORDER, answer("adequate"), "WRONG"),
+        (ORDER, answer("unexplained", findings=["higher_order_linear"]), "right"),
     ],
 )
 def test_labelled_cases_are_judged_by_their_table(label, given, judgement):
