@@ -11,7 +11,12 @@ VERBS = {name: getattr(lumbar, name) for name in lumbar.__all__}
 MODULES = sorted({verb.__module__ for verb in VERBS.values()} | {"lumbar.interface.verb"})
 
 
-@pytest.mark.parametrize("name", MODULES)
+SLOW = {f"lumbar.interface.{name}" for name in ("doctor", "device", "device_identification", "pushing")}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.nightly] * (name in SLOW)) for name in MODULES]
+)
 def test_examples_give_what_they_show(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     __import__(name)

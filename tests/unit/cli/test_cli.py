@@ -8,9 +8,9 @@ from html import unescape
 import numpy as np
 import pytest
 import yaml
-from column_files import write_columns
 from pendulum_experiments import make_pendulum_experiment
 
+from column_files import write_columns
 from lumbar.cli.command import COMMANDS
 from running import python
 
@@ -22,7 +22,7 @@ def tissue(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("tests")
     random = np.random.default_rng(3)
-    for name, seconds in (("long", 40), ("short", 12)):
+    for name, seconds in (("long", 20), ("short", 10)):
         time = np.arange(seconds * 100) / 100
         position = np.cumsum(random.normal(size=len(time)))
         position = lfilter(*_low_pass(), position - position.mean())
@@ -70,7 +70,7 @@ def test_check_describes_every_file_of_a_folder(run, tissue):
     assert out.splitlines() == [
         f"tissue: {name}.csv: {samples} samples, 100 Hz, {samples // 100} s; "
         "input: position in mm, output: force in N"
-        for name, samples in (("long", 4000), ("short", 1200))
+        for name, samples in (("long", 2000), ("short", 1000))
     ]
 
 

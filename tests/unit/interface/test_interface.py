@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from column_files import write_records
 from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
+from column_files import write_records
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.verb import data_label
@@ -25,7 +25,7 @@ from running import python
 def folder(tmp_path_factory):
     """Write tests of a tissue with dry friction: a periodic record and two others."""
     records = []
-    for name, periods, seed in (("multisine", 8, 1), ("noise", 3, 2), ("other", 3, 3)):
+    for name, periods, seed in (("multisine", 4, 1), ("noise", 3, 2), ("other", 2, 3)):
         z = 0.4 * multisine(periods, 500, range(1, 20), seed)
         speed = np.gradient(z, 0.01)
         force = relaxing_force(z) + 0.6 * np.tanh(speed / 0.3) + 0.02 * noise(len(z), seed)
@@ -68,7 +68,7 @@ def test_records_are_found_by_name_and_number(records):
     assert records["noise"] is records[1]
     assert len(records[:2]) == 2
     assert repr(records).splitlines()[1] == (
-        "  multisine: 4000 samples at 100 Hz, 40 s; position (mm), force (N)"
+        "  multisine: 2000 samples at 100 Hz, 20 s; position (mm), force (N)"
     )
     assert "<td>multisine</td>" in records._repr_html_()
     with pytest.raises(InputError, match="no record 'chirp'; there are multisine, noise, other"):

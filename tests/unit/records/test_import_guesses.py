@@ -41,6 +41,14 @@ def refusal(tmp_path, text, **told) -> str:
         ("°", "angle", np.pi / 180),
         ("msec", "time", 1e-3),
         ("V", "reading", 1.0),
+        ("mm/s", "velocity", 1.0),
+        ("[m/s]", "velocity", 1e3),
+        ("mm/min", "velocity", 1 / 60),
+        ("in/sec", "velocity", 25.4),
+        ("mm s^-1", "velocity", 1.0),
+        ("m·s⁻¹", "velocity", 1e3),
+        ("deg/s", "angular velocity", np.pi / 180),
+        ("rpm", "angular velocity", 2 * np.pi / 60),
     ],
 )
 def test_units_are_known(spelling, quantity, factor):

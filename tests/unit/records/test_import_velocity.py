@@ -23,24 +23,6 @@ def imported(tmp_path, head, columns=(TIME, VELOCITY, FORCE), **told):
     return recording
 
 
-@pytest.mark.parametrize(
-    ("spelling", "factor", "target"),
-    [
-        ("mm/s", 1.0, "mm/s"),
-        ("[m/s]", 1e3, "mm/s"),
-        ("mm/min", 1 / 60, "mm/s"),
-        ("in/sec", 25.4, "mm/s"),
-        ("mm s^-1", 1.0, "mm/s"),
-        ("m·s⁻¹", 1e3, "mm/s"),
-        ("deg/s", np.pi / 180, "rad/s"),
-        ("rpm", 2 * np.pi / 60, "rad/s"),
-    ],
-)
-def test_units_of_velocity(spelling, factor, target):
-    unit = find_unit(spelling)
-    assert (unit.target, unit.factor) == (target, pytest.approx(factor, rel=1e-12))
-
-
 @pytest.mark.parametrize("cell", ["speed [mm/s]", "speed mm/s", "speed/mm/s", "speed_mm_s", "speed_mm_per_s"])
 def test_a_velocity_in_a_header_is_no_time(cell):
     name, unit = name_and_unit(cell)

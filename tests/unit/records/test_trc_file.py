@@ -8,14 +8,24 @@ from lumbar.records.markers import read_markers
 from lumbar.records.trc_file import read_trc
 
 
-def trc(tmp_path, rows=None, *, names="C7\t\t\tSACR\t\t\t", header=None, first="Frame#\tTime\t", axes=True):
-    """Write a TRC file of two markers; `rows` are the data lines."""
+def trc(
+    tmp_path,
+    rows=None,
+    *,
+    names="C7\t\t\tSACR\t\t\t",
+    header=None,
+    first="Frame#\tTime\t",
+    axes=True,
+    tabs="\t",
+    between="\t",
+):
+    """Write a TRC file of two markers; `rows` are the data lines, `between` parts the keys, `tabs` all else."""
     rows = rows if rows is not None else regular_rows(12)
     keys = {"DataRate": "100.00", "CameraRate": "100.00", "NumFrames": str(len(rows)), "NumMarkers": "2"}
     keys |= {"Units": "mm", **(header or {})}
     lines = [
         "PathFileType\t4\t(X/Y/Z)\tC:\\lift.trc",
-        "\t".join(keys),
+        between.join(keys),
         "\t".join(keys.values()),
         first + names,
         "\t\tX1\tY1\tZ1\tX2\tY2\tZ2" if axes else "",
@@ -23,7 +33,7 @@ def trc(tmp_path, rows=None, *, names="C7\t\t\tSACR\t\t\t", header=None, first="
         *rows,
     ]
     path = tmp_path / "lift.trc"
-    path.write_bytes("\r\n".join(lines).encode("cp1252"))
+    path.write_bytes("\r\n".join(lines).replace("\t", tabs).encode("cp1252"))
     return path
 
 
@@ -51,6 +61,8 @@ def test_values_clock_and_unit(tmp_path):
         {"names": "\tC7\t\tSACR\t\t"},
         {"first": "Frame#\tTimes\t"},
         {"axes": False},
+        {"tabs": ","},
+        {"between": "\t\t"},
         {"rows": ["\t" + row for row in regular_rows(12)]},
         {"rows": [row + "\t\t" for row in regular_rows(12)]},
         {"rows": ["", *regular_rows(12), "", ""], "header": {"NumFrames": "12"}},
@@ -63,22 +75,6 @@ def test_irregular_files_read_alike(tmp_path, irregular):
     assert list(file.positions) == ["C7", "SACR"]
     for label, values in expected.positions.items():
         np.testing.assert_array_equal(file.positions[label], values)
-
-
-def test_commas_instead_of_tabs(tmp_path):
-    expected = read_trc(trc(tmp_path))
-    path = tmp_path / "commas.trc"
-    path.write_text((tmp_path / "lift.trc").read_text().replace("\t", ","))
-    file = read_trc(path)
-    np.testing.assert_array_equal(file.positions["SACR"], expected.positions["SACR"])
-
-
-def test_doubled_tabs_between_the_keys(tmp_path):
-    path = trc(tmp_path)
-    lines = path.read_text().splitlines()
-    lines[1] = lines[1].replace("\t", "\t\t")
-    path.write_text("\n".join(lines))
-    assert read_trc(path).rate == 100
 
 
 @pytest.mark.parametrize("names", ["C7\t\t\tSACR\t\t\t", "C7\t\t\tSACR", "C7\t\t\t\t\t\tSACR\t\t\t"])

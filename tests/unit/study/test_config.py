@@ -447,7 +447,7 @@ def test_content_and_lines(tmp_path):
         (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 2 and 3: key 'b.c' stands twice"),
         (b"a: {b: 1, b: 2}\n", "a.yaml, lines 1 and 1: key 'a.b' stands twice"),
         (b"- 1\n", "a.yaml: no mapping"),
-        (b"a: " + b"[" * 300 + b"]" * 300, "a.yaml: nested too deep"),
+        (b"a: " + b"[" * 1000 + b"]" * 1000, "a.yaml: nested too deep"),
         (
             b"b: 1\na: " + b"9" * 200,
             "a.yaml, line 2: a: a number of 200 digits; numbers have at most 100 digits",

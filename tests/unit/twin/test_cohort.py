@@ -98,21 +98,6 @@ def test_people_are_drawn_as_declared(cohort):
     assert person.declared.mass_kg == pytest.approx(person.truth.mass_kg, abs=0.05)
 
 
-def test_lifts_scatter_as_declared_about_their_person(cohort):
-    person = draw_person(cohort, "novice_0001", "novice", SEED)
-    mean, between, within = cohort.groups["novice"].lift_flexion_deg
-    drawn = [draw_lift(cohort, person, 15.0, f"{trial}", SEED).lift_flexion_deg for trial in range(1, 401)]
-    left = stats.truncnorm(-FARTHEST_SD, FARTHEST_SD).std()
-    assert np.std(drawn) == pytest.approx(left * within, rel=0.12)
-    assert np.mean(drawn) == pytest.approx(person.habits["lift_flexion_deg"], abs=3.5 * within / 20)
-    assert abs(person.habits["lift_flexion_deg"] - mean) <= FARTHEST_SD * between
-    light, heavy = (
-        draw_lift(replace(cohort, slower_per_kg=share), person, 23.0, "a", SEED).events_s
-        for share in (0, 0.01)
-    )
-    assert heavy.release == pytest.approx(1.08 * light.release, abs=0.002)
-
-
 def test_every_lift_can_be_moved(settings, cohort, tmp_path):
     """Numbers within the limits of a lift that is named by hand, events in order, a marker file of the right length."""
     problems = Problems("lifts")

@@ -24,16 +24,6 @@ def trials(settings):
     ]
 
 
-def test_recording_is_sampled_evenly_and_begins_above_the_skin(settings, trials):
-    for trial in trials:
-        assert list(trial.columns) == ["time_s", "x_mm", "y_mm", "z_mm"]
-        assert len(trial) == settings.duration_s * settings.rate_Hz
-        np.testing.assert_allclose(np.diff(trial.time_s), 1 / settings.rate_Hz, atol=1e-9)
-        assert trial.z_mm[0] == pytest.approx(-settings.approach_mm, abs=0.5)
-        assert np.isfinite(trial.to_numpy()).all()
-        assert trial.z_mm.max() < 60
-
-
 def test_strokes_become_shallower(settings):
     """Over many trials without noise: depth of the strokes in the last third against the first."""
     one = replace(settings.surgeons["surgeon_1"], tremor_rms_mm=0.0)

@@ -14,7 +14,6 @@ from lumbar.lifting.movement.lift_tables import states_frame, summary
 from lumbar.lifting.movement.pendulum_states import (
     THESIS_CHOICE,
     PendulumChoice,
-    heading,
     pendulum_states,
     pivot_trajectory,
     turn,
@@ -104,14 +103,6 @@ def test_a_deposit_of_three_samples_is_refused():
 def test_a_bob_at_the_pivot_has_no_angle():
     with pytest.raises(NumericalError, match="of the pivot, where the angle is not defined"):
         pendulum_states(TIME, rod(0 * TIME, 0.005, "lateral_bending"), START, STOP, 50, "rod")
-
-
-def test_heading_and_turning_undo_each_other():
-    hips = {"L_HIP": np.array([[-0.1, 0.0, 0.9]] * 5), "R_HIP": np.array([[0.1, 0.0, 0.9]] * 5)}
-    turned = {name: turn(points, -0.6) for name, points in hips.items()}
-    recording = MarkerRecording("turned", np.arange(5) / 100, 100.0, turned)
-    assert heading(recording, 0.02) == pytest.approx(0.6)
-    assert turn(turned["R_HIP"], heading(recording, 0.02)) == pytest.approx(hips["R_HIP"])
 
 
 def test_unknown_pivots_and_missing_markers_are_refused():

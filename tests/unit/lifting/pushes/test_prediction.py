@@ -1,6 +1,7 @@
 """From synthetic lifts to the contest of measures: levels against the measures' own tables, scores against Mann and Whitney."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -152,26 +153,28 @@ def invented(persons: int, tells: float, seed: int = 0) -> Contest:
     return Contest(frame, len(frame), 0)
 
 
-def judged(contest: Contest):
-    scoring = SETTINGS.scoring
+@cache
+def judged(tells: float):
+    """Verdict and table of a contest of 16 people."""
+    contest, scoring = invented(16, tells), SETTINGS.scoring
     told = prediction.chances(contest, scoring, 1)
     table = prediction.prediction_frame(contest, told, scoring, 1)
     return prediction.verdict_of(contest, table, told, scoring), table
 
 
 def test_a_measure_that_tells_something_is_named_and_one_that_tells_nothing_is_not():
-    verdict, table = judged(invented(16, 2.0))
+    verdict, table = judged(2.0)
     assert verdict.measure == "static_margin" and verdict.low > 0.01 and not verdict.tied
     assert verdict_json(verdict, "synthetic")["adds"]
     rows = table[(table["contest"] == "all sizes") & (table["direction"] == "both")].set_index("measure")
     assert (rows["increment_low"].drop("static_margin").dropna() < 0.002).all()
-    nothing, _ = judged(invented(16, 0.0))
+    nothing, _ = judged(0.0)
     assert "no measure is shown to add to that" in nothing.sentence
     assert not verdict_json(nothing, "synthetic")["adds"]
 
 
 def test_baselines_lose_nothing_by_the_direction_and_can_be_best():
-    verdict, table = judged(invented(16, 0.0))
+    verdict, table = judged(0.0)
     rows = table[table["contest"] == "all sizes"].set_index(["direction", "measure"])["auc"]
     assert verdict.best_alone in ("push_over_mass", "push_and_mass")
     within = [rows[direction, "push_over_mass"] for direction in DIRECTIONS]

@@ -11,7 +11,7 @@ from lumbar.lifting.population.contrast import Interval
 from lumbar.lifting.stability.comparison.lyapunov_exponent import maximum_exponent
 from lumbar.lifting.stability.comparison.table_4_1_controls import verdict
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, reachable_area
-from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family, with_lyapunov_function
+from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.funnel.saturation import (
     Saturation,
@@ -98,12 +98,6 @@ def test_torque_limited_pendulum_of_the_literature(limit):
     assert (found.exact.level[:, 0] < expected * (1 + 1e-6)).all()
     unlimited = saturated_funnels(loops, 0.2 * expected, Saturation()).exact.level[0, 0]
     assert np.isinf(limit) or found.exact.level[0, 0] < 0.7 * unlimited
-
-
-def test_share_one_is_the_riccati_solution():
-    loops = loops_of([minimum_jerk(), minimum_jerk(mass=20.0)], "hanging")
-    found = with_lyapunov_function(loops, 1.0)
-    assert found.cost == pytest.approx(loops.cost, rel=1e-5, abs=1e-5)
 
 
 def test_best_v_of_a_linear_loop_reaches_liouvilles_area():

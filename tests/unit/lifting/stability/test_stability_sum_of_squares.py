@@ -111,21 +111,6 @@ def test_level_step_by_hand():
     assert np.isnan(level_factors(np.zeros((1, 15)), np.array([-0.25]), ring)).all()
 
 
-def test_equation_4_5_leaves_the_multiplier_and_so_the_level_open(loops):
-    """L − c·(1 − |z|²) proves the same rate as L, as c·(1 − |z|²)² is a square; step 2 makes other levels of it."""
-    coefficients = growth_polynomial(loops.form(-1), np.ones(2), 3)[0]
-    rate, multiplier = Certificate(3).solve(coefficients, "test")
-    constant = np.eye(len(coefficients))[0]
-    programme = SumOfSquares(np.ones(1), -constant[:, None], [gram_map(3)])
-    levels = []
-    for c in (0.0, 1.0, 10.0):
-        other = multiplier - c * np.array([1.0, 0.0, 0.0, -1.0, 0.0, -1.0])
-        (least,) = programme.solve(-coefficients - circle_map(3) @ other)
-        assert least == pytest.approx(rate, abs=1e-5)
-        levels.append(level_factors(coefficients[None], np.array([rate + 0.1]), other[None])[0])
-    assert levels[2] < levels[1] - 0.01 < levels[0] - 0.02
-
-
 def test_areas_of_one_alternation_have_the_digits_they_are_published_with(loops):
     """Rounding moves nothing that is printed; a solver that stops elsewhere moves no more than `RESOLUTION` says."""
     found = alternate(loops, **SETTINGS).after[0]
