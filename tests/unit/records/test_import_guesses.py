@@ -132,58 +132,82 @@ def test_a_name_that_stands_twice_is_refused(tmp_path, head):
     assert imported(tmp_path, text, force=3).record["output"] == pytest.approx(FORCE, abs=1e-5)
 
 
+WHOLE = HEAD + rows(",")
+CLOCKLESS = "position_mm,force_N\n" + rows(",", columns=(POSITION, FORCE))
+TWO_RATES = "Sample rate: 200 Hz\nSampling interval: 4 ms\n" + CLOCKLESS
+IN_MILLISECONDS = "time,position_mm,force_N\n" + rows(",", columns=(1e3 * TIME, POSITION, FORCE))
+COARSE = rows("\t", columns=(TIME, np.round(POSITION, 1), FORCE))
+TWO_TABLES = WHOLE + "\nSecond cycle\n" + HEAD + rows(",", columns=(TIME, 2 * POSITION, FORCE))
+MICROSECONDS = "time [µs],position [mm],force [N]\n" + rows(",")
+THOUSANDS = "t (s);z (µm);F (N)\n" + "".join(
+    f"{t:.3f};{1e3 * z:,.2f};{f:.4f}\n" for t, z, f in zip(TIME, POSITION, FORCE, strict=True)
+)
+
+
+def changed(lines: dict[int, str]) -> str:
+    """The whole file with other lines in some places."""
+    whole = WHOLE.splitlines()
+    return "\n".join(lines.get(number, line) for number, line in enumerate(whole, start=1))
+
+
+def stamped(moved: dict[int, int]) -> str:
+    """The whole file in which some samples have the stamps of others."""
+    time = TIME.copy()
+    time[list(moved)] = TIME[list(moved.values())]
+    return HEAD + rows(",", columns=(time, POSITION, FORCE))
+
+
 @pytest.mark.parametrize(
-    ("head", "message"),
+    ("text", "told", "words"),
     [
-        (
-            "time_s,position,force_N\n",
-            "position is column 2 'position', by its name, without a unit; give --position-unit, e.g. mm",
-        ),
-        (
-            "time_s,position_mm,load [V]\n",
-            "what the sensor gave, in V; say what one of its numbers is, as in --force-unit '35.15 N', or --force-unit V",
-        ),
-        (
-            "time_s,a,b\n",
-            "no column says that it is position; choose by --position NAME or NUMBER among column 2 'a', column 3 'b'",
-        ),
+        ("time_s,position,force_N\n" + rows(","), {}, "'position', by its name, without a unit; give --position-unit"),
+        ("time_s,position_mm,load [V]\n" + rows(","), {}, "as in --force-unit '35.15 N', or --force-unit V"),
+        ("time_s,a,b\n" + rows(","), {}, "choose by --position NAME or NUMBER among column 2 'a', column 3 'b'"),
+        (MICROSECONDS, {}, "are 2e+08 Hz, which no testing machine records at; give --time-unit"),
+        (IN_MILLISECONDS, {}, "time is column 1 'time', by its name, without a unit; give --time-unit"),
+        (COARSE, {"position_unit": "mm", "force_unit": "N"}, "no column says that it is position"),
+        (CLOCKLESS, {}, "no column of time and no rate is stated; give --time COLUMN or --rate HZ"),
+        *((f"{line}\n{CLOCKLESS}", {}, "no rate is stated") for line in (
+            "Samples: 600", "Sample: 7", "Sample diameter 10 mm", "Sample rate: 60 per min", "Frequency: 2 Hz")),
+        (TWO_RATES, {}, "the file states 200 Hz (line 1), 250 Hz (line 2); choose by --rate HZ"),
+        (WHOLE, {"rate": 100}, "--rate is given, but column 1 'time' [s] is time"),
+        (HEAD + rows(",", ","), {}, "commas part both columns and decimals"),
+        (TWO_TABLES, {}, "2 tables of numbers (1: lines 2 to 601, 2: lines 605 to 1204); choose one"),
+        (TWO_TABLES, {"table": 3}, "no table '3'; there are 1: lines 2 to 601"),
+        (changed({101: "0.495,over,1.2", 201: "0.995,1.2"}), {}, "line 101: '0.495,over,1.2'; 3 numbers are expected"),
+        (changed({101: "0.495,over,1.2", 201: "0.995,1.2"}), {}, "line 201: '0.995,1.2'"),
+        (THOUSANDS, {}, "column 2 is no number ('1,262.21')"),
+        ("position_mm,force_N\n" + rows(","), {}, "no names: above the table stands 'position_mm,force_N'"),
+        (WHOLE, {"position": 2, "force": "2"}, "is taken already"),
+        (WHOLE, {"position": "none"}, "--position 'none': no such column"),
+        (WHOLE, {"force": "load"}, "--force 'load': no such column; there are column 1 'time' [s]"),
+        (WHOLE, {"force_unit": "mm"}, "is a unit of length, not of force"),
+        (WHOLE, {"trim": (10, 20)}, "the clock runs from 0 to 2.995 s"),
+        (WHOLE, {"trim": (2, 1)}, "the start must lie before the stop"),
+        (WHOLE, {"rate": -1.0}, "a positive number of hertz"),
+        *((text, {}, "no table of numbers") for text in ("", "no numbers\nat all\n", "1,2,3\n2,3,4\n")),
+        (stamped({50: 49, 120: 110}), {}, "line 52: 1 time stamps repeated"),
+        (stamped({50: 49, 120: 110}), {}, "line 122: 1 time stamps backward"),
+    ],
+)  # fmt: skip
+def test_what_a_file_does_not_say_or_says_twice_is_asked_for(tmp_path, text, told, words):
+    assert words in refusal(tmp_path, text, **told)
+
+
+@pytest.mark.parametrize(
+    ("text", "told", "step", "factor"),
+    [
+        (MICROSECONDS, {"time_unit": "s"}, 1 / RATE, 1),
+        (IN_MILLISECONDS, {"time_unit": "ms"}, 1 / RATE, 1),
+        (TWO_RATES, {"rate": 250}, 0.004, 1),
+        (WHOLE, {"rate": 100, "time": "none"}, 0.01, 1),
+        (TWO_TABLES, {"table": 2}, 1 / RATE, 2),
     ],
 )
-def test_what_a_file_does_not_say_is_asked_for(tmp_path, head, message):
-    assert message in refusal(tmp_path, head + rows(","))
-
-
-def test_a_header_that_cannot_be_true_is_asked_about(tmp_path):
-    text = "time [µs],position [mm],force [N]\n" + rows(",")
-    assert "are 2e+08 Hz, which no testing machine records at; give --time-unit" in refusal(tmp_path, text)
-    assert imported(tmp_path, text, time_unit="s").record.sampling_time == pytest.approx(1 / RATE)
-
-
-def test_a_clock_in_whole_numbers_needs_its_unit(tmp_path):
-    text = "time,position_mm,force_N\n" + rows(",", columns=(1e3 * TIME, POSITION, FORCE))
-    assert "time is column 1 'time', by its name, without a unit; give --time-unit" in refusal(tmp_path, text)
-    assert imported(tmp_path, text, time_unit="ms").record.time == pytest.approx(TIME)
-
-
-def test_a_position_is_not_guessed_from_a_coarse_encoder(tmp_path):
-    coarse = rows("\t", columns=(TIME, np.round(POSITION, 1), FORCE))
-    assert "no column says that it is position" in refusal(
-        tmp_path, coarse, position_unit="mm", force_unit="N"
-    )
-
-
-def test_without_a_clock_the_rate_is_asked_for(tmp_path):
-    text = "position_mm,force_N\n" + rows(",", columns=(POSITION, FORCE))
-    assert "no column of time and no rate is stated; give --time COLUMN or --rate HZ" in refusal(
-        tmp_path, text
-    )
-    two = "Sample rate: 200 Hz\nSampling interval: 4 ms\n" + text
-    assert "the file states 200 Hz (line 1), 250 Hz (line 2); choose by --rate HZ" in refusal(tmp_path, two)
-    assert imported(tmp_path, two, rate=250).record.sampling_time == pytest.approx(0.004)
-    assert "--rate is given, but column 1 'time' [s] is time" in refusal(tmp_path, HEAD + rows(","), rate=100)
-    assert imported(tmp_path, HEAD + rows(","), rate=100, time="none").record.sampling_time == pytest.approx(
-        0.01
-    )
+def test_what_is_told_decides(tmp_path, text, told, step, factor):
+    record = imported(tmp_path, text, **told).record
+    assert record.sampling_time == pytest.approx(step)
+    assert record["input"] == pytest.approx(factor * POSITION, abs=2e-5)
 
 
 @pytest.mark.parametrize(
@@ -208,15 +232,6 @@ def test_a_rate_is_read_from_the_lines_above(tmp_path, line, rate):
     assert one.grounds["time"] == "no column; 200 Hz as line 1 says"
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["Samples: 600", "Sample: 7", "Sample diameter 10 mm", "Sample rate: 60 per min", "Frequency: 2 Hz"],
-)
-def test_other_numbers_are_no_rate(tmp_path, line):
-    text = f"{line}\nposition_mm;force_N\n" + rows(";", columns=(POSITION, FORCE))
-    assert "no rate is stated" in refusal(tmp_path, text)
-
-
 def test_a_stated_rate_that_the_clock_does_not_have_is_told(tmp_path):
     notes = imported(tmp_path, "Sample rate: 1000 Hz\n" + HEAD + rows(",")).notes
     assert notes == ("the file states 1000 Hz (line 1), but its clock has 200 Hz",)
@@ -231,43 +246,6 @@ def test_a_force_of_the_other_sign_is_told_and_turned(tmp_path):
     assert "leave --flip-force out" in imported(tmp_path, HEAD + rows(","), flip_force=True).notes[1]
 
 
-def test_several_tables_are_refused_until_one_is_chosen(tmp_path):
-    text = HEAD + rows(",") + "\nSecond cycle\n" + HEAD + rows(",", columns=(TIME, 2 * POSITION, FORCE))
-    assert "2 tables of numbers (1: lines 2 to 601, 2: lines 605 to 1204); choose one" in refusal(
-        tmp_path, text
-    )
-    assert imported(tmp_path, text, table=2).record["input"] == pytest.approx(2 * POSITION, abs=2e-5)
-    assert "no table '3'; there are 1: lines 2 to 601" in refusal(tmp_path, text, table=3)
-
-
-def test_torn_rows_are_named(tmp_path):
-    lines = (HEAD + rows(",")).splitlines()
-    lines[100], lines[200] = "0.495,over,1.2", "0.995,1.2"
-    told = refusal(tmp_path, "\n".join(lines))
-    assert "2 problems" in told
-    assert "line 101: '0.495,over,1.2'; 3 numbers are expected" in told
-    assert "line 201: '0.995,1.2'" in told
-
-
-def test_commas_for_two_things_are_refused(tmp_path):
-    assert "commas part both columns and decimals" in refusal(tmp_path, HEAD + rows(",", ","))
-
-
-def test_a_column_that_is_not_read_as_numbers_is_told(tmp_path):
-    thousands = "".join(
-        f"{t:.3f};{1e3 * z:,.2f};{f:.4f}\n" for t, z, f in zip(TIME, POSITION, FORCE, strict=True)
-    )
-    told = refusal(tmp_path, "t (s);z (µm);F (N)\n" + thousands)
-    assert "column 2 is no number ('1,262.21')" in told
-    told = refusal(tmp_path, "position_mm,force_N\n" + rows(","))
-    assert "no names: above the table stands 'position_mm,force_N'" in told
-
-
-def test_no_column_has_two_roles(tmp_path):
-    assert "is taken already" in refusal(tmp_path, HEAD + rows(","), position=2, force="2")
-    assert "--position 'none': no such column" in refusal(tmp_path, HEAD + rows(","), position="none")
-
-
 def test_rows_that_are_in_no_table_are_told(tmp_path):
     lines = (HEAD + rows(",")).splitlines()
     cut = imported(tmp_path, "\n".join([*lines[:-1], "2.995,1.2"]))
@@ -275,19 +253,6 @@ def test_rows_that_are_in_no_table_are_told(tmp_path):
     event = imported(tmp_path, "\n".join([*lines[:598], "Event: stop", *lines[598:]]))
     assert event.form.endswith("lines 2 to 598; lines 600 to 602 are too few rows for a table")
     assert len(event.record) == 597
-
-
-@pytest.mark.parametrize("text", ["", "no numbers\nat all\n", "1,2,3\n2,3,4\n"])
-def test_what_is_no_table(tmp_path, text):
-    assert "no table of numbers" in refusal(tmp_path, text)
-
-
-def test_stamps_that_repeat_or_go_back_are_named(tmp_path):
-    time = TIME.copy()
-    time[50], time[120] = time[49], time[110]
-    told = refusal(tmp_path, HEAD + rows(",", columns=(time, POSITION, FORCE)))
-    assert "line 52: 1 time stamps repeated" in told
-    assert "line 122: 1 time stamps backward" in told
 
 
 def test_missing_samples_are_refused_with_the_longest_part_without(tmp_path):
@@ -365,17 +330,6 @@ def test_a_gap_in_an_uneven_clock_is_refused(tmp_path):
     assert "line 202: 0.155 s without samples, 31 median steps" in told
     start, stop = map(float, told.split("--trim ")[1].split()[0].split(":"))
     assert (start, stop) == pytest.approx((TIME[230], TIME[-1] + 0.0025))
-
-
-def test_a_part_that_is_not_there_and_options_that_mean_nothing(tmp_path):
-    text = HEAD + rows(",")
-    assert "the clock runs from 0 to 2.995 s" in refusal(tmp_path, text, trim=(10, 20))
-    assert "the start must lie before the stop" in refusal(tmp_path, text, trim=(2, 1))
-    assert "a positive number of hertz" in refusal(tmp_path, text, rate=-1.0)
-    assert "--force 'load': no such column; there are column 1 'time' [s]" in refusal(
-        tmp_path, text, force="load"
-    )
-    assert "is a unit of length, not of force" in refusal(tmp_path, text, force_unit="mm")
 
 
 def test_clipped_forces_are_refused_unless_accepted(tmp_path):
