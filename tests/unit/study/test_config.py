@@ -132,37 +132,38 @@ def test_all_wrong_keys_are_named_at_once(config, folder):
     assert "10 problems" in message
 
 
+ALIAS = "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text"
+
+
 @pytest.mark.parametrize(
-    "alias", [7, {"median": ["A", "B"]}, {"mean": ["A"]}, {"from": "A", "offset_m": [0, 0, 3]}]
-)
-def test_aliases_of_markers_that_are_none(config, folder, alias):
-    config["lifting"]["markers"] = {"aliases": {"C7": alias}}
-    message = message_of(config, folder)
-    assert "lifting.markers.aliases.C7: found" in message
-    assert "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text" in message
-
-
-def test_names_of_markers_are_in_capitals(config, folder):
-    config["lifting"]["markers"] = {"aliases": {"c7": "C7"}}
-    assert "lifting.markers.aliases.c7: 'c7' is no name" in message_of(config, folder)
-
-
-def test_keys_that_contradict_each_other(config, folder):
-    config["survey"]["baseline"] = "LE"
-    config["survey"]["scale_labels"] = ["no", "yes"]
-    config["tissue"]["training"] = ["multisine", "step"]
-    config["runtime"]["trained_on"] = "chirps"
-    config["improvement"]["effects"] = ["coulomb_fricton"]
-    message = message_of(config, folder)
-    for words in (
-        "survey.baseline: 'LE' is not rated; models: IL, MW, KB, HO",
-        "survey.scale_labels: 2 names; survey.layout.scale_points is 5",
-        "tissue.training.1: 'step' is no record",
-        "runtime.trained_on: 'chirps'",
-        "improvement.effects.0: 'coulomb_fricton' is no effect; did you mean 'coulomb_friction'?; effects: ",
-        "coulomb_friction, ",
-    ):
-        assert words in message
+    ("changes", "words"),
+    [
+        *(
+            ({"lifting": {"markers": {"aliases": {"C7": alias}}}}, ["lifting.markers.aliases.C7: found", ALIAS])
+            for alias in (7, {"median": ["A", "B"]}, {"mean": ["A"]}, {"from": "A", "offset_m": [0, 0, 3]})
+        ),
+        ({"lifting": {"markers": {"aliases": {"c7": "C7"}}}}, ["lifting.markers.aliases.c7: 'c7' is no name"]),
+        ({"chapters": ["runtime", "stability"]}, ["runtime without tissue", "stability without lifting"]),
+        (
+            {"survey": {"baseline": "LE", "scale_labels": ["no", "yes"]}},
+            ["survey.baseline: 'LE' is not rated; models: IL, MW, KB, HO",
+             "survey.scale_labels: 2 names; survey.layout.scale_points is 5"],
+        ),
+        ({"tissue": {"training": ["multisine", "step"]}}, ["tissue.training.1: 'step' is no record"]),
+        ({"runtime": {"trained_on": "chirps"}}, ["runtime.trained_on: 'chirps'"]),
+        (
+            {"improvement": {"effects": ["coulomb_fricton"]}},
+            ["improvement.effects.0: 'coulomb_fricton' is no effect; effects: ", "coulomb_friction, "],
+        ),
+        ({"improvement": {"effect_files": ["{own}.yaml"]}}, ["effect_files.0: '{own}.yaml'; no braces"]),
+        ({"study": "CON"}, ["study: 'CON' is a device on Windows, where no file can be called so; allowed: text"]),
+        ({"tissue": {"records": [{"name": "aux.1", "file": "a.csv"}]}}, ["records.0.name: 'aux.1' is a device on Windows"]),
+    ],
+)  # fmt: skip
+def test_what_keys_say_together_is_refused_where_it_cannot_be(config, folder, changes, words):
+    message = message_of(overlay(config, changes), folder)
+    for word in words:
+        assert word in message
 
 
 def test_record_sets_of_a_pendulum_need_gravity(config, folder):
@@ -233,13 +234,6 @@ def test_python_of_one_s_own_project_is_run_and_nothing_of_no_project(stranger, 
     assert not Path("ran").exists()
 
 
-def test_chapters_need_those_they_build_on(config, folder):
-    config["chapters"] = ["runtime", "stability"]
-    message = message_of(config, folder)
-    assert "runtime without tissue" in message
-    assert "stability without lifting" in message
-
-
 def test_an_absent_data_root_names_source_licence_and_where_to_get_it(config, folder, monkeypatch):
     monkeypatch.delenv("LUMBAR_DATA", raising=False)
     message = message_of(recorded(config, folder / "nowhere"), folder)
@@ -286,20 +280,11 @@ def test_recordings_cannot_be_named_outside_the_root(config, folder, name):
     assert "without '..'" in message_of(config, folder)
 
 
-def test_names_are_of_files_on_every_system_and_for_snakemake(config, folder):
+def test_recordings_have_no_braces_which_snakemake_takes_for_wildcards(config, folder):
     (folder / "data").mkdir()
     (folder / "data" / "{lift}.csv").write_text("x")
     config["survey"]["file"] = "{lift}.csv"
-    config["improvement"]["effect_files"] = ["{own}.yaml"]
-    assert "{lift}.csv'; no braces, which Snakemake takes for wildcards" in message_of(
-        recorded(config, "data"), folder
-    )
-    assert "improvement.effect_files.0: '{own}.yaml'; no braces" in message_of(config, folder)
-    config["study"] = "CON"
-    config["tissue"]["records"] = [{"name": "aux.1", "file": "a.csv"}]
-    message = message_of(config, folder)
-    assert "study: 'CON' is a device on Windows, where no file can be called so; allowed: text" in message
-    assert "tissue.records.0.name: 'aux.1' is a device on Windows" in message
+    assert "{lift}.csv'; no braces, which" in message_of(recorded(config, "data"), folder)
 
 
 def test_links_cannot_lead_out_of_the_root(config, folder):
