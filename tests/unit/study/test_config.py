@@ -153,7 +153,7 @@ ALIAS = "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text
         ({"runtime": {"trained_on": "chirps"}}, ["runtime.trained_on: 'chirps'"]),
         (
             {"improvement": {"effects": ["coulomb_fricton"]}},
-            ["improvement.effects.0: 'coulomb_fricton' is no effect; effects: ", "coulomb_friction, "],
+            ["improvement.effects.0: 'coulomb_fricton' is no effect; did you mean 'coulomb_friction'?; effects: ", "coulomb_friction, "],
         ),
         ({"improvement": {"effect_files": ["{own}.yaml"]}}, ["effect_files.0: '{own}.yaml'; no braces"]),
         ({"study": "CON"}, ["study: 'CON' is a device on Windows, where no file can be called so; allowed: text"]),
