@@ -144,23 +144,6 @@ def test_ctrl_c_ends_a_command_in_one_line_and_leaves_nothing(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["old.txt"]
 
 
-def test_a_file_that_the_system_refuses_is_told_by_the_command(tmp_path):
-    """The kernel refuses every file above 64 bytes, with an error that names no file."""
-    out = tmp_path / "out"
-    script = (
-        "import resource, sys; sys.dont_write_bytecode = True  # it would be cut short, and stay\n"
-        "from lumbar.cli import main\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64))\n"
-        f"sys.exit(main(['signals', '--band', '5', '--output', {str(out)!r}]))"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    (said,) = done.stderr.splitlines()
-    assert said.startswith(f"lumbar: {out}{os.sep}")
-    assert said.endswith(": File too large")
-    assert not [path for path in out.rglob("*") if path.is_file()]
-
-
 JOB = """
 import os, sys, time
 from pathlib import Path

@@ -21,7 +21,6 @@ from lumbar.twin.cohort import (
     own_part,
     own_settings,
     person_names,
-    write_person,
 )
 from lumbar.twin.lifting_recordings import true_movement
 from study_settings import study_config, study_settings, subject_settings
@@ -98,8 +97,8 @@ def test_people_are_drawn_as_declared(cohort):
     assert person.declared.mass_kg == pytest.approx(person.truth.mass_kg, abs=0.05)
 
 
-def test_every_lift_can_be_moved(settings, cohort, tmp_path):
-    """Numbers within the limits of a lift that is named by hand, events in order, a marker file of the right length."""
+def test_every_lift_can_be_moved(cohort):
+    """Numbers within the limits of a lift that is named by hand, and events in order."""
     problems = Problems("lifts")
     large = with_persons(cohort, 40)
     for name, group in person_names(large):
@@ -109,18 +108,6 @@ def test_every_lift_can_be_moved(settings, cohort, tmp_path):
             validate(plain(lift), SyntheticLift, problems, Origins())
             assert np.all(np.diff([1.2, *vars(lift.events_s).values()]) >= 0.2)
     problems.raise_if_any()
-    write_person(settings, cohort, "novice_0001", "novice", SEED, {(23.0, 2): tmp_path / "lift.c3d"})
-    lift = draw_lift(
-        cohort, draw_person(cohort, "novice_0001", "novice", SEED), 23.0, "novice_0001_23kg_2", SEED
-    )
-    size = (tmp_path / "lift.c3d").stat().st_size
-    one = {
-        "people": {lift.person: draw_person(cohort, "novice_0001", "novice", SEED).truth},
-        "lifts": {"a": lift},
-    }
-    markers = len(true_movement(replace(settings, **one, duration_s=12.0), "a").markers)
-    frames = 100 * np.ceil(lift.events_s.release + 2)
-    assert size == pytest.approx(frames * markers * 16, rel=0.02)
 
 
 def test_a_person_of_a_study_needs_no_movement_of_their_own():

@@ -15,15 +15,6 @@ def settings(project):
     return study_settings().twin.surgeon
 
 
-@pytest.fixture(scope="module")
-def trials(settings):
-    return [
-        surgeon_trial(f"{surgeon}_trial_{number}", surgeon, settings, 45)
-        for surgeon in settings.surgeons
-        for number in (1, 2, 3)
-    ]
-
-
 def test_strokes_become_shallower(settings):
     """Over many trials without noise: depth of the strokes in the last third against the first."""
     one = replace(settings.surgeons["surgeon_1"], tremor_rms_mm=0.0)
@@ -34,18 +25,6 @@ def test_strokes_become_shallower(settings):
     early = np.mean([depth[1000:2000].max() for depth in depths]) - settings.puncture_mm
     late = np.mean([depth[4900:5900].max() for depth in depths]) - settings.puncture_mm
     assert late / early == pytest.approx(0.49 / 0.85, abs=0.12)
-
-
-def test_velocity_bandwidth_of_the_default_twin_is_near_the_thesis(trials):
-    """95 % of the power up to 6 Hz, by the plain periodogram of the central difference of whole trials."""
-    total = 0
-    for trial in trials:
-        velocity = np.gradient(trial.z_mm, trial.time_s)
-        total = total + np.abs(np.fft.rfft(velocity - velocity.mean())) ** 2
-    frequency = np.fft.rfftfreq(len(velocity), 0.01)
-    inside = frequency <= 6
-    power = np.cumsum(total[inside])
-    assert frequency[inside][np.searchsorted(power, 0.95 * power[-1])] == pytest.approx(2.5, abs=0.1)
 
 
 def test_tremor_has_its_strength_and_place():

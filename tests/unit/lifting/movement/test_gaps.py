@@ -13,6 +13,7 @@ from lumbar.lifting.movement.gaps import (
     TOO_LONG,
     fill_gaps,
     refuse_open_gaps,
+    without_islands,
 )
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
@@ -98,6 +99,17 @@ def test_a_single_frame_between_two_gaps_is_not_enough():
     lone = with_gaps(CUBIC, slice(20, 50), slice(51, 61), slice(62, 100))
     _, gaps = fill_gaps(recording(C7=lone))
     assert [gap.outcome for gap in gaps] == [TOO_LONG, ALONE, TOO_LONG]
+
+
+def test_an_island_is_what_a_filter_cannot_take():
+    points = np.full((200, 3), np.nan)
+    points[10], points[40:57], points[100:] = 1.0, 2.0, 3.0
+    recording = MarkerRecording("x", np.arange(200) / 100, 100.0, {"C7": points})
+    cleaned, islands = without_islands(recording, 17)
+    assert [(item.first_frame, item.n_frames) for item in islands] == [(10, 1), (40, 17)]
+    assert np.isnan(cleaned["C7"][:100]).all() and (cleaned["C7"][100:] == 3.0).all()
+    with pytest.raises(InputError, match="200 frames; the filter needs more than 200"):
+        without_islands(recording, 200)
 
 
 @pytest.mark.parametrize("maximum_s", [-0.1, np.nan])
