@@ -211,3 +211,24 @@ def test_the_moment_from_above_is_the_one_from_the_force_plates_below(shared):
     assert np.std(extension[0] - extension[1]) < 0.5
     balance = course_of_lift(lifter).frame
     assert balance["margin_of_stability_m"].between(0.03, 0.09).all()
+
+
+def test_who_squats_without_a_step_stays_within_the_functional_base(shared):
+    """A recorded squat: real people keep to 60 % of their base, and the moment grows as the trunk leans."""
+    rules = {
+        "T12": {"between": ["T10", "SACRUM"], "share": 0.26},
+        "L5": {"between": ["T12", "SACRUM"], "share": 0.65},
+    }
+    settings = changed(LiftingSettings(), markers={"up": "+y", "forward": "+z", "aliases": rules})
+    path = shared / "real" / "lifting" / "weird_squat_trc" / "markers_Squat2.trc"
+    person = SubjectSettings(name="x", sex="male", mass_kg=75.0, height_m=1.78, experience="unknown")
+    course = measure_movement(
+        lift_of(read_markers(path, settings.markers), person, settings=settings)
+    ).instants
+    seen = course.dropna()
+    assert len(seen) > 300
+    assert seen["margin_of_stability_m"].min() > 0.015
+    assert (
+        seen["viability_margin_flexion_extension_N_s"] > seen["smallest_impulse_flexion_extension_N_s"]
+    ).all()
+    assert np.corrcoef(seen["trunk_inclination_deg"], seen["l5s1_extension_N_m"])[0, 1] > 0.9
