@@ -1,6 +1,5 @@
 """Silent corruptions of marker recordings, for tests: each changes some markers in some frames and says which."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,100 +46,57 @@ def _middle(points: Points, rate: float, seconds: float, share: float = 0.45) ->
     return slice(start, min(n_frames - 5, start + round(seconds * rate)))
 
 
-def tenfold_unit(points, rate, trunk, rng):
-    """Every coordinate ten times too large."""
-    return Corrupted({label: 10 * positions for label, positions in points.items()}, rate, "unit")
-
-
-def c7_t12_always(points, rate, trunk, rng):
-    """C7 and T12 exchanged in all frames."""
-    pair = trunk.c7, trunk.t12
-    return Corrupted(exchanged(points, *pair, slice(None)), rate, "exchanged", frozenset(pair))
-
-
-def c7_t12_for_a_while(points, rate, trunk, rng):
-    """C7 and T12 exchanged for 0.4 s."""
-    pair, frames = (trunk.c7, trunk.t12), _middle(points, rate, 0.4)
-    return Corrupted(exchanged(points, *pair, frames), rate, "exchanged", frozenset(pair), frames)
-
-
-def t12_l5_always(points, rate, trunk, rng):
-    """T12 and L5 exchanged in all frames."""
-    pair = trunk.t12, trunk.l5
-    return Corrupted(exchanged(points, *pair, slice(None)), rate, "exchanged", frozenset(pair))
-
-
-def t12_copies_c7(points, rate, trunk, rng):
-    """T12 has the coordinates of C7."""
-    changed = {**points, trunk.t12: points[trunk.c7].copy()}
-    return Corrupted(changed, rate, "copied", frozenset({trunk.t12}))
-
-
-def c7_frozen(points, rate, trunk, rng):
-    """C7 keeps its position for 1 s."""
-    frames = _middle(points, rate, 1.0)
-    frames = slice(frames.start, frames.stop)
-    held = points[trunk.c7][frames.start]
-    return Corrupted(changed(points, trunk.c7, frames, held), rate, "frozen", frozenset({trunk.c7}), frames)
-
-
-def jump(points, rate, trunk, rng):
-    """C7 is 100 mm off from some frame on."""
-    frames = slice(int(0.7 * len(points[trunk.c7])), None)
-    direction = rng.normal(size=3)
-    moved = points[trunk.c7][frames] + 0.1 * direction / np.linalg.norm(direction)
-    stop = len(points[trunk.c7])
-    return Corrupted(
-        changed(points, trunk.c7, frames, moved),
-        rate,
-        "jump",
-        frozenset({trunk.c7}),
-        slice(frames.start, stop),
-    )
-
-
-def fast_rate(points, rate, trunk, rng):
-    """The rate stated is five times the real one."""
-    return Corrupted(points, 5 * rate, "rate")
-
-
-def slow_rate(points, rate, trunk, rng):
-    """The rate stated is a fifth of the real one."""
-    return Corrupted(points, rate / 5, "rate")
-
-
-def beyond(points, rate, trunk, rng):
-    """C7 lies at 1e38 m for 0.2 s."""
-    frames = _middle(points, rate, 0.2)
-    return Corrupted(
-        changed(points, trunk.c7, frames, np.full(3, 1e38)),
-        rate,
-        "beyond laboratory",
-        frozenset({trunk.c7}),
-        frames,
-    )
-
-
-def all_beyond(points, rate, trunk, rng):
-    """Every coordinate is 1e38 m."""
-    return Corrupted(
-        {label: np.full_like(positions, 1e38) for label, positions in points.items()}, rate, "unit"
-    )
-
-
-CORRUPTIONS: dict[str, Callable] = {
-    corruption.__name__: corruption
-    for corruption in (
-        tenfold_unit,
-        c7_t12_always,
-        c7_t12_for_a_while,
-        t12_l5_always,
-        t12_copies_c7,
-        c7_frozen,
-        jump,
-        fast_rate,
-        slow_rate,
-        beyond,
-        all_beyond,
-    )
+CORRUPTIONS = {
+    "tenfold_unit": "every coordinate ten times too large",
+    "c7_t12_always": "C7 and T12 exchanged in all frames",
+    "c7_t12_for_a_while": "C7 and T12 exchanged for 0.4 s",
+    "t12_l5_always": "T12 and L5 exchanged in all frames",
+    "t12_copies_c7": "T12 has the coordinates of C7",
+    "c7_frozen": "C7 keeps its position for 1 s",
+    "jump": "C7 is 100 mm off from some frame on",
+    "fast_rate": "the rate stated is five times the real one",
+    "slow_rate": "the rate stated is a fifth of the real one",
+    "beyond": "C7 lies at 1e38 m for 0.2 s",
+    "all_beyond": "every coordinate is 1e38 m",
 }
+
+
+def corrupted(name: str, points: Points, rate: float, trunk: Trunk, rng: np.random.Generator) -> Corrupted:
+    """Corrupt a recording in one of these ways."""
+    c7, t12, l5, whole = trunk.c7, trunk.t12, trunk.l5, slice(None)
+    first = frozenset({c7})
+    match name:
+        case "tenfold_unit":
+            return Corrupted({label: 10 * positions for label, positions in points.items()}, rate, "unit")
+        case "c7_t12_always":
+            return Corrupted(exchanged(points, c7, t12, whole), rate, "exchanged", frozenset({c7, t12}))
+        case "c7_t12_for_a_while":
+            while_ = _middle(points, rate, 0.4)
+            return Corrupted(
+                exchanged(points, c7, t12, while_), rate, "exchanged", frozenset({c7, t12}), while_
+            )
+        case "t12_l5_always":
+            return Corrupted(exchanged(points, t12, l5, whole), rate, "exchanged", frozenset({t12, l5}))
+        case "t12_copies_c7":
+            return Corrupted({**points, t12: points[c7].copy()}, rate, "copied", frozenset({t12}))
+        case "c7_frozen":
+            second = _middle(points, rate, 1.0)
+            return Corrupted(
+                changed(points, c7, second, points[c7][second.start]), rate, "frozen", first, second
+            )
+        case "jump":
+            frames, direction = slice(int(0.7 * len(points[c7])), len(points[c7])), rng.normal(size=3)
+            moved = points[c7][frames] + 0.1 * direction / np.linalg.norm(direction)
+            return Corrupted(changed(points, c7, frames, moved), rate, "jump", first, frames)
+        case "fast_rate":
+            return Corrupted(points, 5 * rate, "rate")
+        case "slow_rate":
+            return Corrupted(points, rate / 5, "rate")
+        case "beyond":
+            frames = _middle(points, rate, 0.2)
+            return Corrupted(
+                changed(points, c7, frames, np.full(3, 1e38)), rate, "beyond laboratory", first, frames
+            )
+        case "all_beyond":
+            return Corrupted({label: np.full_like(p, 1e38) for label, p in points.items()}, rate, "unit")
+    raise KeyError(name)

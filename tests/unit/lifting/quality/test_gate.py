@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from quality_corruptions import CORRUPTIONS, Trunk, changed, exchanged
+from quality_corruptions import CORRUPTIONS, Trunk, changed, corrupted, exchanged
 
 from lumbar.lifting.quality.gate import examine, mask_findings
 from lumbar.lifting.quality.landmarks import side_pairs
@@ -59,7 +59,7 @@ def test_a_silent_corruption_is_named_with_its_markers_and_frames(recordings, na
     if "rate" in corruption and name in STANDING_STILL:
         pytest.skip("a person who stands still has no tempo")
     recording, trunk = recordings(name)
-    made = CORRUPTIONS[corruption](recording.positions, recording.rate, trunk, np.random.default_rng(1))
+    made = corrupted(corruption, recording.positions, recording.rate, trunk, np.random.default_rng(1))
     findings = examine(made.points, np.arange(len(recording)) / made.rate, made.rate)
     assert [finding.kind for finding in findings] == [made.kind], findings
     (finding,) = findings
@@ -81,12 +81,12 @@ def test_small_and_short_corruptions_of_any_marker_are_named(recordings, name, s
         frames = slice(start, start + int(rng.integers(8, 35)))
         shift = rng.normal(size=3)
         moved = points[one][frames] + 0.03 * shift / np.linalg.norm(shift)
-        for corrupted, markers in (
+        for spoilt, markers in (
             (changed(points, one, frames, moved), {one}),
             (exchanged(points, one, other, frames), {one, other}),
             (changed(points, one, frames, points[other][frames]), {one}),
         ):
-            findings = examine(corrupted, recording.time, rate)
+            findings = examine(spoilt, recording.time, rate)
             assert {label for finding in findings for label in finding.markers} == markers
             assert min(finding.frames.start for finding in findings) == pytest.approx(frames.start, abs=1)
             assert max(finding.frames.stop for finding in findings) == pytest.approx(frames.stop, abs=1)
@@ -121,11 +121,11 @@ def test_lengths_of_the_body_are_compared_with_the_stature(recordings, height_m,
 def test_what_is_left_out_is_hidden_and_nothing_else(recordings):
     recording, _ = recordings("ktk_pig_com_oracle/gait.c3d")
     frames = slice(100, 150)
-    corrupted = changed(recording.positions, "C7", frames, recording["C7"][100])
-    cleaned = mask_findings(corrupted, examine(corrupted, recording.time, recording.rate))
+    spoilt = changed(recording.positions, "C7", frames, recording["C7"][100])
+    cleaned = mask_findings(spoilt, examine(spoilt, recording.time, recording.rate))
     assert np.isnan(cleaned["C7"][frames]).all()
     assert np.array_equal(cleaned["C7"][:100], recording["C7"][:100])
-    assert all(cleaned[label] is corrupted[label] for label in corrupted if label != "C7")
+    assert all(cleaned[label] is spoilt[label] for label in spoilt if label != "C7")
 
 
 def test_a_box_that_stands_in_a_coarse_file_is_not_frozen():
