@@ -75,7 +75,6 @@ def test_wrong_keys_are_all_named(folder):
     [
         ("study: twice\n", "lines 6 and {added}: key 'study' stands twice"),
         ("survey: [\n", "config/config.yaml, line {after}: not valid YAML: while parsing a flow node"),
-        ("title: Pr\xfcfung\n", "config/config.yaml, line {added}: byte 0xfc is not UTF-8"),
     ],
 )
 def test_faults_of_the_default_files_are_named(folder, added, words):

@@ -145,23 +145,16 @@ def test_a_subjects_mass_reruns_only_what_depends_on_it(folder):
     }
 
 
-@pytest.mark.parametrize(
-    ("module", "rerun", "untouched"),
-    [
-        ("lumbar.tissue.survey.table_3_2", "table_3_2", "table_3_1"),
-        ("lumbar.lifting.stability.model.eq_4_2_regulator", "table_4_1", "table_3_2"),
-    ],
-)
-def test_editing_a_library_module_reruns_what_uses_it(folder, module, rerun, untouched):
-    path = folder / "workflow" / f"{module.replace('.', '/')}.py"
+def test_editing_a_library_module_reruns_what_uses_it(folder):
+    path = folder / "workflow" / "lumbar" / "lifting" / "stability" / "model" / "eq_4_2_regulator.py"
     before = path.read_text(encoding="utf-8")
     path.write_text(before + "\n# a change\n", encoding="utf-8")
     try:
-        plan = done(folder, "--cores", "1", "--dry-run", rerun, untouched)
+        plan = done(folder, "--cores", "1", "--dry-run", "table_4_1", "table_3_2")
     finally:
         path.write_text(before, encoding="utf-8")
-    assert rerun in plan.jobs
-    assert untouched not in plan.jobs
+    assert "table_4_1" in plan.jobs
+    assert "table_3_2" not in plan.jobs
 
 
 @pytest.mark.nightly

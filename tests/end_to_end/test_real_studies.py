@@ -73,22 +73,6 @@ def test_davinci_tool(folder, shared):
 
 
 @pytest.mark.nightly
-def test_friction_damper(folder, shared):
-    """Published for Dahl's friction, fitted to four of the sines: FIT 68 % at 38 mm and 75 % at 13 mm."""
-    results = run_study(folder, shared, "friction_damper")
-    diagnosis = json.loads(
-        (results / "improvement" / "tissue" / "diagnosis.json").read_text(encoding="utf-8")
-    )
-    assert (diagnosis["verdict"], diagnosis["selected"]) == ("named", ["hysteresis"])
-    assert diagnosis["noise_floor_rms"] is None
-    assert diagnosis["complete"] is None
-    table = pd.read_csv(results / "tables" / "table_3_1.csv")
-    refined = table[table.model == "KB+hysteresis"].iloc[0]
-    unseen = [refined[f"vaf_test_{number}_percent"] for number in (1, 2)]
-    assert min(100 * (1 - (1 - vaf / 100) ** 0.5) for vaf in unseen) >= 68
-
-
-@pytest.mark.nightly
 def test_box_transfer(folder, shared):
     (folder / "config" / "coarse.yaml").write_text(COARSE_BASINS, encoding="utf-8")
     results = run_study(folder, shared, "box_transfer", "config/coarse.yaml")

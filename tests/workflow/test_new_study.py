@@ -84,19 +84,6 @@ def test_nothing_runs_before_it_is_filled_in_and_the_chapter_runs_after(laborato
     assert events["release"]["time_s"] == pytest.approx(3.73, abs=0.08)
 
 
-def test_a_lift_without_pendulum_is_told_as_it_runs_and_once_more_at_the_end(laboratory):
-    """The window ends before the box is put down."""
-    project, _, (study, subject) = laboratory
-    for path in (study, subject):
-        fill_in(path)
-    text = subject.read_text(encoding="utf-8").replace("box_mass_kg: 6,", "box_mass_kg: 6, window_s: [0, 3],")
-    subject.write_text(text, encoding="utf-8")
-    study = "config/studies/my_lab.yaml"
-    run = snakemake(project, "--cores", "1", "lifting", "--configfile", study)
-    assert run.status == 0, run.text[-6000:]
-    assert run.text.count("WARNING: my_lab_6kg has no pendulum:\n  no pendulum of thorax") == 2
-
-
 REAL = (
     ("athlete_floor_pickup_squats/squat.c3d", "+y", "+z"),
     ("athlete_static_full_spine/c3dfile1.c3d", "+z", "-x"),
