@@ -174,6 +174,11 @@ def test_a_point_without_any_of_its_markers_is_missing_and_names_each_marker_onc
         trunk_centre(segment_centres(points, WINTER), WINTER)
 
 
+def test_haras_hips_need_the_ankles():
+    assert trunk_points(body(), "inner", "hara", "male").points["MID_HIP"].inner
+    assert not trunk_points(body("L_ANKLE"), "inner", "hara", "male").points["MID_HIP"].inner
+
+
 @pytest.mark.parametrize(
     ("ends", "hips", "words"), [("bone", "reed", "segment_ends"), ("inner", "bell", "hip_centres")]
 )
