@@ -166,6 +166,7 @@ def commas(form: str) -> str:
             with_lines({6: "0.04,1,nan"}, "# a comment", ""), {"comment": "#"},
             ["line 8: output is nan; every value must be a finite number, of at most 1e+06 N in size"],
         ),
+        (with_lines({5: "0.03,1"}), {}, ["line 5: 2 cells; 3 are expected"]),
         (with_lines({6: "0.04,1,1e308"}), {}, ["line 6: output is 1e+308"]),
         (with_lines({6: "0.04,1,-1e101"}), {}, ["line 6: output is -1e+101"]),
         (with_lines({5: "0.03,1,1e307"}), {"columns": {"output": {"scale": 1e3}}}, ["line 5: output is inf"]),

@@ -50,6 +50,7 @@ def test_limits_that_leave_no_basin_are_said():
         saturated_funnels(loops, 1.0, Saturation(torque=5.0))
     with pytest.raises(NumericalError, match="no basin of the goal set is left"):
         saturated_funnels(loops, 1e-6, Saturation(mass_share=0.3))
+    assert Saturation(mass_share=0.25).ratios == pytest.approx((0.8, 4 / 3))
     with pytest.raises(InputError, match="must be positive"):
         Saturation(torque=0.0)
     with pytest.raises(InputError, match=r"\[0, 1\)"):
