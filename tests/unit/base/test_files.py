@@ -100,3 +100,9 @@ def test_what_a_killed_process_half_wrote_is_found_by_its_files_name(tmp_path):
     assert name == "table.csv"
     assert (left / "table.csv").read_text() == "half"
     assert half_written(tmp_path / "absent") == []
+
+
+def test_errors_about_other_files_keep_their_names(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught, replacing(tmp_path / "result.txt"):
+        (tmp_path / "absent.csv").read_text()
+    assert caught.value.filename == str(tmp_path / "absent.csv")

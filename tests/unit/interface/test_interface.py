@@ -15,6 +15,7 @@ from lumbar.base.files import read_json
 from lumbar.interface.verb import data_label
 from lumbar.records.record import RecordSet
 from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.signals import SignalsSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import BootstrapSettings, TissueSettings
 from lumbar.twin.examples import example_records
@@ -221,3 +222,22 @@ def test_data_are_called_after_their_files_where_nothing_is_said(records, folder
 def test_what_is_no_record_is_refused(verb, given):
     with pytest.raises(InputError, match=r"give records, e\.g\. lumbar\.read"):
         getattr(lumbar, verb)(given)
+
+
+def test_a_whole_number_or_one_of_numpy_is_taken_where_a_number_is_asked():
+    settings = SignalsSettings(round_Hz=np.float64(0.25), ramp_s=np.int64(1))
+    found = lumbar.design_signals(2.5, settings=settings).settings
+    assert (found.round_Hz, found.ramp_s, type(found.ramp_s)) == (0.25, 1.0, float)
+
+
+def test_what_a_terminal_shows_is_short_and_plain(records, diagnosis):
+    assert repr(records["noise"]) == (
+        "<Record noise: 1500 samples at 100 Hz, 15 s; position (mm), force (N)>"
+    )
+    found = lumbar.compare(records, diagnosis.model)
+    assert len(repr(found.table)) < 400
+    assert str(found.table).splitlines()[0] == found.table.title
+    text = str(diagnosis.model)
+    assert "F = k_e*z + k_b*q, dq/dt = v - q/tau; coulomb_friction: " in text
+    assert "*tanh(v/vs), position in mm to force in N" in text
+    assert "\\" not in text and "$" not in text

@@ -57,3 +57,9 @@ def test_a_trial_is_the_same_bytes_whatever_else_there_is(settings):
 def test_unknown_surgeon_is_named_with_those_there_are(settings):
     with pytest.raises(InputError, match=r"any is by 'nobody'.*surgeon_1, surgeon_2"):
         surgeon_trial("any", "nobody", settings, 1)
+
+
+def test_a_trial_shorter_than_the_approach_has_no_stroke(settings):
+    trial = surgeon_trial("any", "surgeon_2", replace(settings, duration_s=5), 3)
+    assert len(trial) == 5 * settings.rate_Hz
+    assert np.isfinite(trial.to_numpy()).all()

@@ -13,7 +13,7 @@ from lumbar.settings.twin import SyntheticTissueSettings, TwinSettings
 from lumbar.twin.kelvin_boltzmann import Tissue, kelvin_boltzmann_residual, maxwell_force
 from lumbar.twin.tissue_recordings import play, tissue_force
 from lumbar.twin.tool_motion import chirp_motion, draw_motions
-from lumbar.twin.two_hidden_effects import two_hidden_effects
+from lumbar.twin.two_hidden_effects import two_hidden_effects, write_records
 
 TISSUE = SyntheticTissueSettings(
     k1_N_per_mm=0.4, k2_N_per_mm=3.2, relaxation_s=0.035, cubic_N_per_mm3=0.01, noise_variance_share=0.14
@@ -140,3 +140,15 @@ def test_kelvin_boltzmann_residual_vanishes_for_such_a_tissue_and_is_orthogonal_
     left = kelvin_boltzmann_residual(motion, force + extra)
     assert left @ motion.sampled(motion.position)[50:] == pytest.approx(0.0, abs=1e-6)
     assert np.sqrt(np.mean(left**2)) == pytest.approx(np.sqrt(0.5), rel=0.02)
+
+
+RECORDED_RMS_N = {"multisine": 1.9992664, "chirp": 3.5947412, "noise": 1.4911021}
+
+
+def test_the_records_of_the_default_study_stay_what_they_are(tmp_path):
+    write_records(tmp_path, two_hidden_effects(TWIN.two_hidden_effects, TWIN.seed))
+    lines = (tmp_path / "multisine.csv").read_text().splitlines()
+    assert lines[0] == "time_s,position_mm,force_N"
+    assert len(lines) == 10001
+    made = {file.stem: np.loadtxt(file, delimiter=",", skiprows=1)[:, 2].std() for file in tmp_path.iterdir()}
+    assert made == pytest.approx(RECORDED_RMS_N, rel=1e-6)

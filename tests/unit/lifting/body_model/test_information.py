@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lumbar.lifting.body_model.information import Information, Noise
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.body_model.information import Information, Noise, factorise
 
 N, SIZE, CONSTANTS = 8, 3, 2
 
@@ -85,3 +86,9 @@ def test_the_factor_solves_and_draws_as_the_dense_matrix(definite):
     scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     # The standard error of a correlation from 40,000 draws is at most 0.007.
     np.testing.assert_allclose(np.cov(drawn) / scale, covariance / scale, atol=0.035)
+
+
+def test_what_nothing_tells_is_an_error():
+    empty = np.zeros((1, 2, 2))
+    with pytest.raises(NumericalError, match="not positive definite"):
+        factorise(empty, np.zeros((0, 2, 2)), np.zeros((2, 1)), np.eye(1))

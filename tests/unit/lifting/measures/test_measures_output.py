@@ -9,7 +9,7 @@ from lifting_cases import lift_of, true_recording
 
 from lumbar.interface.movement import measure_movement
 from lumbar.lifting.measures.lift_values import SENSITIVITY, long_table, measures_page, write_measures
-from lumbar.publishing.figures.movement_figures import SHOWN, course_figure
+from lumbar.publishing.figures.movement_figures import SHOWN, course_figure, support_figure
 from lumbar.tables.table import SYNTHETIC_TWIN
 from study_settings import subject_settings
 
@@ -73,3 +73,10 @@ def test_the_course_is_drawn_with_its_events_and_what_lacks_markers_is_said(lift
     assert sorted(drawn) == pytest.approx(sorted(times))
     assert "no markers for it" in texts(figure)
     assert f"the first {SHOWN} of 6 lifts" in course_figure(3 * lifts, 0.6).get_suptitle()
+
+
+def test_the_base_is_drawn_with_the_smallest_margin(lifts):
+    figure = support_figure(lifts, 0.6)
+    deposit = lifts[0]["course"].query("phase == 'deposit'")
+    assert f"{1e3 * deposit['margin_of_stability_m'].min():+.0f} mm" in texts(figure)
+    assert "no base of support during a deposit" in texts(figure)

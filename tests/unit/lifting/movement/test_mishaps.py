@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import lumbar
+from lumbar.base.errors import InputError
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.subject import TrialSettings
 from lumbar.twin.lifting_recordings import write_markers
-from study_settings import study_settings, subject_settings
+from study_settings import changed, study_settings, subject_settings
 
 RATE = 100.0
 BOX = ("gauche_ext", "gauche_int", "droite_int", "droite_ext", "avant_gauche", "avant_droit", "arriere_droit")
@@ -28,13 +29,13 @@ def points(shared):
 def lift_of(tmp_path):
     settings, person = study_settings("studies/box_transfer.yaml").lifting, subject_settings("box_transfer")
 
-    def lifted(markers, static=None):
+    def lifted(markers, static=None, **changes):
         write_markers(tmp_path / "trial.c3d", markers, RATE, "ann")
         if static is not None:
             write_markers(tmp_path / "static.c3d", static, RATE, "ann")
         named = None if static is None else "static.c3d"
         person_ = replace(person, trials=(TrialSettings(6.0, "trial.c3d"),), static=named)
-        return lumbar.lift(tmp_path / "trial.c3d", person_, settings=settings)
+        return lumbar.lift(tmp_path / "trial.c3d", person_, settings=changed(settings, **changes))
 
     return lifted
 
@@ -103,3 +104,8 @@ def test_advice_against_gaps_is_one_that_helps(points, lift_of, labels, frames, 
     advice = reason.split("not seen in the file: ")[1]
     assert advice.endswith(told)
     assert not_told not in advice.removesuffix(told)
+
+
+def test_a_gap_that_stays_ends_the_lift_where_that_is_asked_for(points, lift_of):
+    with pytest.raises(InputError, match=r"C7: not seen for 0\.5 s from 3\.000 s"):
+        lift_of(hidden(points, ["T10"], slice(300, 350)), gaps={"longer": "error"})

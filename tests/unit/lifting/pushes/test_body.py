@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from lumbar.lifting.pushes.body import (
     GRAVITY,
@@ -9,6 +10,7 @@ from lumbar.lifting.pushes.body import (
     centre_of_mass,
     centre_of_pressure,
     centrifugal,
+    energy,
     ground_force,
     inverse_dynamics,
     mass_matrix,
@@ -109,3 +111,19 @@ def test_pressure_under_the_feet_balances_momentum(bodies):
         bodies, ANGLE, push, height
     ).sum(axis=0)
     assert centre_of_pressure(bodies, driven, *found)[0] == pytest.approx(pressure, rel=1e-5)
+
+
+def test_a_body_without_torques_keeps_its_energy(bodies):
+    def slope(_, state):
+        angle, rate = state[:3, None], state[3:, None]
+        (acceleration,) = solve(
+            mass_matrix(bodies, angle), weight_torque(bodies, angle) - centrifugal(bodies, angle, rate)
+        )
+        return np.concatenate([rate[:, 0], acceleration[:, 0]])
+
+    swing = solve_ivp(
+        slope, (0, 1.5), np.concatenate([ANGLE, RATE])[:, 0], method="DOP853", rtol=1e-9, atol=1e-9
+    ).y
+    found = energy(bodies.take(np.zeros(swing.shape[1], dtype=int)), swing[:3], swing[3:])
+    assert np.ptp(swing[0]) > 1
+    assert found == pytest.approx(found[0], rel=1e-6)
