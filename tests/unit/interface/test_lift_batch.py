@@ -270,15 +270,6 @@ def test_a_lift_without_pendulum_ends_with_why(recording, tmp_path, run):
     assert "no pendulum at all: ann_23kg; why stands above and in lifts.csv" in out
 
 
-def test_recognised_labels_are_listed_once_with_the_command_that_names_them(shared):
-    folder = shared / "real" / "lifting"
-    refused = str(lumbar.inspect(folder / "sts_trunk_flexion_trc" / "sts_unperturbed_1.trc"))
-    assert refused.count("R_Thigh_Med") == 1
-    assert refused.count("'lumbar new-study' writes") == 1
-    analysed = str(lumbar.inspect(folder / "athlete_static_full_spine" / "c3dfile1.c3d"))
-    assert analysed.count("SPINMOL") == analysed.count("'lumbar new-study' writes the aliases") == 1
-
-
 def test_events_say_what_they_were_found_in_and_hands_that_nothing_is_known_of_what_they_hold(tmp_path):
     lifted(tmp_path, box=without(), hands=without(*(f"BOX_{number}" for number in range(1, 9))))
     said = {}

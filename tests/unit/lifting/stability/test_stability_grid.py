@@ -11,7 +11,7 @@ from test_stability_areas import SETTINGS, lift, states_and_facts
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.basins import basins_of_lift
 from lumbar.lifting.stability.comparison import table_4_1_grid
-from lumbar.lifting.stability.comparison.percent_differences import Study, comparison_names
+from lumbar.lifting.stability.comparison.percent_differences import Study
 from lumbar.lifting.stability.comparison.table_4_1 import published_sentence, tables_4_1
 from lumbar.lifting.stability.comparison.table_4_1_grid import (
     grid_areas,
@@ -30,7 +30,6 @@ from lumbar.lifting.stability.model.trajectories import (
     conventions,
 )
 from lumbar.publishing.figures.people_figures import grid_figure
-from lumbar.settings.stability import CompareSettings
 from lumbar.tables.described import columns_of
 
 FAST = replace(SETTINGS, knots=101, checks=(), grid=replace(SETTINGS.grid, knots=101))
@@ -295,24 +294,6 @@ def test_what_survives_the_grid_is_said():
 def test_published_columns_contradict_one_another(published):
     text = published_sentence(published)
     assert "correlate -0.87" in text and "6 of 9 rows have opposite signs" in text
-
-
-def test_groups_that_are_named_are_compared(study, made, published):
-    """The lifters' names are changed, so the numbers stay; the thesis's names are nowhere."""
-    names = {"expert": "trained", "novice": "untrained"}
-    settings = replace(INVERTED, compare=CompareSettings(groups=("trained", "untrained")))
-    lifts = [
-        replace(item, facts={**item.facts, "experience": names[item.facts["experience"]]})
-        for item in study.lifts
-    ]
-    boa, grid = (frame.assign(experience=frame["experience"].map(names)) for frame in (study.boa, study.grid))
-    named = tables_4_1(Study(lifts, boa, grid, settings, published, "test"))
-    assert named[0].frame["comparison"].tolist() == [
-        comparison_names(("trained", "untrained"))[name] for name in made[0].frame["comparison"]
-    ]
-    column = "lateral_bending_headline_percent"
-    np.testing.assert_array_equal(named[0].frame[column], made[0].frame[column])
-    assert "novice" not in named[0].to_html() + named[1].to_html()
 
 
 def test_the_picture_has_a_panel_per_comparison_and_shows_a_lone_lift(made, published):
