@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from column_files import write_columns, write_records
 from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
+from column_files import write_columns, write_records
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.records.stretches import check_clipping

@@ -5,10 +5,10 @@ import json
 
 import numpy as np
 import pytest
-from column_files import write_records
 from periodic_records import multisine, noise, record, relaxing_force
 
 import lumbar
+from column_files import write_records
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.doctor.effect_sizes import (
     FAULTS,

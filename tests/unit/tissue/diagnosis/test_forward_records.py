@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from column_files import write_columns
 from force_driven import (
     FORCE_IN,
     MASS,
@@ -19,6 +18,7 @@ from force_driven import (
 )
 
 import lumbar
+from column_files import write_columns
 from lumbar.base.errors import InputError
 from lumbar.cli.command import main
 from lumbar.study.load_study import load_settings

@@ -8,10 +8,10 @@ import numpy as np
 import periodic_records
 import pytest
 import yaml
-from column_files import write_records
 from scipy.signal import lfilter
 
 import lumbar
+from column_files import write_records
 from lumbar.base.errors import InputError
 from lumbar.interface.diagnosis import Diagnosis, ProposedLaw
 from lumbar.records.record import Record

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from column_files import write_columns
 from numpy.testing import assert_allclose
 from periodic_records import noise, record
 from scipy.signal import butter, cheby1, cheby2, freqs, lfilter, lsim
 
 import lumbar
+from column_files import write_columns
 from lumbar.records.columns import read_record
 from lumbar.records.record import Record, RecordSet
 from lumbar.settings.improvement import ImprovementSettings
