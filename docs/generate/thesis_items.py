@@ -143,7 +143,10 @@ def _claim(pattern: str) -> str:
 
 
 def _page(way: str) -> str:
-    return f"[{Path(way.partition('#')[0]).name}]({way})"
+    """Link to a page, or to a part of one, by its heading."""
+    name, _, part = way.partition("#")
+    headings = re.findall(r"^#+ (.*)", (DOCS / name).read_text(encoding="utf-8"), flags=re.M)
+    return f"[{next(heading for heading in headings if not part or anchor(heading) == part)}]({way})"
 
 
 def _here(item: Item) -> str:

@@ -1,0 +1,129 @@
+"""The code that README and pages show: Python runs, commands and targets are understood."""
+
+import re
+import shlex
+
+import numpy as np
+import pytest
+
+from generate.thesis_items import DOCS
+from lumbar.cli.command import COMMANDS, build_parser
+from lumbar.twin.examples import example_lift, example_records
+
+PROJECT = DOCS.parent
+PAGES = {
+    path.relative_to(PROJECT).as_posix(): path.read_text(encoding="utf-8")
+    for path in [PROJECT / "README.md", *sorted(DOCS.rglob("*.md"))]
+}
+
+
+def blocks(page: str, *languages: str) -> list[str]:
+    """Contents of the code blocks in these languages; "" is one without."""
+    found = re.findall(r"^ *```(\w*)[^\n]*\n(.*?)^ *```", page, flags=re.M | re.S)
+    return [content for language, content in found if language in languages]
+
+
+def command_lines(program: str) -> list[tuple[str, str]]:
+    """Pages and lines of their blocks that call a program, continued lines joined."""
+    return [
+        (name, line.strip())
+        for name, page in PAGES.items()
+        for block in blocks(page, "", "sh")
+        for line in block.replace("\\\n", " ").splitlines()
+        if line.strip().startswith(program + " ")
+    ]
+
+
+LUMBAR = [
+    (name, line)
+    for name, line in command_lines("lumbar")
+    if line.split()[1] in COMMANDS or line.split()[1].isidentifier()
+]
+
+
+def test_there_are_commands_to_try():
+    assert len(LUMBAR) > 50
+    assert {line.split()[1] for _, line in LUMBAR} >= set(COMMANDS) - {
+        "bandwidth",
+        "check",
+        "signals",
+        "survey",
+    }
+
+
+@pytest.mark.parametrize(("name", "line"), LUMBAR, ids=[line[:60] for _, line in LUMBAR])
+def test_a_command_is_understood(name, line):
+    parsed = build_parser().parse_args(shlex.split(line, comments=True)[1:])
+    assert parsed is not None
+
+
+@pytest.mark.parametrize("program", ["make", "snakemake"])
+def test_targets_and_files_of_commands_are_there(program):
+    lines = command_lines(program)
+    assert len(lines) > 5
+    targets = set(re.findall(r"^([a-z-]+):", (PROJECT / "Makefile").read_text(encoding="utf-8"), flags=re.M))
+    for name, line in lines:
+        words = shlex.split(line, comments=True)[1:]
+        if program == "make":
+            assert {word for word in words if re.fullmatch("[a-z-]+", word)} <= targets, f"{name}: {line}"
+        for word in words:
+            if re.match("(config|examples)/.*ya?ml$", word) and "my_lab" not in word:
+                assert (PROJECT / word).is_file(), f"{name}: {line}"
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch):
+    """A folder with what the pages' Python names: recordings, a lift, ratings of groups, the project's configuration."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "config").symlink_to(PROJECT / "config")
+    for record in example_records():
+        rows = np.column_stack([record.time, record["input"], record["output"]])
+        for name in ["multisine"] if record.name == "multisine" else ["chirp", "noise"]:
+            path = tmp_path / "recordings" / f"{name}.csv"
+            np.savetxt(path, rows, "%.8f", ",", header="time_s,position_mm,force_N", comments="")
+    example_lift(tmp_path / "expert_23kg.c3d")
+    example_lift(tmp_path / "trial.c3d")
+    counts = np.column_stack([np.arange(600) / 200, rows[:600, 1] * 100, rows[:600, 2] / 35.15])
+    np.savetxt(
+        tmp_path / "counts.csv",
+        counts,
+        "%.6f",
+        ",",
+        header="time [s],encoder [counts],torque transducer [V]",
+        comments="",
+    )
+    generator = np.random.default_rng(1)
+    people = [
+        f"p{number},{group},23,margin,all,{generator.normal():.4f},m,higher"
+        for number, group in enumerate("eeeeennnnn")
+    ]
+    head = "person,group,box_mass_kg,measure,plane,value,unit,safer"
+    (tmp_path / "measures.csv").write_text("\n".join([head, *people]), encoding="utf-8")
+    return tmp_path
+
+
+SCRIPTS = {
+    "README.md": "fmu/",
+    "docs/index.md": "fmu/",
+    "docs/python.md": "lift.html",
+    "docs/tissue/import.md": "records/study.yaml",
+    "docs/lifting/cohort.md": "comparison/",
+    "docs/lifting/quality.md": "",
+}
+"""Pages whose Python runs by itself, and what it leaves."""
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("page", SCRIPTS)
+def test_python_of_a_page_runs_as_it_stands(page, workplace):
+    code = "\n".join(blocks(PAGES[page], "python"))
+    exec(compile(code, page, "exec"), {"__name__": "__main__"})
+    assert (workplace / SCRIPTS[page]).exists()
+
+
+def test_python_of_every_page_is_python():
+    for name, page in PAGES.items():
+        for block in blocks(page, "python"):
+            if not block.startswith("rule "):
+                compile(block, name, "exec")

@@ -1,0 +1,92 @@
+"""The pages that people write: how long they and their sentences are, and that what they link to is there."""
+
+import re
+
+import pytest
+import yaml
+
+from generate.thesis_items import DOCS, anchor
+
+PROJECT = DOCS.parent
+GENERATED = {"api.md", "gallery.md", "thesis.md", "tissue/effects.md", "tissue/pendulum_effects.md"}
+"""Made by ``make docs`` or from docstrings, as all of ``config/``."""
+MADE_PARTS = re.compile(
+    r"<!-- (?:rooms: by \"make docs\"|real records|hard effects|calibration) -->.*?<!-- end.*?-->", re.S
+)
+FENCE = re.compile(r"^[ >]*```.*?^[ >]*```", re.M | re.S)
+
+
+def written() -> dict[str, str]:
+    """Text of each page that people write, without the parts that a program does, by its path below ``docs``."""
+    paths = {path.relative_to(DOCS).as_posix(): path for path in DOCS.rglob("*.md")}
+    return {
+        name: MADE_PARTS.sub("", path.read_text(encoding="utf-8"))
+        for name, path in sorted(paths.items())
+        if name not in GENERATED and not name.startswith("config/")
+    }
+
+
+WRITTEN = written()
+READ_FIRST = {**WRITTEN, "../README.md": (PROJECT / "README.md").read_text(encoding="utf-8")}
+
+
+def sentences(page: str) -> list[int]:
+    """Numbers of words of the sentences in paragraphs and lists; tables, headings, code and references are none."""
+    prose = FENCE.sub("\n\n", page.split("\n## Sources")[0])
+    prose = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", re.sub(r"`[^`]*`", "CODE", prose))
+    lines = ["" if re.match(r"\s*(\||#|>|!)", line) else line for line in prose.splitlines()]
+    listed = re.sub(r"^\s*([-*]|\d+\.) ", "\n\n", "\n".join(lines), flags=re.M)
+    found = []
+    for paragraph in re.split(r"\n\s*\n", listed):
+        for sentence in re.split(r"(?<=[.!?:])[\"”)*]*\s+(?=[A-Z\[*(\"“])", " ".join(paragraph.split())):
+            words = re.findall(r"\S*\w\S*", sentence)
+            found += [len(words)] if len(words) > 2 else []
+    return found
+
+
+def test_sentences_are_counted():
+    page = "# Not this\nOne two three. Four five six seven!\n\n- `a b` is *one* word.\n\n| no | table |\n```\nno code\n```\n"
+    assert sentences(page) == [3, 4, 4]
+
+
+def test_pages_have_at_most_forty_thousand_words():
+    counts = {name: len(text.split()) for name, text in WRITTEN.items()}
+    assert sum(counts.values()) <= 40_000, sorted(counts.items(), key=lambda item: -item[1])
+
+
+def test_the_readme_has_at_most_700_words():
+    assert len(READ_FIRST["../README.md"].split()) <= 700
+
+
+@pytest.mark.parametrize("name", READ_FIRST)
+def test_sentences_have_fewer_than_twenty_words_on_average(name):
+    lengths = sentences(READ_FIRST[name])
+    assert sum(lengths) < 20 * max(1, len(lengths)), f"{sum(lengths) / len(lengths):.1f} words"
+
+
+@pytest.mark.parametrize("name", READ_FIRST)
+def test_links_have_words_and_lead_somewhere(name):
+    page = FENCE.sub("", READ_FIRST[name])
+    for words, target in re.findall(r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)", page):
+        assert name.startswith("..") or not words.endswith(".md"), f"[{words}] is a file's name"
+        if re.match(r"https?:", target):
+            continue
+        place, _, part = target.partition("#")
+        path = (DOCS / name).parent / place if place else DOCS / name
+        assert path.is_file(), target
+        if part:
+            headings = re.findall(r"^#+ (.*)", path.read_text(encoding="utf-8"), flags=re.M)
+            assert part in map(anchor, headings), target
+
+
+def listed(entry) -> list[str]:
+    """Pages below an entry of the site's contents."""
+    if isinstance(entry, str):
+        return [entry]
+    return [page for part in (entry.values() if isinstance(entry, dict) else entry) for page in listed(part)]
+
+
+def test_every_page_stands_once_in_the_contents_of_the_site():
+    text = (PROJECT / "mkdocs.yml").read_text(encoding="utf-8")
+    pages = listed(yaml.safe_load(text[text.index("\nnav:") :])["nav"])
+    assert sorted(pages) == sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
