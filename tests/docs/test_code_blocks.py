@@ -45,7 +45,7 @@ def test_there_are_commands_to_try():
     assert len(LUMBAR) > 50
     assert {line.split()[1] for _, line in LUMBAR} >= set(COMMANDS) - {
         "bandwidth",
-        "check",
+        "identify",
         "signals",
         "survey",
     }
