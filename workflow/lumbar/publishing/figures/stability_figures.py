@@ -309,7 +309,7 @@ def _centred(rows: pd.DataFrame) -> np.ndarray:
 def _draw(axis, sections: dict[str, np.ndarray]) -> None:
     """Draw the sections of one trajectory."""
     grey = {"facecolor": "#00000014", "edgecolor": "#777777", "linewidth": 0.8}
-    axis.fill(*sections["reached"], label="all that reach the goal, as far as shown", **grey)
+    axis.fill(*sections["reached"], label="all that reach the goal", **grey)
     basins = [sections[name] for name in STYLES if name in sections]
     for name, (label, style) in STYLES.items():
         if name in sections:
