@@ -96,3 +96,71 @@ def test_it_ends_with_its_process(project):
         return status.is_file() and status.read_text().split()[2] == "Z"
 
     assert seen(gone)
+
+
+def asked_without_a_file(parse, path):
+    return confined.confined(parse, path, 5, opens=False)
+
+
+def test_a_fork_that_waits_opens_no_file(tmp_path):
+    if not landlock.version():
+        pytest.skip("this kernel has no Landlock")
+    (tmp_path / "a").write_text("a")
+    assert asked_without_a_file(partial(str, b"1 2", "utf-8"), tmp_path / "a") == "1 2"
+    with pytest.raises(InputError, match=r"a: broken: its reader stopped at PermissionError"):
+        asked_without_a_file(partial(Path.read_text, tmp_path / "a"), tmp_path / "a")
+    with pytest.raises(InputError, match="more memory than a reader has"):
+        asked_without_a_file(partial(np.ones, 80_000_000), tmp_path / "a")
+
+
+def forks(template: int) -> list[int]:
+    found = Path(f"/proc/{template}/task/{template}/children")
+    return list(map(int, found.read_text().split()))
+
+
+def test_every_request_has_a_fork_of_its_own_and_one_that_was_ended_is_told_and_replaced(tmp_path):
+    def own() -> int:
+        return asked_without_a_file(partial(os.getpid), tmp_path / "a")
+
+    first = own()
+    template = child_template._templates[os.getpid()][1].pid
+    if not Path(f"/proc/{template}/task/{template}/children").exists():
+        pytest.skip("this system does not tell the children of a process")
+    [waiting] = seen(lambda: set(forks(template)) - {first})
+    assert own() == waiting
+    [other] = seen(lambda: set(forks(template)) - {waiting})
+    os.kill(other, signal.SIGKILL)
+    with pytest.raises(InputError, match="its reader ended"):
+        own()
+    assert own() not in (first, waiting, other)
+
+
+def test_what_a_request_needs_is_imported_before_it_is_confined(tmp_path, monkeypatch):
+    if not landlock.version():
+        pytest.skip("this kernel has no Landlock")
+    (tmp_path / "own_module.py").write_text("def answer():\n    return 'imported'\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for template in child_template._templates.copy():  # which knows the path alone that it was started with
+        child_template._templates.pop(template)[0].close()
+    from own_module import answer  # type: ignore[import-not-found]
+
+    assert asked_without_a_file(answer, tmp_path / "a") == "imported"
+
+
+def test_what_a_fork_rehearses_is_what_it_does(monkeypatch):
+    """A rehearsal that reads nothing would leave the first file as slow as it was, without a word."""
+    from lumbar.records.importing import variables
+
+    read = []
+
+    def counted(name, do):
+        def call(*given, **how):
+            read.append(name)
+            return do(*given, **how)
+
+        monkeypatch.setattr(variables, name, call)
+
+    counted("load_matlab", variables.load_matlab)
+    counted("to_table", variables.to_table)
+    variables.rehearse()
+    assert read == ["load_matlab", "to_table", "to_table"]

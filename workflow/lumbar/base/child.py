@@ -36,7 +36,7 @@ def asked_of_fork(parse: Callable[[], Any], opened: list[Path]) -> tuple[bytearr
     ours, theirs = os.pipe()
     child = os.fork()
     if not child:
-        answer_and_end(parse, theirs, opened)
+        answer_and_end(lambda: (parse, theirs), theirs, opened)
     os.close(theirs)
     try:
         answer, late = received(ours)
@@ -69,15 +69,20 @@ def received(pipe: int) -> tuple[bytearray | None, bool]:
     return (answer if is_whole(answer) else None), False
 
 
-def answer_and_end(parse: Callable[[], Any], pipe: int, opened: list[Path]) -> None:
-    """Write to the pipe what the function returns or raises; this process ends here."""
+def answer_and_end(asked: Callable[[], tuple[Callable[[], Any], int]], kept: int, opened: list[Path]) -> None:
+    """Confine this process, then ask for a function and a pipe, and write there what it returns or raises; it ends here.
+
+    All that stays open is the file `kept`.
+    """
     try:
-        _confine(pipe, opened)
+        memory = _confine(kept, opened)
+        parse, pipe = asked()
+        _limit_memory(memory)
         answer = None
         with contextlib.suppress(MemoryError):  # after which what the reader held is free
             answer = _outcome(parse)
         answer = answer or packed("memory", "")
-        with open(pipe, "wb") as stream:
+        with os.fdopen(pipe, "wb") as stream:
             for part in answer:
                 stream.write(part)
     finally:
@@ -100,8 +105,8 @@ def _outcome(parse: Callable[[], Any]) -> list[bytes | memoryview]:
         return packed("defect", (told, traceback.format_exc()))
 
 
-def _confine(pipe: int, opened: list[Path]) -> None:
-    """Close and give up all that a parser does not need; limit the rest."""
+def _confine(kept: int, opened: list[Path]) -> int | None:
+    """Give up all that a parser does not need, limit the rest; an open file that tells its memory, where there is one."""
     gc.disable()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGPROF, signal.SIGALRM):
         signal.signal(number, signal.SIG_DFL)
@@ -110,14 +115,23 @@ def _confine(pipe: int, opened: list[Path]) -> None:
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in range(3):
         os.dup2(nowhere, stream)
-    os.closerange(3, pipe)
-    os.closerange(pipe + 1, os.sysconf("SC_OPEN_MAX"))
+    os.closerange(3, kept)
+    os.closerange(kept + 1, os.sysconf("SC_OPEN_MAX"))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 1))
+    memory = None
     with contextlib.suppress(FileNotFoundError):  # no /proc
-        pages = Path("/proc/self/statm").read_text(encoding="ascii").split()
-        held, resident = (int(count) * resource.getpagesize() for count in pages[:2])
-        most = held + max(MEMORY - resident, LEAST)
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        memory = os.open("/proc/self/statm", os.O_RDONLY)
     landlock.give_up_files([*opened, *filter(Path.exists, _LIBRARIES)])
+    return memory
+
+
+def _limit_memory(told: int | None) -> None:
+    """Limit what this process may take besides what it holds, a file's content among it."""
+    if told is None:
+        return
+    held, resident = (int(count) * resource.getpagesize() for count in os.read(told, 200).split()[:2])
+    os.close(told)
+    most = held + max(MEMORY - resident, LEAST)
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))

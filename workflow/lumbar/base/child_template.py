@@ -16,6 +16,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -23,22 +24,25 @@ from typing import Any
 from lumbar.base.child import answer_and_end, received
 
 _PACKAGES = ("pandas", "scipy.io", "h5py", "openpyxl")
-_ENDED = b"e"
+_ENDED, _FAILED = b"e", b"f"
+"""What the template is told once there is an answer, or none, whose status it is to tell."""
+_SIZE = struct.Struct("=Q")
+"""Before what is pickled."""
 _one_at_a_time = threading.Lock()
 _templates: dict[int, tuple[socket.socket, subprocess.Popen]] = {}
 """The line to the template and itself, by the process that started it: a fork of that has none."""
 
 
-def start() -> None:
-    """Start the template of this process, unless it has one."""
+def start(*rehearsed: str) -> None:
+    """Start the template of this process, unless it has one; forks call `rehearse` of these modules while they wait."""
     with _one_at_a_time:
-        _line()
+        _line(rehearsed)
 
 
-def _line() -> socket.socket:
+def _line(rehearsed: tuple[str, ...] = ()) -> socket.socket:
     if os.getpid() not in _templates:
         ours, theirs = socket.socketpair()
-        code = f"from lumbar.base.child_template import serve; serve({theirs.fileno()})"
+        code = f"from lumbar.base.child_template import serve; serve({theirs.fileno()}, {rehearsed})"
         template = subprocess.Popen(
             [sys.executable, "-c", code],
             **dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL),
@@ -52,17 +56,21 @@ def _line() -> socket.socket:
 
 def asked_of_template(parse: Callable[[], Any], opened: list[Path]) -> tuple[bytearray | None, bool, int]:
     """What a fork of the template answers, whether it was waited for too long, and its status."""
-    request = pickle.dumps((Path.cwd(), parse, opened))
+    module = getattr(parse, "func", parse).__module__
+    request, asked = pickle.dumps(parse), pickle.dumps((Path.cwd(), module, opened))
     with _one_at_a_time:
         line = _line()
-        ours, theirs = os.pipe()
+        ours, theirs = socket.socketpair()
         try:
-            socket.send_fds(line, [struct.pack("=Q", len(request))], [theirs])
-            line.sendall(request)
-            os.close(theirs)
-            answer, late = received(ours)
-            line.sendall(_ENDED)
-            return answer, late, struct.unpack("=i", _exactly(line, 4))[0]
+            with theirs:
+                socket.send_fds(line, [_SIZE.pack(len(asked))], [theirs.fileno()])
+            line.sendall(asked)
+            with contextlib.suppress(ConnectionError):  # it was ended, as its status tells
+                ours.sendall(_SIZE.pack(len(request)))
+                ours.sendall(request)
+            answer, late = received(ours.fileno())
+            line.sendall(_FAILED if answer is None else _ENDED)
+            return answer, late, struct.unpack("=i", _exactly(line, 4))[0] if answer is None else 0
         except BaseException as error:  # a line on which an answer is left is of no use
             line.close()
             del _templates[os.getpid()]
@@ -70,43 +78,80 @@ def asked_of_template(parse: Callable[[], Any], opened: list[Path]) -> tuple[byt
                 return None, False, 0
             raise
         finally:
-            os.close(ours)
+            ours.close()
 
 
-def _exactly(line: socket.socket, size: int) -> bytes:
-    found = bytearray()
-    while len(found) < size:
-        piece = line.recv(min(size - len(found), 1 << 20))
-        if not piece:
+def _exactly(line: socket.socket, size: int) -> bytearray:
+    found = bytearray(size)
+    place = memoryview(found)
+    while place:
+        count = line.recv_into(place)
+        if not count:
             raise ConnectionError("the other end is gone")
-        found += piece
-    return bytes(found)
+        place = place[count:]
+    return found
 
 
-def serve(number: int) -> None:
-    """Fork for every request; end, with the fork that is at work, when nobody is left to ask."""
+def serve(number: int, rehearsed: tuple[str, ...]) -> None:
+    """Hand every request to a fork; end, with the fork that is at work, when nobody is left to ask.
+
+    A fork that opens no file is made, confined and has rehearsed before it is asked for: that takes longer than most files. What
+    it writes to is copied then, a page at a time: the first file that a fork reads takes some times as long as the next.
+    """
     for number_of_signal in (signal.SIGINT, signal.SIGTERM):  # which a terminal sends to all
         signal.signal(number_of_signal, signal.SIG_IGN)
     for package in _PACKAGES:
         with contextlib.suppress(ImportError):
             import_module(package)
     line = socket.socket(fileno=number)
+    rehearsals = [import_module(module).rehearse for module in rehearsed]
+    for rehearse in rehearsals:  # what it makes is there for all
+        rehearse()
+    spare = _waiting([], rehearsals)
     with contextlib.suppress(ConnectionError):
         while True:
-            head, pipes, *_ = socket.recv_fds(line, 8, 1)
+            head, pipes, *_ = socket.recv_fds(line, _SIZE.size, 1)
             if not head:
                 return
-            folder, parse, opened = pickle.loads(_exactly(line, struct.unpack("=Q", head)[0]))
-            child = os.fork()
-            if not child:
+            folder, module, opened = pickle.loads(_exactly(line, *_SIZE.unpack(head)))
+            if module not in sys.modules:  # which a fork that is confined might not import
+                import_module(module)
+                spare[1].close()
+                os.waitpid(spare[0], 0)
+                spare = _waiting([], rehearsals)
+            if opened:
                 with contextlib.suppress(OSError):  # what is named from elsewhere is read all the same
                     os.chdir(folder)
-                answer_and_end(parse, pipes[0], opened)
+            child, handing = _waiting(opened, []) if opened else spare
+            with handing, contextlib.suppress(ConnectionError):  # it was ended, as its status tells
+                socket.send_fds(handing, [b"a"], pipes)
             os.close(pipes[0])
-            del parse
             try:
-                _exactly(line, 1)
+                failed = _exactly(line, 1) == _FAILED
             finally:
                 os.kill(child, signal.SIGKILL)  # without effect on one that has ended
                 status = os.waitpid(child, 0)[1]
-            line.sendall(struct.pack("=i", status))
+            if failed:
+                line.sendall(struct.pack("=i", status))
+            if not opened:
+                spare = _waiting([], rehearsals)
+
+
+def _waiting(opened: list[Path], rehearsals: list[Callable[[], None]]) -> tuple[int, socket.socket]:
+    """A fork that opens these files alone and waits for a request, and the line to it."""
+    ours, theirs = socket.socketpair()
+    child = os.fork()
+    if not child:
+        answer_and_end(partial(_handed, theirs, rehearsals), theirs.fileno(), opened)
+    theirs.close()
+    return child, ours
+
+
+def _handed(line: socket.socket, rehearsals: list[Callable[[], None]]) -> tuple[Callable[[], Any], int]:
+    """What a fork that waited is asked for, and where to answer."""
+    for rehearse in rehearsals:
+        rehearse()
+    (asking,) = socket.recv_fds(line, 1, 1)[1]
+    line.close()
+    with socket.socket(fileno=os.dup(asking)) as request:
+        return pickle.loads(_exactly(request, *_SIZE.unpack(_exactly(request, _SIZE.size)))), asking

@@ -50,7 +50,8 @@ def run_explore(options) -> None:
     if own:
         from lumbar.base import child_template
 
-        child_template.start()  # which takes a while, in which nobody waits for it
+        # Which takes a while, in which nobody waits for it.
+        child_template.start("lumbar.records.importing.variables")
     server.start()
     addresses = {f"/{item.name}": f"what is missing in {item.title or item.name}" for item in sets}
     addresses |= {item.address: f"lift {item.folder.absolute().name}" for item in lifts}

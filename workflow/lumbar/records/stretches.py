@@ -52,17 +52,22 @@ class FlatTop:
 
 def flat_tops(values: np.ndarray) -> list[FlatTop]:
     """Flat tops at the largest and at the smallest value; empty where a channel is not clipped."""
-    levels, counts = np.unique(values, return_counts=True)
     found: list[FlatTop] = []
-    if len(levels) < 3:
-        return found
-    for extreme, beside in ((-1, -2), (0, 1)):
-        at = np.concatenate([[False], values == levels[extreme], [False]])
+    for extreme in (np.max, np.min):
+        level = extreme(values)
+        inside = values[values != level]
+        if not inside.size:
+            return []
+        beside = extreme(inside)
+        crowd = len(values) - len(inside), int(np.sum(inside == beside))
+        if sum(crowd) == len(values):  # two levels are a switch
+            return []
+        at = np.concatenate([[False], values == level, [False]])
         starts, stops = np.flatnonzero(~at[:-1] & at[1:]), np.flatnonzero(at[:-1] & ~at[1:])
         long = stops - starts >= _SHORTEST_RUN
         samples = int(np.sum((stops - starts)[long]))
-        if samples >= _FEWEST_SAMPLES and counts[extreme] > _CROWDED * counts[beside]:
-            found.append(FlatTop(float(levels[extreme]), samples, starts[long]))
+        if samples >= _FEWEST_SAMPLES and crowd[0] > _CROWDED * crowd[1]:
+            found.append(FlatTop(float(level), samples, starts[long]))
     return found
 
 

@@ -133,6 +133,7 @@ def _pair(position: np.ndarray, force: np.ndarray) -> _Pair:
     first, second = _smooth(position, window), _smooth(force, window)
     speed, rate = np.gradient(first), np.gradient(second)
     first, second = first - first.mean(), second - second.mean()
+    as_counted, turned = _resisted(second, first, speed)
     return _Pair(
         energy=_correlation(second, speed),
         swapped_energy=_correlation(first, rate),
@@ -140,8 +141,8 @@ def _pair(position: np.ndarray, force: np.ndarray) -> _Pair:
         swapped_blocks=_in_blocks(first * rate),
         roughness=_detail(first, speed) / _detail(second, rate),
         correlation=_correlation(first, second),
-        as_counted=_resisted(second, first, speed),
-        turned=_resisted(-second, first, speed),
+        as_counted=as_counted,
+        turned=turned,
         jump=jump,
         follows=follows,
         held=bool(np.mean(steps == 0) > _FEWEST_RESTING),
@@ -164,8 +165,8 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> float:
     return float(one @ other) / size if size > 0 else 0.0
 
 
-def _resisted(force: np.ndarray, position: np.ndarray, speed: np.ndarray) -> float:
-    """Share of a force that a spring, a damper and a mass explain, none of them negative: the best of their combinations.
+def _resisted(force: np.ndarray, position: np.ndarray, speed: np.ndarray) -> tuple[float, float]:
+    """Share of a force, and of it turned, that a spring, a damper and a mass explain, none negative: the best combination's.
 
     As `scipy.optimize.nnls` would, whose import takes longer than the rest of an import of recordings.
     """
@@ -173,14 +174,15 @@ def _resisted(force: np.ndarray, position: np.ndarray, speed: np.ndarray) -> flo
     columns = np.column_stack([signal / max(float(np.std(signal)), 1e-300) for signal in columns])
     size = float(np.linalg.norm(force))
     if not size > 0:
-        return 0.0
+        return 0.0, 0.0
     products, along = columns.T @ columns, columns.T @ (force / size)
-    best = 0.0
+    best = [0.0, 0.0]
     for chosen in chain.from_iterable(combinations(range(3), count) for count in (1, 2, 3)):
         factors = np.linalg.lstsq(products[np.ix_(chosen, chosen)], along[list(chosen)], rcond=None)[0]
-        if factors.min() >= 0:
-            best = max(best, float(along[list(chosen)] @ factors))
-    return best
+        for turned, sign in enumerate((1, -1)):
+            if (sign * factors).min() >= 0:
+                best[turned] = max(best[turned], float(along[list(chosen)] @ factors))
+    return best[0], best[1]
 
 
 def _in_blocks(power: np.ndarray) -> np.ndarray:
