@@ -8,6 +8,7 @@ import subprocess
 import sys
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 from xml.etree import ElementTree
 
 import numpy as np
@@ -219,12 +220,17 @@ def test_keyboard_reaches_every_choice(new_page, saved):
 
 
 @contextmanager
-def serving(folder: Path, addresses: int, *arguments: str):
-    """Run ``lumbar explore`` there; the first addresses that it prints."""
+def serving(folder: Path, *arguments: str):
+    """Run ``lumbar explore`` there; the addresses that it prints, by their paths."""
     command = [sys.executable, "-m", "lumbar", "explore", *arguments, "--port", "0", "--no-browser"]
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as server:
         try:
-            yield [server.stdout.readline().split()[0] for _ in range(addresses)]
+            printed = iter(
+                server.stdout.readline,
+                "Whoever has an address may do all that the page does; Ctrl-C ends it.\n",
+            )
+            addresses = [line.split()[0] for line in printed]
+            yield {urlsplit(address).path: address for address in addresses}
         finally:
             server.terminate()
 
@@ -236,7 +242,7 @@ def served(shared, tmp_path):
     shutil.copytree(shared / "hidden_effects" / CASE, project / "data")
     study = project / "config" / "studies" / "blind.yaml"
     study.write_text(STUDY, encoding="utf-8")
-    with serving(project, 3, "config/studies/blind.yaml") as addresses:
+    with serving(project, "config/studies/blind.yaml") as addresses:
         yield project, addresses
 
 
@@ -266,8 +272,9 @@ def made(project, *targets: str) -> list[dict]:
 
 @pytest.mark.nightly
 def test_from_a_blind_experiment_to_the_workflow(new_page, served):
-    project, (tissue, again, own) = served
-    page, other, mine = new_page(tissue), new_page(again), new_page(own, ready="#choose")
+    project, addresses = served
+    page, other = new_page(addresses["/tissue"]), new_page(addresses["/again"])
+    mine = new_page(addresses["/_own"], ready="#choose")
     page.get_by_role("button", name="Base alone").click()
     add(page, "Coulomb friction")
     assert errors_of(page)[-1] < 0.25 * errors_of(page)[0]
@@ -335,8 +342,8 @@ def give_own(page, folder: Path) -> None:
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
     """Address of the page for own recordings, served where there is no project."""
-    with serving(tmp_path_factory.mktemp("own"), 1) as (address,):
-        yield address
+    with serving(tmp_path_factory.mktemp("own")) as addresses:
+        yield addresses["/"]
 
 
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])

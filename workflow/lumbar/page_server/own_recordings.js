@@ -58,6 +58,7 @@
   function show(state, number) {
     if (number !== asked) return; // a later question is under way
     element("form").hidden = state.files.length === 0;
+    if (element("listed")) element("listed").hidden = state.files.length > 0;
     element("files").replaceChildren(...state.files.map((file) => {
       const item = made("li", `${file.file} `);
       const button = made("button", "Take away", { type: "button" });

@@ -6,7 +6,6 @@ import itertools
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.templates import template
@@ -20,12 +19,8 @@ if TYPE_CHECKING:
 _CODE = "<!-- Bokeh's code -->"
 """Stands for it where names are looked for."""
 _UNIQUE = re.compile(r"\b[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}\b")
-_NUMBERED = re.compile(r"\bp\d{4,}\b")
-
-
-def beside(*names: str, folder: Path = Path(__file__).parent) -> str:
-    """Text of style sheets or scripts that lie in a folder, one after the other; default this one."""
-    return "\n".join((folder / name).read_text(encoding="utf-8") for name in names)
+_NUMBERED = re.compile(r'(?<=")p\d{4,}(?=")')
+"""As a whole text: in the letters of coded numbers ``+p1234/`` stands by chance."""
 
 
 def empty_source(name: str, columns: Iterable[str]) -> ColumnDataSource:

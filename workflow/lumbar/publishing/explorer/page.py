@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from lumbar.publishing.explorer.one_file import beside, embedded_pictures, one_file
+from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
 from lumbar.publishing.explorer.plots import ANSWER, FIRST, SECOND, page_models
 from lumbar.publishing.explorer.shown import (
     ShownModel,
@@ -127,8 +127,6 @@ class ExplorerPage:
         floor = experiment.floor
         return {
             "title": self.title,
-            "style": beside("explorer.css"),
-            "behaviour": beside("dark.js", "where.js", "explorer.js"),
             "data": self.data,
             "verdict": verdict.verdict,
             "headline": headline(verdict),
