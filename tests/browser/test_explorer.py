@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from accessibility import fits, serious
+from accessibility import WIDTHS, fits, serious
 
 import lumbar
 from running import FORKING, copy_project, snakemake
@@ -85,6 +85,7 @@ def errors_of(page) -> list[float]:
 
 
 def add(page, title: str) -> None:
+    page.evaluate("document.querySelectorAll('#why > details').forEach((item) => { item.open = true; })")
     page.locator("article.card").filter(has=page.get_by_role("heading", name=title)).get_by_role(
         "button", name="Add"
     ).click()
@@ -207,7 +208,46 @@ def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_page(new_page, 
     page.get_by_role("button", name="Set this path aside").click()
     add(page, "Inertia")  # the message is there
     assert serious(page) == []
-    fits(page, 390, 1280, 1920)
+    fits(page, *WIDTHS, 1920)
+
+
+def test_what_is_drawn_in_the_dark_stands_out_and_what_is_folded_is_printed(new_page, saved):
+    page = new_page(saved, color_scheme="dark")
+    colours = page.evaluate(
+        "() => Bokeh.documents[0].roots().flatMap((picture) => picture.renderers).map(({ glyph }) => glyph.line_color?.value)"
+        ".concat([...document.querySelectorAll('.key')].map((key) => key.style.getPropertyValue('--hue')))"
+    )
+    lines = {colour.lower() for colour in colours if isinstance(colour, str) and colour.startswith("#")}
+    assert len(lines) >= 4
+    paper = luminance(page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--paper')"))
+    assert all((luminance(colour) + 0.05) / (paper + 0.05) >= 3 for colour in lines), lines
+    folded = page.locator("#evidence table").first
+    assert not folded.is_visible()
+    page.emulate_media(media="print")
+    assert folded.is_visible()
+    assert page.locator(".bar").first.evaluate("bar => getComputedStyle(bar).printColorAdjust") == "exact"
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of a colour ``#rrggbb`` (WCAG 2)."""
+    parts = [int(colour.strip()[place : place + 2], 16) / 255 for place in (1, 3, 5)]
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+def test_a_mark_can_be_typed_either_way_round_and_cleared(new_page, saved):
+    page = new_page(saved)
+    told = []
+    for first, last in (("3", "9"), ("9", "3")):
+        page.locator("#from").fill(first)
+        page.locator("#to").fill(last)
+        page.keyboard.press("Tab")
+        told.append(page.locator("#region").inner_text())
+    assert told[0] == told[1] and "samples marked" in told[0]
+    page.get_by_role("button", name="Clear the mark").click()
+    assert "Draw a box" in page.locator("#region").inner_text()
+    assert page.locator("#from").input_value() == ""
+    assert len(data_of(page, "brushed")["time"]) == 0
 
 
 def test_keyboard_reaches_every_choice(new_page, saved):
@@ -273,7 +313,7 @@ def made(project, *targets: str) -> list[dict]:
 @pytest.mark.nightly
 def test_from_a_blind_experiment_to_the_workflow(new_page, served):
     project, addresses = served
-    page, other = new_page(addresses["/tissue"]), new_page(addresses["/again"])
+    page, other = new_page(addresses["/tissue"], color_scheme="dark"), new_page(addresses["/again"])
     mine = new_page(addresses["/_own"], ready="#choose")
     page.get_by_role("button", name="Base alone").click()
     add(page, "Coulomb friction")
@@ -355,6 +395,24 @@ def test_own_recordings_page_is_for_everybody(new_page, own, scheme):
     )
     page.locator("#files li").wait_for()
     page.locator("#previews .bad").first.wait_for()
-    fits(page, 390)
+    fits(page, *WIDTHS)
     assert page.locator("#start").is_disabled()
     assert serious(page) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
+def test_index_and_unknown_addresses_are_for_everybody_and_lead_on(new_page, own, scheme):
+    page = new_page(own, ready="#choose", color_scheme=scheme, bypass_csp=True)
+    assert page.get_by_role("link", name="an example to try").is_visible()
+    fits(page, *WIDTHS)
+    assert serious(page) == []
+    page.goto(f"{own.partition('?')[0]}nowhere")
+    fits(page, *WIDTHS)
+    assert serious(page) == []
+    page.get_by_role("link", name="All pages").click()
+    page.wait_for_selector("#choose")
+    page.locator("#choose").set_input_files(
+        [{"name": "a.csv", "mimeType": "text/csv", "buffer": b"t_s\n1\n"}]
+    )
+    page.locator("#files li").wait_for()
+    assert not page.locator("#listed").is_visible()  # what comes next is what is seen

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -77,8 +77,8 @@ class ExplorerPage:
     """The base model on every record, for what is told of where it fails."""
     data: str
     """Where the data come from."""
-    blocks: Sequence[Markup] = field(default_factory=tuple)
-    """Further evidence, shown below."""
+    sections: Sequence[tuple[str, Sequence[Markup]]] = ()
+    """Further evidence by titles, folded below."""
     others: Sequence[FittedModel] = ()
     """Models that are shown beside those of the diagnosis: the thesis's."""
     others_remark: str = ""
@@ -141,7 +141,7 @@ class ExplorerPage:
             "second_colour": SECOND,
             "pictures": self._captioned(),
             "cards": cards(verdict, self.catalogue),
-            "blocks": self.blocks,
+            "sections": self.sections,
             "step": self.step,
             "served": served,
             "study": study,
@@ -326,11 +326,11 @@ def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictur
 
 def _parameters(item: Ranked) -> Markup | str:
     rows = [
-        (readable(found.name), f"{found.value:.4g}", _interval(found), unit_in_print(found.unit))
+        (readable(found.name), f"{found.value:.4g} {unit_in_print(found.unit)}".rstrip(), _interval(found))
         for found in item.estimates
         if found.effect
     ]
-    return table(("parameter", "value", "95 % interval", "unit"), rows) if rows else ""
+    return table(("parameter", "value", "95 % interval"), rows) if rows else ""
 
 
 def _interval(found) -> str:

@@ -64,6 +64,12 @@ def _pictures() -> Drawn:
     return embedded_pictures(fill)
 
 
+def _in_print(value: float, unit: str) -> str:
+    """A value as the page's other numbers stand: lengths in mm, a true minus sign."""
+    value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)
+    return f"{value:.3g} {unit}".replace("-", "−")
+
+
 @dataclass(frozen=True, eq=False)
 class LiftPage:
     """A lift as a page."""
@@ -190,7 +196,7 @@ class LiftPage:
         return [
             {
                 "name": f"{words[0].upper()}{words[1:]}".replace("5s1", "5/S1"),
-                "value": "" if row.reason else f"{row.value:.3g} {row.unit}".replace("-", "−"),
+                "value": "" if row.reason else _in_print(row.value, row.unit),
                 "reason": row.reason,
                 "safer": row.safer,
                 "meaning": MEASURES[row.measure].meaning,
