@@ -45,9 +45,7 @@ def run_explore(options) -> None:
     child_template.start()  # which takes a while, in which nobody waits for it
     server.start()
     addresses = {INDEX: "all pages"}
-    addresses |= {
-        address: f"what is missing in {item.title or item.name}" for address, item in index.sets.given.items()
-    }
+    addresses |= {address: f"what is missing in {item.words}" for address, item in index.sets.given.items()}
     addresses |= {item.address: f"lift {item.folder.absolute().name}" for item in index.lifts}
     addresses |= {OWN: "your own files, dropped on the page"}
     for address, words in sorted(addresses.items(), key=lambda item: item[0] != first):
@@ -82,7 +80,7 @@ def _what_is_shown(options) -> tuple[Index, OwnDiagnosis, str]:
     """The index, how own recordings are diagnosed, and the address that is opened first."""
     from lumbar.interface.lift_page import saved_lifts
     from lumbar.page_server.index import INDEX, Index
-    from lumbar.page_server.served_sets import ServedSets
+    from lumbar.page_server.served_sets import ServedLift, ServedSets
     from lumbar.study.load_study import DEFAULT_FILES
 
     target, results, lifts = options.target, None, []
@@ -94,7 +92,8 @@ def _what_is_shown(options) -> tuple[Index, OwnDiagnosis, str]:
     elif (target / "run_config.yaml").is_file() or saved_lifts(target):
         place, results = target.resolve().name, target if (target / "run_config.yaml").is_file() else None
         sets, own = _of_results(options), _own(fit_settings(options), options.output or EXPLORED)
-        lifts = _lifts_of_folder(options)
+        settings = given_settings(options).stability
+        lifts = [ServedLift(folder, settings, options.data) for folder in saved_lifts(target)]
     else:
         place, (sets, own) = target.resolve().name, _of_folder(options)
         return Index(place, ServedSets([*sets, _example(options)])), own, f"/{sets[0].name}"
@@ -117,21 +116,8 @@ def _of_results(options) -> list[ExploredSet]:
     from lumbar.page_server.served_sets import ExploredSet
     from lumbar.page_server.stored import StoredVerdict
 
-    found = sorted(options.target.glob("improvement/*/diagnosis.html"))
-    return [
-        ExploredSet(
-            page.parent.name,
-            None,
-            EXPLORED,
-            title=_title(page.parent.name),
-            stored=StoredVerdict(page.parent),
-        )
-        for page in found
-    ]
-
-
-def _title(name: str) -> str:
-    return name.replace("_", " ")
+    folders = [page.parent for page in sorted(options.target.glob("improvement/*/diagnosis.html"))]
+    return [ExploredSet(folder.name, None, EXPLORED, stored=StoredVerdict(folder)) for folder in folders]
 
 
 def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
@@ -200,7 +186,7 @@ def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
         plain(study.settings),
         [*map(Path, _paths_of(study, name)), file, *DEFAULT_FILES],
     )
-    return ExploredSet(name, diagnosed, output, keep, file.name, read=read, title=_title(name), stored=stored)
+    return ExploredSet(name, diagnosed, output, keep, file.name, read=read, stored=stored)
 
 
 def _paths_of(study: Study, name: str) -> list[str]:
@@ -219,16 +205,6 @@ def _records_of(study: Study, name: str) -> Sequence[Record]:
         made = "; 'snakemake' makes the synthetic twin's recordings" if study.synthetic else ""
         raise InputError(f"{', '.join(missing)}: not there{made}")
     return read_listed(paths, entry.records, *set_layout(study.settings, name))
-
-
-def _lifts_of_folder(options) -> list[ServedLift]:
-    """Lifts that the folder ``target`` holds; none where it is a folder of records."""
-    from lumbar.interface.lift_page import saved_lifts
-    from lumbar.page_server.served_sets import ServedLift
-
-    found = saved_lifts(options.target)
-    settings = given_settings(options).stability if found else None
-    return [ServedLift(folder, settings, options.data) for folder in found]
 
 
 def _lifts_of_study(study: Study) -> list[ServedLift]:

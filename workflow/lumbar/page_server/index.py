@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tornado.routing import AnyMatches, PathMatches, Rule
+from tornado.routing import PathMatches, Rule
 from tornado.web import HTTPError, RequestHandler
 
 from lumbar.base.templates import template
@@ -59,7 +59,7 @@ class Index:
         return {
             **self.bar,
             "sets": [
-                (address, found.title or found.name, _known(found) if with_words else "")
+                (address, found.words, _known(found) if with_words else "")
                 for address, found in self.sets.given.items()
             ],
             "lifts": [(lift.address, lift.folder.absolute().name.replace("_", " ")) for lift in self.lifts],
@@ -88,10 +88,6 @@ class Index:
             Rule(PathMatches(f"{STORED}(.*)"), _StoredHandler, known),
         ]
 
-    def nowhere(self) -> Rule:
-        """The rule after all others."""
-        return Rule(AnyMatches(), _IndexedHandler, {"index": self})
-
 
 def _known(explored: ExploredSet) -> str:
     """What is known of a set without computing anything."""
@@ -111,7 +107,7 @@ def _known(explored: ExploredSet) -> str:
     )
 
 
-class _IndexedHandler(RequestHandler):
+class IndexedHandler(RequestHandler):
     """Answers with the way to what there is."""
 
     def initialize(self, index: Index) -> None:
@@ -127,7 +123,7 @@ class _IndexedHandler(RequestHandler):
         self.finish(self.index.lost("Nothing is at this address", "These pages there are:"))
 
 
-class _LiftHandler(_IndexedHandler):
+class _LiftHandler(IndexedHandler):
     """Answers with the page of a lift, or with why there is none."""
 
     def initialize(self, index: Index, lift: ServedLift) -> None:
@@ -143,7 +139,7 @@ class _LiftHandler(_IndexedHandler):
             self.write(self.index.lost("This lift cannot be shown", page_message(error)))
 
 
-class _ResultHandler(_IndexedHandler):
+class _ResultHandler(IndexedHandler):
     """A file of the study's results; of pages that the server makes itself its own."""
 
     async def get(self, path: str) -> None:
@@ -172,7 +168,7 @@ class _ResultHandler(_IndexedHandler):
                 await self.flush()
 
 
-class _StoredHandler(_IndexedHandler):
+class _StoredHandler(IndexedHandler):
     """The page of a diagnosis as the study's run left it, inside of a page of the server."""
 
     async def get(self, path: str) -> None:

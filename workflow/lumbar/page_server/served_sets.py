@@ -45,7 +45,7 @@ class ExploredSet:
     read: Callable[[], Sequence[Record]] = tuple
     """Without arguments; returns the records, to be shown while they are diagnosed."""
     title: str = ""
-    """What terminal and index call it; empty for its name."""
+    """Of a set that is not called by its name."""
     stored: StoredVerdict | None = None
     """The diagnosis that a study's run may have left."""
     job: Job | None = None
@@ -53,6 +53,11 @@ class ExploredSet:
     _fitted: dict[str, ShownModel] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
     _preparing: threading.Lock = field(default_factory=threading.Lock)
+
+    @property
+    def words(self) -> str:
+        """What terminal and pages call it."""
+        return self.title or self.name.replace("_", " ")
 
     @cached_property
     def diagnosis(self) -> Diagnosis:

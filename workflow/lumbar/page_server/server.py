@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background
-from lumbar.page_server.index import Index
+from lumbar.page_server.index import Index, IndexedHandler
 from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.served_sets import RESULT, ExploredSet, ServedSets
 from lumbar.page_server.trust import HOST, DoorHandler, Guarded, Outside, Visitors, log_refused
@@ -97,7 +97,7 @@ def _route(server: Server, visitors: Visitors, index: Index, own: OwnDiagnosis) 
     from bokeh.server.views.metadata_handler import MetadataHandler
     from bokeh.server.views.root_handler import RootHandler
     from bokeh.server.views.ws import WSHandler
-    from tornado.routing import PathMatches, Rule
+    from tornado.routing import AnyMatches, PathMatches, Rule
 
     from lumbar.page_server import waiting
     from lumbar.page_server.own_handlers import own_rules
@@ -119,7 +119,7 @@ def _route(server: Server, visitors: Visitors, index: Index, own: OwnDiagnosis) 
         *own_rules(index, own),
         *index.rules(),
     ]
-    inner.append(index.nowhere())
+    inner.append(Rule(AnyMatches(), IndexedHandler, known))
     application.add_transform(Guarded)
 
 

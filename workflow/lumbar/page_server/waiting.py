@@ -91,7 +91,7 @@ class WaitingHandler(_SetsHandler):
         self.write(
             template(WAITING).render(
                 **self.index.bar,
-                name=found.title or found.name,
+                name=found.words,
                 own=found.own,
                 records=_sketches(found),
                 progress=url_concat(PROGRESS, asked),
@@ -103,7 +103,7 @@ class WaitingHandler(_SetsHandler):
         self.write(
             template(STORED_PAGE).render(
                 **self.index.bar,
-                title=found.title or found.name,
+                title=found.words,
                 made=found.stored.made,
                 address=f"{STORED}{found.name}",
                 computable=found.make is not None,
