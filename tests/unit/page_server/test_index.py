@@ -111,7 +111,11 @@ def test_a_verdict_in_the_results_is_shown_at_once_and_can_ask_the_server_nothin
     assert (status, 'src="/_stored/records"' in page) == (200, True)
     assert 'sandbox="allow-scripts allow-downloads"' in page
     status, headers, stored = door("/_stored/records")
-    assert stored == (results / "improvement" / "records" / "diagnosis.html").read_text(encoding="utf-8")
+    whole = (results / "improvement" / "records" / "diagnosis.html").read_text(encoding="utf-8")
+    assert stored.partition("<main>")[2] == whole.partition("<main>")[2] != ""
+    assert (
+        '<header class="top">' in whole and '<header class="top">' not in stored
+    )  # the frame's page has the bar
     assert headers["Content-Security-Policy"].startswith("sandbox allow-scripts allow-downloads;")
     assert "allow-same-origin" not in page + headers["Content-Security-Policy"]
 

@@ -71,9 +71,9 @@ class Index:
         """Return the page that stands where there is none, with the way to those that there are."""
         return template(LOST).render(title=title, words=words, **self.listed())
 
-    def with_bar(self, text: str) -> str:
-        """Return a page that is a file too with the bar that leads to the others in place of its own."""
-        bar = template("tables/header.html.jinja").render(**self.bar)
+    def with_bar(self, text: str, framed: bool = False) -> str:
+        """Return a page that is a file too with the bar that leads to the others in place of its own; `framed`: with none."""
+        bar = "" if framed else template("tables/header.html.jinja").render(**self.bar)
         before, _, rest = text.partition('<header class="top">')
         _, end, after = rest.partition("</header>")
         return before + bar + after if end else text
@@ -177,4 +177,4 @@ class _StoredHandler(IndexedHandler):
         if found is None or found.stored is None or not found.stored.page.is_file():
             raise HTTPError(404)
         self.set_header("Content-Security-Policy", _APART)
-        self.write(found.stored.page.read_text(encoding="utf-8"))
+        self.write(self.index.with_bar(found.stored.page.read_text(encoding="utf-8"), framed=True))
