@@ -148,6 +148,7 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None], in
     document.title = page.title
     document.template = template(PAGE)
     document.template_variables.update(explored.variables | index.bar)
+    document.config.notify_connection_status = False  # Bokeh would speak of a line that comes back
     document.js_on_event("connection_lost", CustomJS(code=_LOST))
     requests = TabRequests(explored)
 
