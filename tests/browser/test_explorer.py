@@ -8,11 +8,12 @@ import subprocess
 import sys
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from accessibility import fits, serious
+from accessibility import WIDTHS, fits, serious
 
 import lumbar
 from running import FORKING, copy_project, snakemake
@@ -84,6 +85,7 @@ def errors_of(page) -> list[float]:
 
 
 def add(page, title: str) -> None:
+    page.evaluate("document.querySelectorAll('#why > details').forEach((item) => { item.open = true; })")
     page.locator("article.card").filter(has=page.get_by_role("heading", name=title)).get_by_role(
         "button", name="Add"
     ).click()
@@ -206,7 +208,46 @@ def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_page(new_page, 
     page.get_by_role("button", name="Set this path aside").click()
     add(page, "Inertia")  # the message is there
     assert serious(page) == []
-    fits(page, 390, 1280, 1920)
+    fits(page, *WIDTHS, 1920)
+
+
+def test_what_is_drawn_in_the_dark_stands_out_and_what_is_folded_is_printed(new_page, saved):
+    page = new_page(saved, color_scheme="dark")
+    colours = page.evaluate(
+        "() => Bokeh.documents[0].roots().flatMap((picture) => picture.renderers).map(({ glyph }) => glyph.line_color?.value)"
+        ".concat([...document.querySelectorAll('.key')].map((key) => key.style.getPropertyValue('--hue')))"
+    )
+    lines = {colour.lower() for colour in colours if isinstance(colour, str) and colour.startswith("#")}
+    assert len(lines) >= 4
+    paper = luminance(page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--paper')"))
+    assert all((luminance(colour) + 0.05) / (paper + 0.05) >= 3 for colour in lines), lines
+    folded = page.locator("#evidence table").first
+    assert not folded.is_visible()
+    page.emulate_media(media="print")
+    assert folded.is_visible()
+    assert page.locator(".bar").first.evaluate("bar => getComputedStyle(bar).printColorAdjust") == "exact"
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of a colour ``#rrggbb`` (WCAG 2)."""
+    parts = [int(colour.strip()[place : place + 2], 16) / 255 for place in (1, 3, 5)]
+    linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+def test_a_mark_can_be_typed_either_way_round_and_cleared(new_page, saved):
+    page = new_page(saved)
+    told = []
+    for first, last in (("3", "9"), ("9", "3")):
+        page.locator("#from").fill(first)
+        page.locator("#to").fill(last)
+        page.keyboard.press("Tab")
+        told.append(page.locator("#region").inner_text())
+    assert told[0] == told[1] and "samples marked" in told[0]
+    page.get_by_role("button", name="Clear the mark").click()
+    assert "Draw a box" in page.locator("#region").inner_text()
+    assert page.locator("#from").input_value() == ""
+    assert len(data_of(page, "brushed")["time"]) == 0
 
 
 def test_keyboard_reaches_every_choice(new_page, saved):
@@ -219,12 +260,17 @@ def test_keyboard_reaches_every_choice(new_page, saved):
 
 
 @contextmanager
-def serving(folder: Path, addresses: int, *arguments: str):
-    """Run ``lumbar explore`` there; the first addresses that it prints."""
+def serving(folder: Path, *arguments: str):
+    """Run ``lumbar explore`` there; the addresses that it prints, by their paths."""
     command = [sys.executable, "-m", "lumbar", "explore", *arguments, "--port", "0", "--no-browser"]
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as server:
         try:
-            yield [server.stdout.readline().split()[0] for _ in range(addresses)]
+            printed = iter(
+                server.stdout.readline,
+                "Whoever has an address may do all that the page does; Ctrl-C ends it.\n",
+            )
+            addresses = [line.split()[0] for line in printed]
+            yield {urlsplit(address).path: address for address in addresses}
         finally:
             server.terminate()
 
@@ -236,7 +282,7 @@ def served(shared, tmp_path):
     shutil.copytree(shared / "hidden_effects" / CASE, project / "data")
     study = project / "config" / "studies" / "blind.yaml"
     study.write_text(STUDY, encoding="utf-8")
-    with serving(project, 3, "config/studies/blind.yaml") as addresses:
+    with serving(project, "config/studies/blind.yaml") as addresses:
         yield project, addresses
 
 
@@ -266,8 +312,9 @@ def made(project, *targets: str) -> list[dict]:
 
 @pytest.mark.nightly
 def test_from_a_blind_experiment_to_the_workflow(new_page, served):
-    project, (tissue, again, own) = served
-    page, other, mine = new_page(tissue), new_page(again), new_page(own, ready="#choose")
+    project, addresses = served
+    page, other = new_page(addresses["/tissue"], color_scheme="dark"), new_page(addresses["/again"])
+    mine = new_page(addresses["/_own"], ready="#choose")
     page.get_by_role("button", name="Base alone").click()
     add(page, "Coulomb friction")
     assert errors_of(page)[-1] < 0.25 * errors_of(page)[0]
@@ -335,8 +382,8 @@ def give_own(page, folder: Path) -> None:
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
     """Address of the page for own recordings, served where there is no project."""
-    with serving(tmp_path_factory.mktemp("own"), 1) as (address,):
-        yield address
+    with serving(tmp_path_factory.mktemp("own")) as addresses:
+        yield addresses["/"]
 
 
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
@@ -348,7 +395,7 @@ def test_own_recordings_page_is_for_everybody(new_page, own, scheme):
     )
     page.locator("#files li").wait_for()
     page.locator("#previews .bad").first.wait_for()
-    fits(page, 390)
+    fits(page, *WIDTHS)
     assert page.locator("#start").is_disabled()
     assert serious(page) == []
 
@@ -372,3 +419,21 @@ def test_models_under_the_hand(saved, new_page):
         "(resting) => document.querySelector('#push .force').textContent === resting", arg=resting[0]
     )
     assert page.locator("#push-trouble").text_content() == ""
+
+
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
+def test_index_and_unknown_addresses_are_for_everybody_and_lead_on(new_page, own, scheme):
+    page = new_page(own, ready="#choose", color_scheme=scheme, bypass_csp=True)
+    assert page.get_by_role("link", name="an example to try").is_visible()
+    fits(page, *WIDTHS)
+    assert serious(page) == []
+    page.goto(f"{own.partition('?')[0]}nowhere")
+    fits(page, *WIDTHS)
+    assert serious(page) == []
+    page.get_by_role("link", name="All pages").click()
+    page.wait_for_selector("#choose")
+    page.locator("#choose").set_input_files(
+        [{"name": "a.csv", "mimeType": "text/csv", "buffer": b"t_s\n1\n"}]
+    )
+    page.locator("#files li").wait_for()
+    assert not page.locator("#listed").is_visible()  # what comes next is what is seen

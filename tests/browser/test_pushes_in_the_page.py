@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from accessibility import fits, serious
+from accessibility import WIDTHS, fits, serious
 
 from lumbar.interface.lift_page import lift_page
 from lumbar.lifting.stability.extended_basins import torque_limit
@@ -106,6 +106,18 @@ def test_a_push_can_be_dragged_and_typed(page):
     assert text(page, "told-certified").startswith("inside")
 
 
+def test_a_push_is_typed_within_bounds_and_digit_by_digit(page):
+    page.locator("#push-angle").fill("0.3")
+    told = text(page, "told-push")
+    page.locator("#push-angle").fill("99")
+    assert text(page, "told-push") == told and "1.57" in text(page, "too-far")
+    page.locator("#push-angle").fill("")
+    assert page.locator("#push-angle").input_value() == ""
+    page.locator("#push-angle").press_sequentially("-1.05")
+    assert page.locator("#push-angle").input_value() == "-1.05"
+    assert "−1.05 rad" in text(page, "told-push") and text(page, "too-far") == ""
+
+
 def test_limits_of_the_torque_let_a_pushed_pendulum_fall(page):
     page.locator("#push-angle").fill("0.3")
     page.locator("#push-velocity").fill("1.5")
@@ -136,4 +148,4 @@ def test_time_is_gone_through_by_keyboard_and_everything_follows(page):
 def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_page(new_page, page_file, scheme, width):
     page = new_page(page_file, viewport={"width": width, "height": 900}, color_scheme=scheme)
     assert serious(page) == []
-    fits(page, 390, 1280, 1920)
+    fits(page, *WIDTHS, 1920)

@@ -1,10 +1,11 @@
 """The report of a study in a real browser: nothing is wider than the page, on any screen or on paper."""
 
 import pytest
+from accessibility import WIDTHS, fits, serious
 
 from small_report import make_results, page_of
 
-WIDTHS = """() => [document.documentElement.scrollWidth,
+SIZES = """() => [document.documentElement.scrollWidth,
   [...document.querySelectorAll(".scroll")].filter(e => e.scrollWidth > e.clientWidth + 1).length]"""
 
 
@@ -15,12 +16,24 @@ def report(tmp_path_factory):
     return file.as_uri()
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_report_is_for_everybody_at_every_width_and_its_chapters_stay_in_sight(browser, report, scheme):
+    page = browser.new_page(color_scheme=scheme)
+    page.goto(report)
+    fits(page, *WIDTHS)
+    assert serious(page) == []
+    for link in page.locator(".contents a").all():
+        link.click()
+        assert page.locator(".contents").bounding_box()["y"] == pytest.approx(0, abs=60)
+    page.close()
+
+
 @pytest.mark.parametrize(("width", "tables_may_scroll"), [(1920, False), (1280, False), (390, True)])
 def test_nothing_is_wider_than_the_page(browser, report, width, tables_may_scroll):
     page = browser.new_page(viewport={"width": width, "height": 900})
     page.goto(report)
     page.evaluate("document.querySelectorAll('details').forEach(item => { item.open = true; })")
-    whole, scrolling = page.evaluate(WIDTHS)
+    whole, scrolling = page.evaluate(SIZES)
     assert whole == width
     assert tables_may_scroll or scrolling == 0
     page.close()
@@ -30,7 +43,7 @@ def test_nothing_is_wider_than_paper_and_no_picture_is_lost(browser, report):
     page = browser.new_page(viewport={"width": 688, "height": 1000})  # A4 less its margins
     page.emulate_media(media="print")
     page.goto(report)
-    assert page.evaluate(WIDTHS)[0] == 688
+    assert page.evaluate(SIZES)[0] == 688
     drawn = page.evaluate("[...document.images].map(item => item.complete && item.naturalWidth > 100)")
     assert len(drawn) == 4 and all(drawn)
     page.close()

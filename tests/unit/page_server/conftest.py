@@ -10,8 +10,9 @@ from asking import ask, serving
 
 import lumbar
 from lumbar.page_server.background import BESIDE
+from lumbar.page_server.index import Index
 from lumbar.page_server.own_recordings import OwnDiagnosis
-from lumbar.page_server.served_sets import ExploredSet
+from lumbar.page_server.served_sets import ExploredSet, ServedSets
 from lumbar.page_server.server import new_server
 from lumbar.page_server.study_change import with_value
 from lumbar.settings.improvement import ImprovementSettings
@@ -88,7 +89,8 @@ def served(explored, slow, broken, begin, tmp_path_factory):
         begin.wait()
         return lumbar.diagnose(records, settings=QUICK, **how)
 
-    with serving(lambda: new_server([explored, slow, broken], 0, OwnDiagnosis(diagnose, output))) as visitors:
+    index = Index("some records", ServedSets([explored, slow, broken]))
+    with serving(lambda: new_server(index, 0, OwnDiagnosis(diagnose, output))) as visitors:
         get, post = (partial(ask, visitors, method) for method in ("GET", "POST"))
         yield SimpleNamespace(visitors=visitors, get=get, post=post, own=output)
 

@@ -10,8 +10,10 @@ from asking import ask, cookie, serving
 
 from lumbar.base.errors import InputError
 from lumbar.page_server import own_handlers, server
+from lumbar.page_server.index import Index
 from lumbar.page_server.own_handlers import MOST_TABS, OwnTabs
 from lumbar.page_server.own_recordings import OwnDiagnosis
+from lumbar.page_server.served_sets import ServedSets
 from lumbar.page_server.trust import HOST
 from patience import PATIENCE_S, seen
 
@@ -67,7 +69,7 @@ def small_server(monkeypatch, tmp_path):
 
     def start(slowest_s: float):
         monkeypatch.setattr(server, "SLOWEST_S", slowest_s)
-        return serving(lambda: server.new_server([], 0, OwnDiagnosis(None, tmp_path)))
+        return serving(lambda: server.new_server(Index("", ServedSets([])), 0, OwnDiagnosis(None, tmp_path)))
 
     return start
 

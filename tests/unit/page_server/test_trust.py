@@ -11,6 +11,9 @@ from patience import PATIENCE_S
 
 PATHS = (
     "/",
+    "/nowhere",
+    "/_results/report.html",
+    "/_stored/records",
     "/records",
     "/broken",
     "/_own",

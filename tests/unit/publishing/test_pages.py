@@ -15,6 +15,7 @@ from periodic_records import STEP, multisine, noise, record, relaxing_force
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.publishing.explorer import shown
+from lumbar.publishing.explorer.one_file import embedded_pictures, one_file, plain_figure
 from lumbar.publishing.explorer.shown import WITH_EFFECTS, candidates_of, drawing_step, model_key
 from lumbar.publishing.pages.diagnosis_page import diagnosis_page, draw_pictures, pictured_effects
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, picture, table
@@ -206,10 +207,18 @@ def test_signatures_follow_closed_forms():
 def test_building_blocks_escape_what_they_are_given():
     page = document("a < b", "x & y", [paragraph("1 < 2"), listing(["<b>"]), table(["<h>"], [["a&b"]])])
     assert "a &lt; b" in page and "x &amp; y" in page and "1 &lt; 2" in page
-    assert "<b>" not in page.split("</style>")[1].replace("<p><b>Data", "").replace("</b>", "")
+    assert "<b>" not in page.split("</header>")[1].replace("<p><b>Data", "").replace("</b>", "")
     assert "a&amp;b" in page
     assert '"quoted"' not in picture("<svg/>", 'a "quoted" text')
     assert "<figcaption>a &amp; b</figcaption>" in figure("<svg/>", "a & b")
+
+
+def test_numbering_what_bokeh_names_leaves_coded_numbers_alone():
+    """A page of the default study could not be opened: among three million letters one run of them was taken for a name."""
+    coded = "AAA+p12345/A"
+    pictures = embedded_pictures(lambda document: document.add_root(plain_figure("a", "", "", 0)))
+    variables = {"title": "", "data": "", "content": {"coded": coded}}
+    assert coded in one_file(pictures, "publishing/explorer/shell.html.jinja", variables)
 
 
 EVIL = "</script><script>alert(1)</script>"

@@ -12,8 +12,9 @@ from bokeh.models import ColumnDataSource
 from bokeh.plotting import figure as empty_figure
 
 import lumbar
+from lumbar.base.templates import template
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
-from lumbar.publishing.explorer.push import loader, pushed_models
+from lumbar.publishing.explorer.push import pushed_models
 from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.twin.examples import example_records
 
@@ -43,7 +44,10 @@ def test_pushed_models_answer_as_simulated(models, zig_cache, tmp_path):
     for name, content in files.items():
         (tmp_path / name).write_text(json.dumps(content))
     script = tmp_path / "play.mjs"
-    script.write_text(loader() + PLAY.format(**{name: str(tmp_path / name) for name in files}))
+    script.write_text(
+        template("tissue/fmu/tissue_force.mjs").render()
+        + PLAY.format(**{name: str(tmp_path / name) for name in files})
+    )
     done = subprocess.run(["node", script], capture_output=True, text=True, check=True)
     for model, played in zip(models, json.loads(done.stdout), strict=True):
         expected = effect_model(model, 1e-3).response(positions - model.input.offset) + model.output.offset
@@ -80,7 +84,7 @@ def test_numbering_leaves_data_alone():
         picture.text("x", "y", "word", source=ColumnDataSource({"x": [0, 1], "y": [0, 1], "word": words}))
         document.add_root(picture)
 
-    variables = {"title": "t", "data": "", "content": {}, "style": "", "behaviour": ""}
+    variables = {"title": "t", "data": "", "content": {}}
     text = one_file(embedded_pictures(fill), "publishing/explorer/shell.html.jinja", variables)
     assert all(word in text for word in words)
     assert not re.search(r'"p\d{4,}"', text)

@@ -139,27 +139,44 @@ ALIAS = "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text
     ("changes", "words"),
     [
         *(
-            ({"lifting": {"markers": {"aliases": {"C7": alias}}}}, ["lifting.markers.aliases.C7: found", ALIAS])
+            (
+                {"lifting": {"markers": {"aliases": {"C7": alias}}}},
+                ["lifting.markers.aliases.C7: found", ALIAS],
+            )
             for alias in (7, {"median": ["A", "B"]}, {"mean": ["A"]}, {"from": "A", "offset_m": [0, 0, 3]})
         ),
-        ({"lifting": {"markers": {"aliases": {"c7": "C7"}}}}, ["lifting.markers.aliases.c7: 'c7' is no name"]),
+        (
+            {"lifting": {"markers": {"aliases": {"c7": "C7"}}}},
+            ["lifting.markers.aliases.c7: 'c7' is no name"],
+        ),
         ({"chapters": ["runtime", "stability"]}, ["runtime without tissue", "stability without lifting"]),
         (
             {"survey": {"baseline": "LE", "scale_labels": ["no", "yes"]}},
-            ["survey.baseline: 'LE' is not rated; models: IL, MW, KB, HO",
-             "survey.scale_labels: 2 names; survey.layout.scale_points is 5"],
+            [
+                "survey.baseline: 'LE' is not rated; models: IL, MW, KB, HO",
+                "survey.scale_labels: 2 names; survey.layout.scale_points is 5",
+            ],
         ),
         ({"tissue": {"training": ["multisine", "step"]}}, ["tissue.training.1: 'step' is no record"]),
         ({"runtime": {"trained_on": "chirps"}}, ["runtime.trained_on: 'chirps'"]),
         (
             {"improvement": {"effects": ["coulomb_fricton"]}},
-            ["improvement.effects.0: 'coulomb_fricton' is no effect; did you mean 'coulomb_friction'?; effects: ", "coulomb_friction, "],
+            [
+                "improvement.effects.0: 'coulomb_fricton' is no effect; did you mean 'coulomb_friction'?; effects: ",
+                "coulomb_friction, ",
+            ],
         ),
         ({"improvement": {"effect_files": ["{own}.yaml"]}}, ["effect_files.0: '{own}.yaml'; no braces"]),
-        ({"study": "CON"}, ["study: 'CON' is a device on Windows, where no file can be called so; allowed: text"]),
-        ({"tissue": {"records": [{"name": "aux.1", "file": "a.csv"}]}}, ["records.0.name: 'aux.1' is a device on Windows"]),
+        (
+            {"study": "CON"},
+            ["study: 'CON' is a device on Windows, where no file can be called so; allowed: text"],
+        ),
+        (
+            {"tissue": {"records": [{"name": "aux.1", "file": "a.csv"}]}},
+            ["records.0.name: 'aux.1' is a device on Windows"],
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_keys_say_together_is_refused_where_it_cannot_be(config, folder, changes, words):
     message = message_of(overlay(config, changes), folder)
     for word in words:

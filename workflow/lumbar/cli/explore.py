@@ -21,6 +21,7 @@ from lumbar.cli.tissue import fit_settings, read_folder
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
+    from lumbar.page_server.index import Index
     from lumbar.page_server.own_recordings import OwnDiagnosis
     from lumbar.page_server.served_sets import ExploredSet, ServedLift
     from lumbar.records.record import Record
@@ -32,35 +33,28 @@ EXPLORED = Path("explored")
 
 def run_explore(options) -> None:
     """Serve the page until it is interrupted."""
+    from lumbar.base import child_template
     from lumbar.page_server.background import WRITING
+    from lumbar.page_server.index import INDEX
     from lumbar.page_server.served_sets import OWN
     from lumbar.page_server.server import new_server
-    from lumbar.study.load_study import DEFAULT_FILES
 
     options.output = options.output and options.output.resolve()  # what a person names may be a link
-    if options.target is not None and options.target.is_dir():
-        lifts = _lifts_of_folder(options)
-        sets, own = ([], None) if lifts else _of_folder(options)
-    elif options.target is None and not DEFAULT_FILES[0].is_file():
-        lifts, (sets, own) = [], _of_nothing(options)
-    else:
-        sets, own = _of_study(options)
-        lifts = _lifts_of_study(options)
-    server, visitors = new_server(sets, options.port, own, lifts)
-    if own:
-        from lumbar.base import child_template
-
-        # Which takes a while, in which nobody waits for it.
-        child_template.start("lumbar.records.importing.variables")
+    index, own, first = _what_is_shown(options)
+    server, visitors = new_server(index, options.port, own)
+    child_template.start(
+        "lumbar.records.importing.variables"
+    )  # which takes a while, in which nobody waits for it
     server.start()
-    addresses = {f"/{item.name}": f"what is missing in {item.title or item.name}" for item in sets}
-    addresses |= {item.address: f"lift {item.folder.absolute().name}" for item in lifts}
-    addresses |= {OWN: "your own files, dropped on the page"} if own else {}
-    for address, words in addresses.items():
+    addresses = {INDEX: "all pages"}
+    addresses |= {address: f"what is missing in {item.words}" for address, item in index.sets.given.items()}
+    addresses |= {item.address: f"lift {item.folder.absolute().name}" for item in index.lifts}
+    addresses |= {OWN: "your own files, dropped on the page"}
+    for address, words in sorted(addresses.items(), key=lambda item: item[0] != first):
         print(f"{visitors.address(address)}  {words}", flush=True)
     print("Whoever has an address may do all that the page does; Ctrl-C ends it.", flush=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    opened = nullcontext() if options.no_browser else _in_browser(visitors.address(next(iter(addresses))))
+    opened = nullcontext() if options.no_browser else _in_browser(visitors.address(first))
     try:
         with opened:
             server.io_loop.start()
@@ -84,6 +78,50 @@ def _in_browser(address: str) -> Iterator[None]:
         yield
 
 
+def _what_is_shown(options) -> tuple[Index, OwnDiagnosis, str]:
+    """The index, how own recordings are diagnosed, and the address that is opened first."""
+    from lumbar.interface.lift_page import saved_lifts
+    from lumbar.page_server.index import INDEX, Index
+    from lumbar.page_server.served_sets import ServedLift, ServedSets
+    from lumbar.study.load_study import DEFAULT_FILES
+
+    target, results, lifts = options.target, None, []
+    if target is None and not DEFAULT_FILES[0].is_file():
+        place, sets, own = "Your own recordings", [], _own(fit_settings(options), options.output or EXPLORED)
+    elif target is None or not target.is_dir():
+        study, sets, own = _of_study(options)
+        place, results, lifts = study.name, Path("results") / study.name, _lifts_of_study(study)
+    elif (target / "run_config.yaml").is_file() or saved_lifts(target):
+        place, results = target.resolve().name, target if (target / "run_config.yaml").is_file() else None
+        sets, own = _of_results(options), _own(fit_settings(options), options.output or EXPLORED)
+        settings = given_settings(options).stability
+        lifts = [ServedLift(folder, settings, options.data) for folder in saved_lifts(target)]
+    else:
+        place, (sets, own) = target.resolve().name, _of_folder(options)
+        return Index(place, ServedSets([*sets, _example(options)])), own, f"/{sets[0].name}"
+    return Index(place, ServedSets([*sets, _example(options)]), lifts, results), own, INDEX
+
+
+def _example(options) -> ExploredSet:
+    """Records in which something is hidden, for whoever has none."""
+    from lumbar.interface.diagnosis import diagnose
+    from lumbar.page_server.served_sets import ExploredSet
+    from lumbar.twin.examples import example_records
+
+    make = partial(diagnose, example_records(), settings=fit_settings(options), data="synthetic example")
+    output = (options.output or EXPLORED) / "example"
+    return ExploredSet("_example", make, output, title="an example to try", read=example_records)
+
+
+def _of_results(options) -> list[ExploredSet]:
+    """Verdicts in the results of a study, as they stand."""
+    from lumbar.page_server.served_sets import ExploredSet
+    from lumbar.page_server.stored import StoredVerdict
+
+    folders = [page.parent for page in sorted(options.target.glob("improvement/*/diagnosis.html"))]
+    return [ExploredSet(folder.name, None, EXPLORED, stored=StoredVerdict(folder)) for folder in folders]
+
+
 def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.served_sets import ExploredSet
@@ -101,11 +139,6 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     return [explored], _own(settings, options.output or EXPLORED)
 
 
-def _of_nothing(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
-    """Only what is given on the page, by the default settings."""
-    return [], _own(fit_settings(options), options.output or EXPLORED)
-
-
 def _own(settings: StudySettings, output: Path, *kept) -> OwnDiagnosis:
     """How a person's own files are diagnosed: each is taken for an experiment of its own."""
     from lumbar.interface.diagnosis import diagnose
@@ -115,7 +148,7 @@ def _own(settings: StudySettings, output: Path, *kept) -> OwnDiagnosis:
     return OwnDiagnosis(partial(diagnose, settings=alone), output / "own", *kept)
 
 
-def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
+def _of_study(options) -> tuple[Study, list[ExploredSet], OwnDiagnosis]:
     from lumbar.page_server.keeping import keep_records
     from lumbar.study.load_study import DEFAULT_FILES, load_study_file
 
@@ -131,7 +164,7 @@ def _of_study(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
         _of_set(study, entry.name, file, output / entry.name)
         for entry in study.settings.improvement.record_sets
     ]
-    return sets, _own(study.settings, output, partial(keep_records, file, study), file.name)
+    return study, sets, _own(study.settings, output, partial(keep_records, file, study), file.name)
 
 
 def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
@@ -139,6 +172,9 @@ def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.keeping import keep_effects
     from lumbar.page_server.served_sets import ExploredSet
+    from lumbar.page_server.stored import StoredVerdict
+    from lumbar.settings.plain import plain
+    from lumbar.study.load_study import DEFAULT_FILES
     from lumbar.study.study import settings_of_set
 
     read = cache(partial(_records_of, study, name))
@@ -147,15 +183,25 @@ def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
         return diagnose(read(), settings=settings_of_set(study.settings, name), data=study.data_label)
 
     keep = partial(keep_effects, file, study.settings, name)
-    return ExploredSet(name, diagnosed, output, keep, file.name, read=read)
+    stored = StoredVerdict(
+        Path("results") / study.name / "improvement" / name,
+        plain(study.settings),
+        [*map(Path, _paths_of(study, name)), file, *DEFAULT_FILES],
+    )
+    return ExploredSet(name, diagnosed, output, keep, file.name, read=read, stored=stored)
+
+
+def _paths_of(study: Study, name: str) -> list[str]:
+    from lumbar.study.study import record_set
+
+    return [study.recording(record.file) for record in record_set(study.settings, name).records]
 
 
 def _records_of(study: Study, name: str) -> Sequence[Record]:
     from lumbar.interface.reading import read_listed
     from lumbar.study.study import record_set, set_layout
 
-    entry = record_set(study.settings, name)
-    paths = [study.recording(record.file) for record in entry.records]
+    entry, paths = record_set(study.settings, name), _paths_of(study, name)
     missing = [path for path in paths if not Path(path).is_file()]
     if missing:
         made = "; 'snakemake' makes the synthetic twin's recordings" if study.synthetic else ""
@@ -163,23 +209,11 @@ def _records_of(study: Study, name: str) -> Sequence[Record]:
     return read_listed(paths, entry.records, *set_layout(study.settings, name))
 
 
-def _lifts_of_folder(options) -> list[ServedLift]:
-    """Lifts that the folder ``target`` holds; none where it is a folder of records."""
+def _lifts_of_study(study: Study) -> list[ServedLift]:
+    """Lifts of a study, as far as they are made; the others are counted on standard error."""
     from lumbar.interface.lift_page import saved_lifts
     from lumbar.page_server.served_sets import ServedLift
 
-    found = saved_lifts(options.target)
-    settings = given_settings(options).stability if found else None
-    return [ServedLift(folder, settings, options.data) for folder in found]
-
-
-def _lifts_of_study(options) -> list[ServedLift]:
-    """Lifts of the study whose file is ``target``, as far as they are made; the others are counted on standard error."""
-    from lumbar.interface.lift_page import saved_lifts
-    from lumbar.page_server.served_sets import ServedLift
-    from lumbar.study.load_study import load_study_file
-
-    study = load_study_file(Path(), options.target, trust=options.trust)
     made = [path for path in saved_lifts(Path("results") / study.name) if path.name in study.lifts]
     absent = len(study.lifts) - len(made)
     if absent:

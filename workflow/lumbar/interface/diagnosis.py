@@ -258,7 +258,7 @@ class Diagnosis:
             Whether the thesis's models stand beside, and models can be pushed; identifying and compiling takes a few seconds.
         """
         from lumbar.publishing.explorer.page import ExplorerPage
-        from lumbar.publishing.pages.diagnosis_page import evidence_blocks
+        from lumbar.publishing.pages.diagnosis_page import evidence_sections
         from lumbar.tissue.diagnosis.selection.refine import fitted_model
 
         beside = self.thesis_models if thesis else NOT_IDENTIFIED
@@ -270,7 +270,7 @@ class Diagnosis:
             self.candidates,
             self.base_on_records,
             self.data,
-            evidence_blocks(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
+            evidence_sections(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
             [*own, *beside.models],
             beside.remark,
             self.pushed if thesis else None,

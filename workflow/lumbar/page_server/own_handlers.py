@@ -14,10 +14,11 @@ from tornado.web import Finish, RequestHandler, stream_request_body
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background, page_message
+from lumbar.page_server.index import INDEX, Index
 from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis, OwnRecordings
 from lumbar.page_server.recording_preview import FIELDS
 from lumbar.page_server.requests import read_request
-from lumbar.page_server.served_sets import OWN, ServedSets
+from lumbar.page_server.served_sets import OWN
 
 MOST_TABS = 16
 """Tabs that are held with files, and as many without."""
@@ -88,21 +89,21 @@ _LETS_PASS_S = 5
 _GONE = "this tab is no longer held by the server: load the page again, and give the files once more"
 
 
-def own_rules(served: ServedSets, own: OwnDiagnosis) -> list[Rule]:
-    """Addresses of the page and of what it asks."""
+def own_rules(index: Index, own: OwnDiagnosis) -> list[Rule]:
+    """Addresses of the page, which the index is too, and of what it asks."""
     tabs = OwnTabs()
-    known = {"tabs": tabs, "own": own, "served": served}
+    known = {"tabs": tabs, "own": own, "index": index}
     return [
-        Rule(PathMatches(OWN), _PageHandler, known),
+        Rule(PathMatches(f"(?:{INDEX}?|{OWN})"), _PageHandler, known),
         Rule(PathMatches(f"{OWN}/file"), _FileHandler, known),
         Rule(PathMatches(f"{OWN}/(look|remove|start|save)"), _AskHandler, known),
     ]
 
 
 class _OwnHandler(RequestHandler):
-    def initialize(self, tabs: OwnTabs, own: OwnDiagnosis, served: ServedSets) -> None:
+    def initialize(self, tabs: OwnTabs, own: OwnDiagnosis, index: Index) -> None:
         """Take what Tornado hands over."""
-        self.tabs, self.own, self.served = tabs, own, served
+        self.tabs, self.own, self.index = tabs, own, index
 
     def recordings(self) -> OwnRecordings:
         """What the tab that asks holds."""
@@ -118,12 +119,13 @@ class _OwnHandler(RequestHandler):
 
 
 class _PageHandler(_OwnHandler):
-    def get(self) -> None:
-        """Show the page of a tab; one that is not known, or none, begins anew."""
-        tab = self.get_query_argument("tab", "")
+    async def get(self) -> None:
+        """Show the page of a tab; one that is not known, or none, begins anew. The index stands above a new one."""
+        tab, at_door = self.get_query_argument("tab", ""), self.request.path != OWN
         if self.tabs.find(tab) is None:
-            self.redirect(url_concat(OWN, {"tab": self.tabs.new()}))
+            self.redirect(url_concat(INDEX if at_door else OWN, {"tab": self.tabs.new()}))
             return
+        listed = await in_background(self.index.listed, True) if at_door else self.index.bar
         nonce = secrets.token_urlsafe(16)
         self.set_header("Cache-Control", "no-store")
         self.set_header(
@@ -137,8 +139,9 @@ class _PageHandler(_OwnHandler):
                 nonce=nonce,
                 labels=FIELDS,
                 most=MOST_FILE,
-                study=self.own.study,
-                sets=[(address, found.name) for address, found in self.served.given.items()],
+                kept_in=self.own.study,
+                at_door=at_door,
+                **listed,
             )
         )
 
@@ -238,7 +241,7 @@ class _AskHandler(_OwnHandler):
         if action == "remove":
             return held.remove(str(asked.get("file")))
         if action == "start":
-            return {"address": held.start(asked, self.own, self.served)}
+            return {"address": held.start(asked, self.own, self.index.sets)}
         if action == "save":
             return {"text": held.save(asked, self.own)}
         raise InputError(f"{action}: unknown request")

@@ -58,6 +58,7 @@
   function show(state, number) {
     if (number !== asked) return; // a later question is under way
     element("form").hidden = state.files.length === 0;
+    if (element("listed")) element("listed").hidden = state.files.length > 0;
     element("files").replaceChildren(...state.files.map((file) => {
       const item = made("li", `${file.file} `);
       const button = made("button", "Take away", { type: "button" });
@@ -122,13 +123,13 @@
   function drawn(curve, seconds) {
     const SVG = "http://www.w3.org/2000/svg";
     const picture = document.createElementNS(SVG, "svg");
-    const last = curve.values.length - 1;
+    const last = curve.values.length / 2 - 1; // the least and the largest value of every stretch, one above the other
     picture.setAttribute("viewBox", `0 0 ${last} 1`);
     picture.setAttribute("preserveAspectRatio", "none");
     picture.setAttribute("role", "img");
     picture.setAttribute("aria-label", `${curve.label} over ${seconds.toPrecision(4)} s`);
     const line = document.createElementNS(SVG, "polyline");
-    line.setAttribute("points", curve.values.map((value, i) => `${i},${1 - value}`).join(" "));
+    line.setAttribute("points", curve.values.map((value, i) => `${i >> 1},${1 - value}`).join(" "));
     picture.append(line);
     return picture;
   }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import secrets
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -12,17 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from tornado.routing import PathMatches, Rule
-from tornado.web import RequestHandler
-
 from lumbar.base.progress import going_on
 from lumbar.interface.lift_page import lift_page
-from lumbar.page_server.background import DRAWING, Job, in_background, page_message
+from lumbar.page_server.background import DRAWING, Job
 from lumbar.publishing.explorer.shown import model_key
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.interface.refinement import Refinement
+    from lumbar.page_server.stored import StoredVerdict
     from lumbar.page_server.study_change import Change
     from lumbar.publishing.explorer.page import ExplorerPage
     from lumbar.publishing.explorer.shown import ShownModel
@@ -35,8 +32,8 @@ class ExploredSet:
     """A set of records, diagnosed when it is first looked at."""
 
     name: str
-    make: Callable[[], Diagnosis]
-    """Without arguments; returns the diagnosis."""
+    make: Callable[[], Diagnosis] | None
+    """Without arguments; returns the diagnosis. None: there is the stored one alone."""
     output: Path
     """Folder that the page may write to."""
     keep: Callable[[Sequence[str]], Change] | None = None
@@ -48,12 +45,19 @@ class ExploredSet:
     read: Callable[[], Sequence[Record]] = tuple
     """Without arguments; returns the records, to be shown while they are diagnosed."""
     title: str = ""
-    """What the terminal calls it; empty for its name."""
+    """Of a set that is not called by its name."""
+    stored: StoredVerdict | None = None
+    """The diagnosis that a study's run may have left."""
     job: Job | None = None
     _refits: dict[str, Refinement] = field(default_factory=dict)
     _fitted: dict[str, ShownModel] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
     _preparing: threading.Lock = field(default_factory=threading.Lock)
+
+    @property
+    def words(self) -> str:
+        """What terminal and pages call it."""
+        return self.title or self.name.replace("_", " ")
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -181,25 +185,3 @@ class ServedLift:
         """Return the page, made once."""
         with self._one_at_a_time:
             return self._html
-
-
-class LiftHandler(RequestHandler):
-    """Answers with the page of a lift, or with why there is none."""
-
-    def initialize(self, lift: ServedLift) -> None:
-        """Take the lift."""
-        self.lift = lift
-
-    async def get(self) -> None:
-        """Answer while other pages go on."""
-        try:
-            self.write(await in_background(self.lift.html))
-        except Exception as error:
-            self.set_status(500)
-            self.set_header("Content-Type", "text/plain; charset=utf-8")
-            self.write(page_message(error))
-
-
-def lift_rules(lifts: Sequence[ServedLift]) -> list[Rule]:
-    """Addresses of the pages of these lifts."""
-    return [Rule(PathMatches(f"{re.escape(lift.address)}$"), LiftHandler, {"lift": lift}) for lift in lifts]

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
 from lumbar.page_server.background import in_background
+from lumbar.page_server.index import Index, IndexedHandler
 from lumbar.page_server.requests import TabRequests
-from lumbar.page_server.served_sets import OWN, RESULT, ExploredSet, ServedLift, ServedSets, lift_rules
+from lumbar.page_server.served_sets import RESULT, ExploredSet, ServedSets
 from lumbar.page_server.trust import HOST, DoorHandler, Guarded, Outside, Visitors, log_refused
 
 if TYPE_CHECKING:
@@ -35,20 +36,15 @@ message.className = "bad";
 """What the page says when nobody answers it any more."""
 
 
-def new_server(
-    sets: Sequence[ExploredSet],
-    port: int,
-    own: OwnDiagnosis | None = None,
-    lifts: Sequence[ServedLift] = (),
-) -> tuple[Server, Visitors]:
-    """Return a server of these sets and lifts, each at its name, that listens on the loopback interface, and who may come in.
+def new_server(index: Index, port: int, own: OwnDiagnosis) -> tuple[Server, Visitors]:
+    """Return a server of an index and its pages that listens on the loopback interface, and who may come in.
 
     Parameters
     ----------
     port : int
         0 takes a free one.
-    own : OwnDiagnosis, optional
-        How recordings that are given on the page are diagnosed; without it the page takes none.
+    own : OwnDiagnosis
+        How recordings that are given on the page are diagnosed.
 
     Raises
     ------
@@ -61,13 +57,13 @@ def new_server(
 
     from lumbar.page_server import requests
 
-    served = ServedSets(sets)
     pages: dict[str, Callable[[Document], ExploredSet | None]] = {
-        address: partial(_given, explored=explored) for address, explored in served.given.items()
+        address: partial(_given, explored=explored) for address, explored in index.sets.given.items()
     }
-    pages[RESULT] = partial(_asked_for, served=served)
+    pages[RESULT] = partial(_asked_for, served=index.sets)
     applications = {
-        address: Application(FunctionHandler(partial(_fill, find=find))) for address, find in pages.items()
+        address: Application(FunctionHandler(partial(_fill, find=find, index=index)))
+        for address, find in pages.items()
     }
     try:
         server = Server(
@@ -91,24 +87,17 @@ def new_server(
     except OSError as error:
         raise InputError(f"port {port}: {error.strerror or error}; choose another with --port") from error
     visitors = Visitors(server.port)
-    _route(server, visitors, served, own, lifts)
+    _route(server, visitors, index, own)
     return server, visitors
 
 
-def _route(
-    server: Server,
-    visitors: Visitors,
-    served: ServedSets,
-    own: OwnDiagnosis | None,
-    lifts: Sequence[ServedLift],
-) -> None:
+def _route(server: Server, visitors: Visitors, index: Index, own: OwnDiagnosis) -> None:
     """Put a door and the server's own pages before Bokeh's, and take away what nobody needs."""
     from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
     from bokeh.server.views.metadata_handler import MetadataHandler
     from bokeh.server.views.root_handler import RootHandler
     from bokeh.server.views.ws import WSHandler
-    from tornado.routing import PathMatches, Rule
-    from tornado.web import RedirectHandler
+    from tornado.routing import AnyMatches, PathMatches, Rule
 
     from lumbar.page_server import waiting
     from lumbar.page_server.own_handlers import own_rules
@@ -121,16 +110,16 @@ def _route(
     ]
     for rule in inner:
         rule.target = PageSocket if rule.target is WSHandler else rule.target
-    home = [*served.given, *([] if own is None else [OWN])][:1]
+    known = {"index": index}
     application.default_router.rules[:0] = [
         Rule(Outside(visitors), DoorHandler, {"visitors": visitors}),
-        *(Rule(PathMatches("/?"), RedirectHandler, {"url": page, "permanent": False}) for page in home),
-        Rule(waiting.NotReady(served), waiting.WaitingHandler, {"sets": served}),
-        Rule(PathMatches(waiting.PROGRESS), waiting.ProgressHandler, {"sets": served}),
-        Rule(PathMatches(waiting.CANCEL), waiting.CancelHandler, {"sets": served}),
-        *([] if own is None else own_rules(served, own)),
-        *lift_rules(lifts),
+        Rule(waiting.NotReady(index.sets), waiting.WaitingHandler, known),
+        Rule(PathMatches(waiting.PROGRESS), waiting.ProgressHandler, known),
+        Rule(PathMatches(waiting.CANCEL), waiting.CancelHandler, known),
+        *own_rules(index, own),
+        *index.rules(),
     ]
+    inner.append(Rule(AnyMatches(), IndexedHandler, known))
     application.add_transform(Guarded)
 
 
@@ -143,7 +132,7 @@ def _asked_for(document: Document, served: ServedSets) -> ExploredSet | None:
     return served.find(RESULT, document.session_context.request.arguments)
 
 
-def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) -> None:
+def _fill(document: Document, find: Callable[[Document], ExploredSet | None], index: Index) -> None:
     """Fill a tab's document; of a set that is not ready the page in waiting is shown instead."""
     from bokeh.models import CustomJS
 
@@ -158,7 +147,8 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None]) ->
     page.fill(document)
     document.title = page.title
     document.template = template(PAGE)
-    document.template_variables.update(explored.variables)
+    document.template_variables.update(explored.variables | index.bar)
+    document.config.notify_connection_status = False  # Bokeh would speak of a line that comes back
     document.js_on_event("connection_lost", CustomJS(code=_LOST))
     requests = TabRequests(explored)
 

@@ -11,6 +11,7 @@ from tornado.web import HTTPError, RequestHandler
 
 from lumbar.base.errors import LumbarError
 from lumbar.base.templates import template
+from lumbar.page_server.index import STORED, Index
 from lumbar.page_server.recording_preview import drawn
 from lumbar.page_server.served_sets import ExploredSet, ServedSets
 from lumbar.records.record import Record
@@ -42,7 +43,7 @@ class Sketch:
         return cls(words, points)
 
 
-WAITING, GONE = "page_server/waiting.html.jinja", "page_server/gone.html.jinja"
+WAITING, STORED_PAGE = "page_server/waiting.html.jinja", "page_server/stored.html.jinja"
 PROGRESS, CANCEL = "/_progress", "/_cancel"
 
 
@@ -61,31 +62,51 @@ class NotReady(Matcher):
 
 
 class _SetsHandler(RequestHandler):
-    def initialize(self, sets: ServedSets) -> None:
-        """Take what Tornado hands over."""
-        self.sets = sets
+    def initialize(self, index: Index) -> None:
+        """Take what there is."""
+        self.index, self.sets = index, index.sets
 
 
 class WaitingHandler(_SetsHandler):
-    """The page in waiting, which begins the work."""
+    """The verdict that a run left, or the page in waiting, which begins the work."""
 
     def get(self) -> None:
-        """Begin the diagnosis, or show how far it is."""
+        """Show the stored verdict where it holds; else begin the diagnosis, or show how far it is."""
         found = self.sets.find(self.request.path, self.request.arguments)
         if found is None:
             self.set_status(404)
-            self.write(template(GONE).render())
+            title = "These recordings are no longer held"
+            words = (
+                "The server was started anew, or others were given since. Give them once more, or look at:"
+            )
+            self.write(self.index.lost(title, words))
+            return
+        self.set_header("Cache-Control", "no-store")
+        asked_for = found.job is not None or self.get_query_argument("compute", None) is not None
+        if found.make is None or (found.stored is not None and found.stored.holds and not asked_for):
+            self._show(found)
             return
         found.begin()
         asked = {"page": self.request.path, "set": self.get_query_argument("set", "")}
-        self.set_header("Cache-Control", "no-store")
         self.write(
             template(WAITING).render(
-                name=found.name,
+                **self.index.bar,
+                name=found.words,
                 own=found.own,
                 records=_sketches(found),
                 progress=url_concat(PROGRESS, asked),
                 cancel=url_concat(CANCEL, asked),
+            )
+        )
+
+    def _show(self, found: ExploredSet) -> None:
+        self.write(
+            template(STORED_PAGE).render(
+                **self.index.bar,
+                title=found.words,
+                made=found.stored.made,
+                address=f"{STORED}{found.name}",
+                computable=found.make is not None,
             )
         )
 

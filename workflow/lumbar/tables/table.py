@@ -179,7 +179,7 @@ class Table:
     def to_html(self) -> str:
         """Return a page of its own: no script, no outside resource.
 
-        What stands between ``<main>`` and ``</main>`` is whole by itself, with the style of ``table.css``.
+        What stands between ``<main>`` and ``</main>`` is whole by itself, with the style of ``tables/page.css``.
         """
         names, rows = self._first
         every = range(len(self.frame))

@@ -88,8 +88,14 @@ window.lumbar = (() => {
   }
 
   function brushTime() {
-    const [low, high] = [element("from").valueAsNumber, element("to").valueAsNumber];
-    if (low < high) element("region").textContent = where.between(low, high);
+    const ends = [element("from").valueAsNumber, element("to").valueAsNumber];
+    if (ends.some(Number.isNaN)) element("region").textContent = where.nothing();
+    else element("region").textContent = where.between(Math.min(...ends), Math.max(...ends));
+  }
+
+  function clearMark() {
+    element("from").value = element("to").value = "";
+    element("region").textContent = where.nothing();
   }
 
   const unseen = (record) => (page.trained.includes(record) ? "training" : "unseen");
@@ -124,10 +130,11 @@ window.lumbar = (() => {
   function table() {
     const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
     const lines = [["model", "group", "record", "part", `rms_${page.unit}`, "rms_of_noise", "vaf_percent", "fit_percent"]];
-    for (const { label, group, merits: all } of Object.values(page.models)) {
+    for (const { label, group, effects, merits: all } of Object.values(page.models)) {
+      const name = group === page.models.base.group ? [page.base, ...effects].join("+") : label;
       for (const [record, { rms, vaf, fit }] of Object.entries(all)) {
         const noise = page.noise_rms === null ? "" : rms / page.noise_rms;
-        lines.push([label, group, record, unseen(record), rms, noise, vaf, fit]);
+        lines.push([name, group, record, unseen(record), rms, noise, vaf, fit]);
       }
     }
     hand("models.csv", "text/csv", lines.map((line) => line.map((cell) => quoted(String(cell))).join(",") + "\n").join(""));
@@ -165,9 +172,10 @@ window.lumbar = (() => {
   function rung(effects, before, top, number) {
     const { train_rms, test_rms } = page.models[keyOf(effects)];
     const item = made("li", "");
+    const line = made("div", "", { class: "rung" });
     const name = before === null ? page.base : "+ " + readable(effects.slice(before.length));
     const noise = page.noise_rms === null ? "" : `, ${ofNoise(test_rms)} × noise`;
-    item.append(made("span", `${name}: ${digits(test_rms)} ${page.unit} unseen (${digits(train_rms)} in training${noise})`));
+    line.append(made("span", `${name}: ${digits(test_rms)} ${page.unit} unseen (${digits(train_rms)} in training${noise})`));
     if (number !== undefined) {
       const tools = made("span", "", { class: "tools" });
       const effect = effects[effects.length - 1];
@@ -176,13 +184,13 @@ window.lumbar = (() => {
         button.disabled = (action === "up" && number === 1) || (action === "down" && number === added.length);
         tools.append(button);
       }
-      item.append(tools);
+      line.append(tools);
     }
     const bar = made("span", "", { class: "bar" });
     bar.style.width = `${Math.min(100, (100 * test_rms) / top)}%`;
     const track = made("span", "", { class: "track" });
     track.append(bar);
-    item.append(track);
+    item.append(line, track);
     return item;
   }
 
@@ -338,6 +346,7 @@ window.lumbar = (() => {
     if (button.id === "swap") { const other_path = aside; aside = added; take(other_path); }
     if (button.id === "forget") { aside = null; ladder(); }
     if (button.id === "table") table();
+    if (button.id === "clear") clearMark();
   }
 
   // What is wider than the page can be scrolled from the keyboard.

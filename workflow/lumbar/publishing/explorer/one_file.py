@@ -6,7 +6,6 @@ import itertools
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.templates import template
@@ -19,14 +18,9 @@ if TYPE_CHECKING:
 
 _CODE = "<!-- Bokeh's code -->"
 """Stands for it where names are looked for."""
-# In quotes: unquoted the same letters may stand in the pictures' data.
+# In quotes: in the letters of coded numbers ``+p1234/`` stands by chance, and a model's token is no name of the page's.
 _UNIQUE = re.compile(r"""(?<=["'])[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}(?=["'])""")
 _NUMBERED = re.compile(r"""(?<=["'])p\d{4,}(?=["'])""")
-
-
-def beside(*names: str, folder: Path = Path(__file__).parent) -> str:
-    """Text of style sheets or scripts that lie in a folder, one after the other; default this one."""
-    return "\n".join((folder / name).read_text(encoding="utf-8") for name in names)
 
 
 def empty_source(name: str, columns: Iterable[str]) -> ColumnDataSource:

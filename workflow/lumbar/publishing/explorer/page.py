@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from lumbar.publishing.explorer.one_file import beside, embedded_pictures, one_file
+from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
 from lumbar.publishing.explorer.plots import ANSWER, FIRST, SECOND, page_models
 from lumbar.publishing.explorer.shown import (
     ShownModel,
@@ -77,8 +77,8 @@ class ExplorerPage:
     """The base model on every record, for what is told of where it fails."""
     data: str
     """Where the data come from."""
-    blocks: Sequence[Markup] = field(default_factory=tuple)
-    """Further evidence, shown below."""
+    sections: Sequence[tuple[str, Sequence[Markup]]] = ()
+    """Further evidence by titles, folded below."""
     others: Sequence[FittedModel] = ()
     """Models that are shown beside those of the diagnosis: the thesis's."""
     others_remark: str = ""
@@ -129,8 +129,6 @@ class ExplorerPage:
         floor = experiment.floor
         return {
             "title": self.title,
-            "style": beside("explorer.css", "push.css"),
-            "behaviour": beside("dark.js", "where.js", "explorer.js"),
             "data": self.data,
             "verdict": verdict.verdict,
             "headline": headline(verdict),
@@ -145,21 +143,13 @@ class ExplorerPage:
             "second_colour": SECOND,
             "pictures": self._captioned(),
             "cards": cards(verdict, self.catalogue),
-            "blocks": self.blocks,
+            "sections": self.sections,
             "step": self.step,
             "served": served,
             "study": study,
             "content": self._content(served),
             "push": self.push,
-            "player": self._player(),
         }
-
-    def _player(self) -> str:
-        if self.push is None:
-            return ""
-        from lumbar.publishing.explorer.push import loader
-
-        return loader() + beside("push.js")
 
     @property
     def title(self) -> str:
@@ -340,11 +330,11 @@ def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictur
 
 def _parameters(item: Ranked) -> Markup | str:
     rows = [
-        (readable(found.name), f"{found.value:.4g}", _interval(found), unit_in_print(found.unit))
+        (readable(found.name), f"{found.value:.4g} {unit_in_print(found.unit)}".rstrip(), _interval(found))
         for found in item.estimates
         if found.effect
     ]
-    return table(("parameter", "value", "95 % interval", "unit"), rows) if rows else ""
+    return table(("parameter", "value", "95 % interval"), rows) if rows else ""
 
 
 def _interval(found) -> str:

@@ -70,10 +70,3 @@ def _played(model: ExportModel, cache: Path, data: str) -> dict[str, str]:
         "library": base64.b64encode(library).decode("ascii"),
         "description": model_description(model, "3.0", data),
     }
-
-
-def loader() -> str:
-    """Script that plays such libraries, the same as for programs of one's own."""
-    import lumbar.tissue.fmu
-
-    return Path(lumbar.tissue.fmu.__file__).with_name("tissue_force.mjs").read_text(encoding="utf-8")

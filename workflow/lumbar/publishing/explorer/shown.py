@@ -188,7 +188,7 @@ def shown_candidate(
     return ShownModel(
         model_key(candidate.effects),
         candidate.effects,
-        model_name(candidate.fit),
+        model_name(candidate.fit).replace("+", " + ").replace("_", " "),
         WITH_EFFECTS,
         candidate.train_rms,
         candidate.test_rms,

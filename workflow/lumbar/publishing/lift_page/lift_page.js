@@ -198,6 +198,8 @@ window.lumbarLift = (() => {
   function choosePendulum() {
     loop = load(`${chosen("com")}/${chosen("plane")}`);
     push = null;
+    for (const box of document.querySelectorAll("input[name=com]")) box.disabled = !(`${box.value}/${chosen("plane")}` in page.pendulums);
+    element("limited").disabled = loop === null;
     element("pushing").hidden = loop === null;
     element("no-funnel").hidden = loop !== null;
     if (loop === null) return;
@@ -267,8 +269,10 @@ window.lumbarLift = (() => {
     const last = loop.level.length - 1;
     const knot = Math.min(knotNow(), last - 1);
     push = { knot, state, path: follow(loop, knot, state, limited()) };
-    element("push-angle").value = Number(state[0].toFixed(4));
-    element("push-velocity").value = Number(state[1].toFixed(4));
+    for (const [id, value] of [["push-angle", state[0]], ["push-velocity", state[1]]]) {
+      if (document.activeElement !== element(id)) element(id).value = Number(value.toFixed(4)); // else what is typed is overwritten
+    }
+    element("too-far").textContent = "";
     set("pushed", { x: [state[0]], y: [state[1]] });
     set("path", {
       time: push.path.map((_, i) => secondOf(knot + i)),
@@ -347,8 +351,10 @@ window.lumbarLift = (() => {
   }
 
   function typed() {
-    const state = [Number(element("push-angle").value), Number(element("push-velocity").value)];
-    if (loop !== null && state.every(Number.isFinite)) pushTo(state);
+    const fields = [element("push-angle"), element("push-velocity")];
+    const wrong = fields.find(({ validity, value }) => value === "" || validity.rangeUnderflow || validity.rangeOverflow);
+    element("too-far").textContent = wrong ? `From ${wrong.min} to ${wrong.max}.`.replaceAll("-", "−") : "";
+    if (loop !== null && !wrong) pushTo(fields.map((field) => field.valueAsNumber));
   }
 
   function dragged({ event_name: kind, x, y }) {

@@ -15,7 +15,7 @@ from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import MEASURES, WINDOWS
 from lumbar.lifting.movement.lift_tables import points_of
 from lumbar.lifting.stability.model.trajectories import Failure, LiftStates
-from lumbar.publishing.explorer.one_file import Drawn, beside, embedded_pictures, one_file
+from lumbar.publishing.explorer.one_file import Drawn, embedded_pictures, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
 from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
@@ -62,6 +62,12 @@ def _pictures() -> Drawn:
                 document.add_root(picture)
 
     return embedded_pictures(fill)
+
+
+def _in_print(value: float, unit: str) -> str:
+    """A value as the page's other numbers stand: lengths in mm, a true minus sign."""
+    value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)
+    return f"{value:.3g} {unit}".replace("-", "−")
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,13 +141,8 @@ class LiftPage:
     def variables(self) -> dict[str, Any]:
         """Return what the template shows beside the pictures."""
         facts, limits = self.lift.facts, self.settings.pendulum
-        folder = Path(__file__).parent
         return {
             "title": self.title,
-            "style": f"{beside('explorer.css')}\n{beside('lift_page.css', folder=folder)}",
-            "behaviour": "\n".join(
-                [beside("dark.js"), beside("pendulum_loop.js", "lift_page.js", folder=folder)]
-            ),
             "data": self.lift.data,
             "facts": facts,
             "events": [(EVENT_LABELS[name], time) for name, time in self.lift.event_times.items()],
@@ -195,7 +196,7 @@ class LiftPage:
         return [
             {
                 "name": f"{words[0].upper()}{words[1:]}".replace("5s1", "5/S1"),
-                "value": "" if row.reason else f"{row.value:.3g} {row.unit}".replace("-", "−"),
+                "value": "" if row.reason else _in_print(row.value, row.unit),
                 "reason": row.reason,
                 "safer": row.safer,
                 "meaning": MEASURES[row.measure].meaning,

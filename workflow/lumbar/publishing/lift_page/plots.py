@@ -135,7 +135,7 @@ def _funnel() -> list[figure]:
     """Cross-sections with the push, the funnel over time, and V/ρ over time."""
     from bokeh.models import Span
 
-    over_time = _course("funnel", "Angle off the trajectory (rad)")
+    over_time = _course("funnel", "Angle off it (rad)")
     level = _course("level", "V/ρ", x_range=over_time.x_range, y_axis_type="log")
     band = _source("band", "time", "low", "high", "least", "most")
     over_time.varea("time", "low", "high", source=band, fill_color=CERTIFIED, fill_alpha=0.4)

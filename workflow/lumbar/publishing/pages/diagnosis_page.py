@@ -68,31 +68,27 @@ def diagnosis_page(
     pictures : dict of str to (pathlib.Path or str), optional
         SVG files, or their text, by caption; they stand before the list of what remains.
     """
-    blocks = evidence_blocks(diagnosis, evidence, catalogue, pictures or {})
+    blocks = [paragraph(f"Verdict: {diagnosis.verdict}"), paragraph(headline(diagnosis), "headline")]
+    for title, found in evidence_sections(diagnosis, evidence, catalogue, pictures or {}):
+        blocks += [heading(title), *found]
     return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", data, blocks)
 
 
-def evidence_blocks(
+def evidence_sections(
     diagnosis: Verdict, evidence: Evidence, catalogue: dict[str, Effect], pictures: dict[str, Path | str]
-) -> list[Markup]:
-    """Verdict, errors, chance, parameters, ties, pictures and what remains; parameters as of `diagnosis_page`."""
-    blocks = [
-        paragraph(f"Verdict: {diagnosis.verdict}"),
-        paragraph(headline(diagnosis), "headline"),
-        *(paragraph(line) for line in details(diagnosis, catalogue)),
-        heading("Before and after"),
-        *_errors(diagnosis, evidence),
-        heading("How likely is a false alarm?"),
-        *_false_alarm(diagnosis, evidence),
-        heading("Parameters"),
-        *_parameters(diagnosis),
-    ]
-    if evidence.ties is not None:
-        blocks += [heading("Can it be told from the others?"), *_ties(diagnosis, evidence)]
-    blocks += [figure(svg, caption) for caption, svg in pictures.items()]
-    blocks += [heading("What remains"), *_remains(diagnosis, evidence)]
-    blocks += [heading("What these records cannot decide"), listing(limitations(diagnosis, evidence))]
-    return blocks
+) -> list[tuple[str, list[Markup]]]:
+    """What a referee would want, by titles; parameters as of `diagnosis_page`."""
+    sections = {
+        "What was found, in full": [paragraph(line) for line in details(diagnosis, catalogue)],
+        "Before and after": _errors(diagnosis, evidence),
+        "How likely is a false alarm?": _false_alarm(diagnosis, evidence),
+        "Parameters": _parameters(diagnosis),
+        "Can it be told from the others?": [] if evidence.ties is None else _ties(diagnosis, evidence),
+        "Pictures": [figure(svg, caption) for caption, svg in pictures.items()],
+        "What remains": _remains(diagnosis, evidence),
+        "What these records cannot decide": [listing(limitations(diagnosis, evidence))],
+    }
+    return [(title, found) for title, found in sections.items() if found]
 
 
 def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
@@ -114,7 +110,7 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
     return [
         paragraph(
-            "Root mean square of the free-run simulation error, the start of each record aside (tissue.settling_s). Fitted on "
+            "Root mean square of the free-run simulation error, the start of each record aside. Fitted on "
             f"{experiment.training.name}; unseen: {tests}. Noise floor: {noise}. Each set of effects is refitted together with "
             "the base; the ranking is by the likelihood of all records."
         ),
@@ -139,7 +135,7 @@ def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, 
     return (
         name,
         role,
-        ", ".join(form.name for form in candidate.fit.structure.forms) or "–",
+        ", ".join(readable(form.name) for form in candidate.fit.structure.forms) or "–",
         f"{candidate.train_rms:.4g}",
         f"{candidate.test_rms:.4g}",
         "–" if floor is None else f"{candidate.test_rms / floor.rms:.4g}",
@@ -175,7 +171,9 @@ def _parameters(diagnosis: Verdict) -> list[Markup]:
         structure = item.candidate.fit.structure
         owners = ["", *structure.effects]
         equations = [("base", structure.base.name, _equation(structure.base.latex))]
-        equations += [(readable(form.effect), form.name, _equation(form.latex)) for form in structure.forms]
+        equations += [
+            (readable(form.effect), readable(form.name), _equation(form.latex)) for form in structure.forms
+        ]
         rows = [
             (
                 readable(found.effect) or "base",

@@ -251,11 +251,13 @@ def _entry(
 
 
 def _diagnosis(results: Path, files: Sequence[str]) -> str:
-    """Say what a diagnosis found, from its ``diagnosis.json``."""
+    """Say what the diagnosis among an artefact's files found; empty where there is none."""
     found = [path for path in files if path.endswith("diagnosis.json")]
-    if not found:
-        return ""
-    diagnosis = read_json(results / found[0])
+    return diagnosis_sentence(read_json(results / found[0])) if found else ""
+
+
+def diagnosis_sentence(diagnosis: dict) -> str:
+    """Say what a diagnosis found, from the content of its ``diagnosis.json``."""
     unit, ladder = diagnosis["unit"], diagnosis["ladder"]
     named = ", ".join(name.replace("_", " ") for name in diagnosis["selected"]) or "nothing"
     trained = f"Base {diagnosis['base']}, trained on {diagnosis['train']}"
