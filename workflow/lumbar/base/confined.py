@@ -76,7 +76,7 @@ def confined(
         )
     if kind == "defect":
         raise InputError(f"{source}: broken: its reader stopped at {value[0]}") from RuntimeError(value[1])
-    raise next((item for item in _errors(LumbarError) if item.__name__ == kind), InputError)(value)
+    raise error_named(kind)(value)
 
 
 def answered(parse: Callable[[], Any], opened: list[Path], kinds: tuple[type, ...] = ()) -> tuple[str, Any]:
@@ -97,8 +97,13 @@ def answered(parse: Callable[[], Any], opened: list[Path], kinds: tuple[type, ..
         return "forged", error
 
 
-def _errors(kind: type[LumbarError]) -> list[type[LumbarError]]:
-    return [kind, *(found for item in kind.__subclasses__() for found in _errors(item))]
+def error_named(name: str) -> type[LumbarError]:
+    """The error that a child answers by its name."""
+
+    def below(kind: type[LumbarError]) -> list[type[LumbarError]]:
+        return [kind, *(found for item in kind.__subclasses__() for found in below(item))]
+
+    return next((item for item in below(LumbarError) if item.__name__ == name), InputError)
 
 
 def _has_threads() -> bool:

@@ -90,7 +90,7 @@ def say_what_runs(fmus: list[Path], trust: bool) -> None:
     if fmus and trust:
         names = ", ".join(file.name for file in fmus)
         print(
-            f"--trust: the program in {names} is run with your rights, whoever made it, unless the file is refused",
+            f"--trust: the program in {names} is run, whoever made it, unless the file is refused",
             file=sys.stderr,
         )
 

@@ -11,7 +11,7 @@ from runtime_models import SETTINGS, models_json
 from lumbar.tissue.effects.catalogue import TISSUE, catalogue_with
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.haptics.judgement import judge_exported, run_loop
-from lumbar.tissue.haptics.rendered_model import UnpackedFmu, export_at
+from lumbar.tissue.haptics.rendered_model import export_at, unpacked
 from lumbar.tissue.models.fitted_model import read_models
 from study_settings import changed
 
@@ -34,7 +34,7 @@ def contradictions(form: str, encoder_um: float, cache: Path, project: Path) -> 
     shaken = []
     with tempfile.TemporaryDirectory() as folder:
         (file,) = export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])
-        with UnpackedFmu(file) as fmu:
+        with unpacked(file) as fmu:
             for push_mm in PUSHES_MM:
                 with fmu.stepping() as step:
                     run = run_loop(verdict.model, settings.device, step, push_mm)

@@ -18,7 +18,7 @@ from lumbar.tissue.fmu.build.compiler import TARGETS
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
 from lumbar.tissue.haptics.judgement import analyse
 from lumbar.tissue.haptics.passivity import required_damping
-from lumbar.tissue.haptics.rendered_model import UnpackedFmu, export_at, render_model
+from lumbar.tissue.haptics.rendered_model import export_at, render_model, unpacked
 from lumbar.tissue.haptics.simulation import (
     TissueForce,
     difference_equation,
@@ -84,8 +84,8 @@ def test_the_loop_through_the_header_has_the_forces_of_the_loop_through_its_rule
     with zipfile.ZipFile(fmu_folder / "KB_fmi3.fmu") as archive:
         archive.extractall(tmp_path)
     device = replace(STYLUS, damping_N_s_m=40.0, encoder_um=0.0)
-    with UnpackedFmu(fmu_folder / "KB_fmi3.fmu") as fmu, fmu.stepping() as step:
-        rendered = fmu.rendered(device)
+    with unpacked(fmu_folder / "KB_fmi3.fmu") as fmu, fmu.stepping() as step:
+        rendered = fmu.rendered(device, *fmu.answers(device))
         rule = TissueForce(rendered.in_loop(step), rendered.sampled[0].sampling_time)
         expected = simulate(rule, intervals, device, 15.0, delay=0.0003, duration=1.0)
     tissue = header.loader_open(str(tmp_path).encode())

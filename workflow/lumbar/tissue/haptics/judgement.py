@@ -7,8 +7,8 @@ import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +18,16 @@ from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.conventions import RECORD
-from lumbar.tissue.haptics.closed_loop import largest_stable_gain
+from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
-from lumbar.tissue.haptics.rendered_model import RenderedModel, export_at, render_model, scale_of
+from lumbar.tissue.haptics.rendered_model import (
+    RenderedModel,
+    UnpackedFmu,
+    export_at,
+    render_model,
+    scale_of,
+    unpacked,
+)
 from lumbar.tissue.haptics.simulation import (
     PUSH_MM,
     LoopRun,
@@ -31,11 +38,8 @@ from lumbar.tissue.haptics.simulation import (
     simulate,
 )
 from lumbar.tissue.haptics.stable_share import StableShare, stable_share
-from lumbar.tissue.haptics.ticks.sequence import in_ticks
+from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
-
-if TYPE_CHECKING:
-    from lumbar.tissue.haptics.rendered_model import UnpackedFmu
 
 PUSHES_MM = (PUSH_MM, PUSH_MM / 10.0)
 """Depths that a model which is not linear is pushed to."""
@@ -169,20 +173,37 @@ def run_loop(
         Largest stable gains of the loops, where they are known.
     """
     gains = gains or [largest_stable_gain(item, device)[0] for item in model.loops]
+    return _pushed(model, device, *_expected(model, device, gains), force_of, push_mm)
+
+
+def _expected(
+    model: RenderedModel, device: DeviceSettings, gains: Sequence[float]
+) -> tuple[PeriodicModel, float]:
+    """The loop whose ticks are taken, and the ripple of `LoopRun`."""
     # Ticks are alike, or the worst there may be.
-    ticks = in_ticks(model.loops[int(np.argmin(gains))]).ticks()
+    ticks = in_ticks(model.loops[int(np.argmin(gains))])
     # In a stable loop the encoder's steps may go on wherever it comes to rest: at rest too, where an effect may be stiffest.
     even = model.loops[: len(model.loops) - len(model.timings)]
     few = [item for item in map(in_ticks, even) if len(item.states[0]) <= MOST_STATES]
     if min(gains) > 1.0 and few:
-        ripple = max(encoder_ripple(item, device) for item in few)
-    else:
-        ripple = max(one_step(item, device) for item in model.of_large_motion)
+        return ticks, max(encoder_ripple(item, device) for item in few)
+    return ticks, max(one_step(item, device) for item in model.of_large_motion)
+
+
+def _pushed(
+    model: RenderedModel,
+    device: DeviceSettings,
+    ticks: PeriodicModel,
+    ripple: float,
+    force_of: Callable[[float], float] | None,
+    push_mm: float,
+) -> LoopRun:
+    """The run of `run_loop` where ticks and ripple are known."""
     sampled = model.sampled[0]
     step = difference_equation(sampled) if force_of is None else model.in_loop(force_of)
     tick = TissueForce(step, sampled.sampling_time)
     delay = 1e-3 * device.delay_ms
-    return simulate(tick, ticks, device, model.limit, delay=delay, ripple=ripple, push_mm=push_mm)
+    return simulate(tick, ticks.ticks(), device, model.limit, delay=delay, ripple=ripple, push_mm=push_mm)
 
 
 @dataclass(frozen=True)
@@ -289,22 +310,34 @@ def judge_exported(
         return Judgement(meets, analyse(meets, device), run_loop(meets, device), fitted, hands)
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.build.package import export_fmus
-    from lumbar.tissue.haptics.rendered_model import UnpackedFmu
 
     with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
         cache = cache_folder(settings.compiler_cache)
         made = file or export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])[0]
-        with UnpackedFmu(made) as fmu:
+        with unpacked(made) as fmu:
             return Judgement(meets, analyse(meets, device), worst_run(fmu, meets, device), fitted, hands)
 
 
 def worst_run(fmu: UnpackedFmu, meets: RenderedModel, device: DeviceSettings) -> LoopRun:
-    """Simulate pushes of several depths, each into a new instance; the run that is least at rest."""
-    runs, gains = [], [largest_stable_gain(item, device)[0] for item in meets.loops]
+    """Simulate pushes of several depths, each into a new instance; the run that is least at rest.
+
+    The library is played in a process of its own; errors as of `lumbar.tissue.fmu.check.playing.played`.
+    """
+    from lumbar.tissue.fmu.check.playing import played
+
+    gains = [largest_stable_gain(item, device)[0] for item in meets.loops]
+    play = partial(_runs, fmu, meets, device, *_expected(meets, device, gains))
+    return max(played(play, fmu.folder, kinds=(LoopRun,)), key=lambda run: (not run.calm, run.peak_to_peak))
+
+
+def _runs(
+    fmu: UnpackedFmu, meets: RenderedModel, device: DeviceSettings, ticks: PeriodicModel, ripple: float
+) -> list[LoopRun]:
+    runs = []
     for push_mm in PUSHES_MM:
         with fmu.stepping() as step:
-            runs.append(run_loop(meets, device, step, push_mm, gains))
-    return max(runs, key=lambda run: (not run.calm, run.peak_to_peak))
+            runs.append(_pushed(meets, device, ticks, ripple, step, push_mm))
+    return runs
 
 
 def judge_fmu(
@@ -325,7 +358,7 @@ def judge_fmu(
     from lumbar.tissue.fmu.build.record import read_record
     from lumbar.tissue.fmu.check.file_check import NO_LIBRARY, UNKNOWN, all_sound, check_files
     from lumbar.tissue.fmu.check.lint import open_fmu
-    from lumbar.tissue.haptics.rendered_model import UnpackedFmu
+    from lumbar.tissue.fmu.check.playing import played
 
     known = catalogues_with(list(effect_files))
     cache = cache_folder(settings.compiler_cache)
@@ -341,8 +374,9 @@ def judge_fmu(
         judged = judge_exported(model, settings, model.identified, path if check.same_bytes else None)
         return judged, () if check.same_bytes else (f"{path.name} was judged by its record: {why}",)
     device = settings.device
-    with UnpackedFmu(path) as fmu:
-        meets = fmu.rendered(device)
+    with unpacked(path) as fmu:
+        found = played(partial(UnpackedFmu.answers, fmu, device), fmu.folder, kinds=(SampledModel,))
+        meets = fmu.rendered(device, *found)
         fit = (model.moving_average, model.identified) if model else (1, None)
         hands = stable_share(meets, *fit, device)
         return Judgement(meets, analyse(meets, device), worst_run(fmu, meets, device), hands=hands), ()

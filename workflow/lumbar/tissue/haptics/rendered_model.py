@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -283,23 +284,31 @@ def _without_end(model: SampledModel) -> SampledModel:
     return replace(model, numerator=model.numerator[: last[-1] + 1 if len(last) else 1])
 
 
+@contextmanager
+def unpacked(path: Path) -> Iterator[UnpackedFmu]:
+    """Unpack an FMU for FMI 3.0 of an export for a while; a library that does not play is an InputError with its path."""
+    import fmpy
+
+    from lumbar.tissue.fmu.check.playing import PlayError
+
+    with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
+        fmpy.extract(str(path), folder)
+        try:
+            yield UnpackedFmu(Path(folder))
+        except PlayError as error:
+            raise InputError(f"{path}: {error}") from error
+
+
 class UnpackedFmu:
-    """An FMU for FMI 3.0 of an export, which is unpacked once and instantiated as often as it is played."""
+    """An FMU for FMI 3.0 in a folder, which is loaded once, by the process that plays it, and instantiated as often as it is."""
 
-    def __init__(self, path: Path):
-        self.path = path
+    def __init__(self, folder: Path):
+        self.folder = folder
 
-    def __enter__(self) -> UnpackedFmu:
-        import fmpy
-
-        self._folder = tempfile.TemporaryDirectory(prefix="lumbar-render-")
-        fmpy.extract(str(self.path), self._folder.name)
-        self.fmu = UnzippedFmu(Path(self._folder.name))
-        return self
-
-    def __exit__(self, *_) -> None:
-        self.fmu.slave.freeLibrary()
-        self._folder.cleanup()
+    @cached_property
+    def fmu(self) -> UnzippedFmu:
+        """What it says, and its library."""
+        return UnzippedFmu(self.folder)
 
     @contextmanager
     def stepping(self) -> Iterator[Step]:
@@ -315,28 +324,38 @@ class UnpackedFmu:
         with self.stepping() as step:
             return np.array([step(float(position)) for position in positions])
 
-    def rendered(self, device: DeviceSettings) -> RenderedModel:
-        """The FMU as the device meets it, through its linearisations where it has effects."""
-        fmu, name, step = self.fmu, self.fmu.description.modelName, self.fmu.sampling_time
-        position, force = (fmu.variables[port] for port in fmu.ports)
-        start = float(position.start)
-        at_rest = float(self.response(np.array([start]))[0])
-        x, y = (
-            Port(item.name, item.unit or "1", offset)
-            for item, offset in ((position, start), (force, at_rest))
-        )
-        unit = 1e3 * scale_of(name, x, y)[0]
-        told = told_meaning(ElementTree.parse(fmu.folder / "modelDescription.xml").getroot())
-        known = (float(told["lowest"]), float(told["highest"])) if told and "lowest" in told else None
-        reach = reach_mm(known, start, unit)
+    def answers(self, device: DeviceSettings) -> tuple[list[SampledModel], np.ndarray, float]:
+        """What comes of playing it: linearisations in its units, forces at the start, the sign of `ExportModel.resistance`."""
+        start, unit, reach, told = self._said
+        name, step = self.fmu.description.modelName, self.fmu.sampling_time
         found = linearisations(
             lambda positions: self.response(start + positions / unit), name, step, device, reach
         )
-        loops = [item.scaled(unit) for item in found]
-        rendered = in_units(loops, name, x, y, float(force.max), device, self._resistance(told, start))
-        limited = any(item.endswith(RATE_LIMIT) for item in fmu.variables)
         still = self.response(np.full(watched(step), start))
+        return [item.scaled(unit) for item in found], still, self._resistance(told, start)
+
+    def rendered(
+        self, device: DeviceSettings, found: list[SampledModel], still: np.ndarray, resistance: float
+    ) -> RenderedModel:
+        """The FMU as the device meets it, of what it answers: through its linearisations where it has effects."""
+        fmu, (start, _, reach, _) = self.fmu, self._said
+        position, force = (fmu.variables[port] for port in fmu.ports)
+        x, y = Port(position.name, position.unit or "1", start), Port(force.name, force.unit or "1", still[0])
+        rendered = in_units(found, fmu.description.modelName, x, y, float(force.max), device, resistance)
+        limited = any(item.endswith(RATE_LIMIT) for item in fmu.variables)
         return replace(rendered, reach=reach if len(found) > 1 else None, beside=beside(limited, still))
+
+    @property
+    def _said(self) -> tuple[float, float, tuple[float, float], dict | None]:
+        """First position, one unit of it in mm, where it is linearised, and what its annotation tells."""
+        fmu = self.fmu
+        position, force = (fmu.variables[port] for port in fmu.ports)
+        start = float(position.start)
+        ports = (Port(item.name, item.unit or "1") for item in (position, force))
+        unit = 1e3 * scale_of(fmu.description.modelName, *ports)[0]
+        told = told_meaning(ElementTree.parse(fmu.folder / "modelDescription.xml").getroot())
+        known = (float(told["lowest"]), float(told["highest"])) if told and "lowest" in told else None
+        return start, unit, reach_mm(known, start, unit), told
 
     def _resistance(self, told: dict | None, start: float) -> float:
         """The sign of `ExportModel.resistance`: what the file tells, of a file without annotation what a push is answered by."""
