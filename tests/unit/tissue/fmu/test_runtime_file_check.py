@@ -24,6 +24,7 @@ from lumbar.tissue.fmu.check.agreement import Agreement
 from lumbar.tissue.fmu.check.file_check import check_files
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE
 from lumbar.tissue.models.fitted_model import read_models
+from running import python
 from study_settings import changed
 
 pytestmark = ON_LINUX
@@ -400,7 +401,7 @@ def test_an_effect_of_ones_own_is_held_together_with_its_file_or_carried(kind, p
 def test_a_library_that_nobody_vouches_for_is_not_run(
     fmu_models, fmu_folder, zig_cache, workshop, tmp_path, capsys
 ):
-    """Loading it is running it: this one writes a file when it is loaded, where it may; in a check it may not."""
+    """Loading it is running it: this one writes a file when it is loaded, where it may; checked or rendered it may not."""
     model, sound = next(item for item in fmu_models if item.name == "KB"), fmu_folder / "KB_fmi3.fmu"
     sign = tmp_path / "ran"
     begun = f'__attribute__((constructor)) static void begun(void) {{ FILE *f = fopen("{sign}", "w"); if (f) fclose(f); }}'
@@ -424,7 +425,10 @@ def test_a_library_that_nobody_vouches_for_is_not_run(
     assert "the program in KB_fmi3.fmu is run, whoever made it" in capsys.readouterr().err
     assert not (landlock.version() and sign.exists())
     assert main(["render", str(foreign), "--trust", *configured]) == 0
-    assert sign.exists()
+    assert not (landlock.version() and sign.exists())
+    (tmp_path / "library.so").write_bytes(library)
+    python("-c", "import ctypes, sys; ctypes.CDLL(sys.argv[1])", tmp_path / "library.so")
+    assert sign.exists(), "it would have"
     outside = tmp_path / "outside.fmu"
     described = contents(sound)["modelDescription.xml"].replace(
         b'modelIdentifier="KB"', b'modelIdentifier="../../KB"'
