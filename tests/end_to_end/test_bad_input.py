@@ -63,7 +63,7 @@ def test_wrong_keys_are_all_named(folder):
     for word in (
         f"  - {config}, line 10: seed: found -3; allowed: whole number ≥ 0",
         f"  - {config}, line 9: sede: unknown key; did you mean 'seed'?",
-        'chapters.0: found "tissu"; allowed: surgeon, ',
+        "chapters.0: found \"tissu\"; did you mean 'tissue'?; allowed: surgeon, ",
     ):
         assert word in run.text
     assert "Traceback" not in run.text and "common.smk" not in run.text

@@ -5,15 +5,18 @@ import re
 import socket
 import subprocess
 import sys
+import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, quote, urlsplit
 
 import pytest
 from asking import ask, cookie
-from column_files import write_records
+from forged_files import SECRET, write_forged
 from test_page_socket import packed, sent
 
+from column_files import write_records
+from lumbar.base.child import MEMORY, SECONDS
 from lumbar.page_server.own_handlers import MOST_HELD
 from lumbar.page_server.trust import HOST, TOKEN, Visitors
 from lumbar.twin.examples import example_records
@@ -88,5 +91,31 @@ def test_memory_comes_back(server):
             assert sent(visitors, page, message) is None
             peak = max(peak, memory(process))
     assert peak < before + MOST_HELD + 100 * MB
+    assert seen(lambda: memory(process) < before + 100 * MB)
+    assert ask(visitors, "GET", "/records")[0] == 200
+
+
+def test_forged_files_on_the_page(server, tmp_path_factory):
+    """Each is given to the page as a browser gives it: refused in words or shown, and forgotten."""
+    process, visitors = server
+    folder = tmp_path_factory.mktemp("forged")
+    names = write_forged(folder, drawn_too=240, seed=28)
+    assert len(names) >= 300
+    tab = ask(visitors, "GET", "/_own")[1]["Location"].partition("tab=")[2]
+    before, peak, refused = memory(process), 0, 0
+    for name in names:
+        content = (folder / "files" / name).read_bytes()
+        begun_at = time.monotonic()
+        status, _, told = ask(visitors, "POST", f"/_own/file?name={quote(name)}", content, X_Lumbar_Tab=tab)
+        seconds, peak = time.monotonic() - begun_at, max(peak, memory(process))
+        assert status in (200, 400, 413), (name, told[:300])
+        answer = json.loads(told)
+        refused += "error" in answer or any(file.get("messages") for file in answer["files"])
+        assert SECRET[:9].decode() not in told and "Traceback" not in told, (name, told[:300])
+        assert seconds < 2 * SECONDS, (name, seconds)  # of the child, and of a machine that does other work
+        ask(visitors, "POST", "/_own/remove", json.dumps({"name": name}), X_Lumbar_Tab=tab)
+    assert refused > len(names) / 3
+    assert not (folder / "marker").exists()
+    assert peak < before + MEMORY
     assert seen(lambda: memory(process) < before + 100 * MB)
     assert ask(visitors, "GET", "/records")[0] == 200

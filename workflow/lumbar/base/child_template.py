@@ -56,8 +56,7 @@ def _line(rehearsed: tuple[str, ...] = ()) -> socket.socket:
 
 def asked_of_template(parse: Callable[[], Any], opened: list[Path]) -> tuple[bytearray | None, bool, int]:
     """What a fork of the template answers, whether it was waited for too long, and its status."""
-    module = getattr(parse, "func", parse).__module__
-    request, asked = pickle.dumps(parse), pickle.dumps((Path.cwd(), module, opened))
+    request, asked = pickle.dumps(parse), pickle.dumps((Path.cwd(), _modules(parse), opened))
     with _one_at_a_time:
         line = _line()
         ours, theirs = socket.socketpair()
@@ -79,6 +78,13 @@ def asked_of_template(parse: Callable[[], Any], opened: list[Path]) -> tuple[byt
             raise
         finally:
             ours.close()
+
+
+def _modules(asked: Any) -> set[str]:
+    """Modules of a function and of those that it is given."""
+    if not isinstance(asked, partial):
+        return {asked.__module__} if callable(asked) else set()
+    return set().union(*map(_modules, (asked.func, *asked.args, *asked.keywords.values())))
 
 
 def _exactly(line: socket.socket, size: int) -> bytearray:
@@ -113,9 +119,10 @@ def serve(number: int, rehearsed: tuple[str, ...]) -> None:
             head, pipes, *_ = socket.recv_fds(line, _SIZE.size, 1)
             if not head:
                 return
-            folder, module, opened = pickle.loads(_exactly(line, *_SIZE.unpack(head)))
-            if module not in sys.modules:  # which a fork that is confined might not import
-                import_module(module)
+            folder, modules, opened = pickle.loads(_exactly(line, *_SIZE.unpack(head)))
+            if not modules <= sys.modules.keys():  # which a fork that is confined might not import
+                for module in modules:
+                    import_module(module)
                 spare[1].close()
                 os.waitpid(spare[0], 0)
                 spare = _waiting([], rehearsals)

@@ -78,5 +78,5 @@ def test_the_course_is_drawn_with_its_events_and_what_lacks_markers_is_said(lift
 def test_the_base_is_drawn_with_the_smallest_margin(lifts):
     figure = support_figure(lifts, 0.6)
     deposit = lifts[0]["course"].query("phase == 'deposit'")
-    assert f"{1e3 * deposit['margin_of_stability_m'].min():+.0f} mm" in texts(figure)
+    assert f"{1e3 * deposit['margin_of_stability_m'].min():+.0f} mm".replace("-", "−") in texts(figure)
     assert "no base of support during a deposit" in texts(figure)

@@ -6,7 +6,6 @@ import pytest
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.centre_of_mass import (
     COMS,
-    DE_LEVA,
     DUMAS,
     WINTER,
     absent_segments,
@@ -19,6 +18,8 @@ from lumbar.lifting.movement.centre_of_mass import (
 from lumbar.lifting.movement.events import Event
 from lumbar.lifting.movement.joint_centres import trunk_points
 from lumbar.records.markers import MarkerRecording
+
+DE_LEVA = {sex: segment_table("de_leva", sex) for sex in ("female", "male")}
 
 
 def shares(table):

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from lumbar.base import landlock
+from lumbar.base import confined, landlock
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.fmu.check.instance import Instance
@@ -21,6 +21,8 @@ def rendered(fmu_folder, zig_cache, monkeypatch):
     """Render an FMU in two ways, its library doing something at every sample but under check."""
     settings = RuntimeSettings(compiler_cache=str(zig_cache))
     path = fmu_folder / f"{NAME}_fmi3.fmu"
+    # What is patched is there in a fork of this process, not of the template, which other tests' threads would make it ask.
+    monkeypatch.setattr(confined, "_has_threads", lambda: False)
 
     def render(do, way):
         sample, here = Instance.sample, os.getpid()
