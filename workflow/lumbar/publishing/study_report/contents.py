@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.files import read_json
 from lumbar.publishing.figures.style import SHOWS
 from lumbar.study.artefacts import Artefact
-from lumbar.tables.layout import column_in_words, scientific, split_number
+from lumbar.tables.layout import column_in_words, scientific, split_number, unit_in_print
 from lumbar.tables.table import svg_address
 
 if TYPE_CHECKING:
@@ -256,20 +256,25 @@ def _diagnosis(results: Path, files: Sequence[str]) -> str:
     return diagnosis_sentence(read_json(results / found[0])) if found else ""
 
 
+_VERDICTS = {
+    "named": "{base} is missing {effects}.",
+    "tied": "{base} is missing {effects}, or what these records cannot tell from it.",
+    "unexplained": "What {base} leaves is unexplained; {effects} comes nearest.",
+    "adequate": "Nothing is missing from {base}, as far as these records tell.",
+}
+
+
 def diagnosis_sentence(diagnosis: dict) -> str:
     """Say what a diagnosis found, from the content of its ``diagnosis.json``."""
-    unit, ladder = diagnosis["unit"], diagnosis["ladder"]
-    named = ", ".join(name.replace("_", " ") for name in diagnosis["selected"]) or "nothing"
-    trained = f"Base {diagnosis['base']}, trained on {diagnosis['train']}"
-    words = [f"{trained}: {diagnosis['verdict']}. Missing: {named}."]
-    first, last = (ladder[place].get("test_rms") for place in (0, -1))
-    if first is not None and last is not None:
-        words.append(
-            f"RMS error on unseen records {first:.3g} {unit} with the base, {last:.3g} {unit} with what is named"
-        )
-        floor = diagnosis["noise_floor_rms"]
-        words[-1] += "." if floor is None else f"; noise floor {floor:.3g} {unit}."
-    return " ".join(words)
+    base, effects = diagnosis["base"], " and ".join(name.replace("_", " ") for name in diagnosis["selected"])
+    found = _VERDICTS[diagnosis["verdict"]].format(base=base, effects=effects or "no effect")
+    first, last = (diagnosis["ladder"][place].get("test_rms") for place in (0, -1))
+    if first is None or last is None:
+        return found
+    unit, floor = unit_in_print(diagnosis["unit"]), diagnosis["noise_floor_rms"]
+    with_them = f" {unit} with {base} and {last:.3g} {unit} with the effects" if effects else f" {unit}"
+    noise = "" if floor is None else f"; noise floor {floor:.3g} {unit}"
+    return f"{found} Error on unseen records (RMS): {first:.3g}{with_them}{noise}."
 
 
 SHOWN_WITH = {
