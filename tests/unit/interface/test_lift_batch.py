@@ -49,6 +49,7 @@ def test_a_file_that_no_trial_names_is_refused_with_the_candidates():
     with pytest.raises(InputError) as error:
         trial_of(ann, Path("c.c3d"), 23)
     assert "c.c3d: no trial of ann names this file" in str(error.value)
+    assert "'lumbar new-study FOLDER' writes settings" in str(error.value)
     assert "- ann_23kg: day1/a.c3d, box of 23 kg\n  - ann_15kg: day1/b.c3d, box of 15 kg" in str(error.value)
     with pytest.raises(InputError, match="ann_23kg had no box of 15 kg"):
         trial_of(ann, Path("day1/a.c3d"), 15)
@@ -220,6 +221,9 @@ def test_the_pivot_is_one_that_every_moving_recording_has(tmp_path):
     text = study_text(tmp_path)
     assert "      L_ANKLE: L_ANKLE" in text
     assert "  pivot: hip  # no markers on both ankles are recognised\n" in text
+    assert (
+        "\nstability:\n  regulator:\n    control_weight: 2.0  #" in text
+    )  # that for the ankles gives no basin about hips
     lifted(tmp_path, c=without())
     assert "are recognised in b.c3d\n" in study_text(tmp_path)
     hips = [f"{side}_{part}" for side in "LR" for part in ("HIP", "ASIS")]

@@ -366,7 +366,12 @@ def trial_of(
     listed = "\n".join(
         f"  - {name}: {item.markers}, box of {item.box_mass_kg:g} kg" for name, item in lifts.items()
     )
-    raise InputError(f"{sought}; its trials are\n{listed}")
+    own = (
+        "\n'lumbar new-study FOLDER' writes settings and a person's file for recordings of your own"
+        if trial is None
+        else ""
+    )
+    raise InputError(f"{sought}; its trials are\n{listed}{own}")
 
 
 def lift_names(subject: SubjectSettings) -> dict[str, TrialSettings]:

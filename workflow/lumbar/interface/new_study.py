@@ -27,6 +27,7 @@ from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.plain import from_plain, plain
+from lumbar.settings.stability import GridSettings
 from lumbar.study.validation import FILL_IN
 
 STILL_M = 0.05
@@ -99,8 +100,13 @@ class NewStudy:
         lines = [f"{len(read)} of {len(self.recordings)} recordings can be read"]
         lines += [f"  {item.path}: {item.problem or item.facts}" for item in self.recordings]
         lines += [f"{path}: {text.count(FILL_IN) - 1} values to fill in" for path, text in self.files.items()]
-        study = next(iter(self.files))
-        lines.append(f"replace every {FILL_IN}, then: snakemake --cores 2 lifting --configfile {study}")
+        study, *people = self.files
+        lines.append(
+            f"replace every {FILL_IN}, then, one lift: lumbar lift FILE --config {study} --subject {people[0]} --output out"
+        )
+        lines.append(
+            f"or all, in the project's folder: snakemake --cores 2 lifting stability --configfile {study}"
+        )
         return "\n".join(lines)
 
 
@@ -296,7 +302,8 @@ def _study_text(
         forward=axes[1],
         degrees=axes[2],
         aliases=_alias_lines(joined_aliases([item.set for item in read])),
-        pivot=_pivot_line(read),
+        pivot=(pivot := _pivot_line(read)),
+        control_weight=GridSettings().hip_control_weight if pivot.startswith("pivot") else None,
     )
 
 

@@ -187,7 +187,12 @@ def column_files(folder: Path) -> list[Path]:
         raise InputError(f"{folder}: no such folder")
     files = [path for path in sorted(folder.iterdir()) if is_column_file(path)]
     if not files:
-        raise InputError(f"{folder}: no recordings ({', '.join(COLUMN_ENDINGS)}, also with .gz)")
+        marked = (
+            "; 'lumbar inspect' and 'lumbar lift' read its files of markers"
+            if any(map(is_marker_file, folder.iterdir()))
+            else ""
+        )
+        raise InputError(f"{folder}: no recordings ({', '.join(COLUMN_ENDINGS)}, also with .gz){marked}")
     return files
 
 

@@ -93,7 +93,7 @@ def test_one_bad_basin_drops_only_its_row(broken):
     assert left["mean_area"].to_numpy() == pytest.approx(there["mean_area"].to_numpy(), rel=1e-6)
     assert {(item.com, item.plane) for item in broken.failures} == {("thorax", "lateral_bending")}
     assert [item.basin for item in broken.failures] == ["exact, hanging", "sum_of_squares, hanging"]
-    assert "rad are allowed: raise the regulator's control weight" in broken.failures[0].reason
+    assert "rad are allowed: raise stability.regulator.control_weight" in broken.failures[0].reason
     assert not broken.summary["mean_area"].isna().any()
 
 

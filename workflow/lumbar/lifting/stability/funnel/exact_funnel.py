@@ -222,8 +222,8 @@ def variants_of(loops: ClosedLoops, level: np.ndarray, margin: float) -> FunnelV
         index = int(np.argwhere(lost)[-1][1])
         raise NumericalError(
             f"{pendulums.labels[index]}: the basin reaches {semi_axis[:, index].max():.3g} rad from its "
-            f"trajectory; at most {LARGEST_SEMI_AXIS:g} rad are allowed: raise the regulator's control weight or "
-            "lower its state weight"
+            f"trajectory; at most {LARGEST_SEMI_AXIS:g} rad are allowed: raise stability.regulator.control_weight (about the "
+            "hips 2 suits) or lower its state weight"
         )
     exact = Funnels("exact", pendulums.duration, loops.cost[::2], level[:, 0])
     return FunnelVariants(
