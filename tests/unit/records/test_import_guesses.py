@@ -121,6 +121,11 @@ def test_two_forces_are_refused_with_both(tmp_path):
     chosen = imported(tmp_path, text, force="force 2")
     assert chosen.record["output"] == pytest.approx(2 * FORCE, abs=2e-5)
     assert "as told by --force" in chosen.grounds["force"]
+    # The header's own text, and a unit that is not the file's.
+    text = text.replace("force 2 (N)", "force2_kN")
+    chosen = imported(tmp_path, text, force="force2_kN", force_unit="N")
+    assert chosen.record["output"] == pytest.approx(2 * FORCE, abs=2e-5)
+    assert chosen.grounds["force"].endswith("unit N, as told by --force-unit, where the file says kN")
 
 
 @pytest.mark.parametrize("head", ["time_s,position_mm,force_N,force_N\n", "t (s),z (mm),F (N),F (kN)\n"])

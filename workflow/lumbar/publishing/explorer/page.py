@@ -38,6 +38,7 @@ from lumbar.tissue.diagnosis.selection.verdict import (
     headline,
     readable,
     runner_up,
+    what_is_left,
 )
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.fitted_model import FittedModel
@@ -132,6 +133,7 @@ class ExplorerPage:
             "data": self.data,
             "verdict": verdict.verdict,
             "headline": headline(verdict),
+            "left": what_is_left(verdict) if verdict.selected else "",
             "findings": [item.sentence for item in verdict.findings],
             "sure": how_sure(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {experiment.output_unit}",

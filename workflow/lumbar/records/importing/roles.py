@@ -104,6 +104,11 @@ def _plain(text: str) -> str:
     return "".join(sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign))
 
 
+def _bare(text: str) -> str:
+    """Letters and digits, as of a name with its unit in the header."""
+    return re.sub(r"[\W_]+", "", _plain(text))
+
+
 def _tokens(name: str) -> list[str]:
     parted = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
     return [token for token in re.split(r"[\W\d_]+", _plain(parted)) if token]
@@ -183,6 +188,7 @@ def wished(columns: Sequence[RawColumn], wish: str, option: str) -> tuple[RawCol
     for found in (
         [column for column in columns if column.name == wish],
         [column for column in columns if column.name and _plain(column.name) == _plain(wish)],
+        [column for column in columns if column.unit and _bare(column.name + column.unit) == _bare(wish)],
         [column for column in columns if str(column.number) == wish],
     ):
         if found:
@@ -289,7 +295,10 @@ def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
         given = told_unit(told, f"--{role}-unit")
         if given.quantity not in (*_TAKEN[role], *(["reading"] if role != "time" else [])):
             raise InputError(f"--{role}-unit {told!r} is a unit of {given.quantity}, not of {role}")
-        return Role(column, given, f"{why}; unit {given.name}, as told by --{role}-unit")
+        stated = find_unit(column.unit)
+        other = stated is not None and (stated.quantity, stated.factor) != (given.quantity, given.factor)
+        against = f", where the file says {column.unit}" if other else ""
+        return Role(column, given, f"{why}; unit {given.name}, as told by --{role}-unit{against}")
     unit = find_unit(column.unit)
     step = float(np.nanmedian(np.diff(column.values)))
     if unit is not None and unit.quantity in _TAKEN[role]:

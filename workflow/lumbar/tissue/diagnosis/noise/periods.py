@@ -110,7 +110,8 @@ def fold_periods(record: Record, period: float) -> Folding:
     if unlike > 5 * REPEATS_WITHIN:
         raise InputError(
             f"{name}: the input does not repeat after {period:g} s, its periods differ by {100 * unlike:.2g} % "
-            "of its RMS: correct the period, or leave it out to have it found"
+            "of its RMS: correct the period, leave it out to have it found, or keep the cycles that repeat alone "
+            "(lumbar import --trim START:STOP)"
         )
     return folding
 

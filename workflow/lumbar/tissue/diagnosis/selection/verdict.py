@@ -271,7 +271,7 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
         ]
     if diagnosis.selected:
         lines.append(_removed_and_left(diagnosis))
-        lines.append(_diagnosed_again(diagnosis))
+        lines.append(what_is_left(diagnosis))
     unseen = diagnosis.model.unseen_rms
     if max(unseen.values()) > _APART * min(unseen.values()):
         told = ", ".join(f"{name} {rms:.3g}" for name, rms in unseen.items())
@@ -361,7 +361,8 @@ def times_floor(rms: float, floor: NoiseFloor) -> str:
     return f"{times:.2f}" if times < 10 else f"{times:.0f}" if times < 1000 else "more than a thousand"
 
 
-def _diagnosed_again(diagnosis: Verdict) -> str:
+def what_is_left(diagnosis: Verdict) -> str:
+    """Say whether anything is missing from the model with the selected effects."""
     unit, floor, model = diagnosis.experiment.output_unit, diagnosis.experiment.floor, diagnosis.model
     if diagnosis.further is not None:
         return (

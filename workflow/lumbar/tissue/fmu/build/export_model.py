@@ -92,7 +92,8 @@ class ExportModel:
             problems.add(
                 "output_offset",
                 f"{self.output.offset}",
-                f"it must lie within ±{self.output_limit} (the limit)",
+                f"it must lie within ±{self.output_limit:g} {self.output.unit}, runtime.output_limit: the largest output that "
+                "your device may receive; give another in a study file (--config)",
             )
         problems.raise_if_any()
 
