@@ -23,7 +23,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, folds, solve_linear, 
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
-from lumbar.tissue.diagnosis.noise.periods import Folding, fold_periods
+from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, Folding, fold_periods
 from lumbar.tissue.diagnosis.residuals.time_frequency import excited_lines
 from lumbar.tissue.models.motion import JoinedMotions, Motion, is_held
 
@@ -310,6 +310,10 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
     if floor is None:
         return None
     data = next(item for item in experiment.training.records if item.name == experiment.floor_from)
+    if (
+        len(data.own(data.force)) * data.motion.sampling_time < FEWEST_PERIODS * floor.period
+    ):  # the settled start left out
+        return None
     folding = _folding(data, floor)
     error = data.force - fit.simulate(data.motion)
     position, force, error = (
