@@ -99,7 +99,7 @@ def test_forged_files_on_the_page(server, tmp_path_factory):
     """Each is given to the page as a browser gives it: refused in words or shown, and forgotten."""
     process, visitors = server
     folder = tmp_path_factory.mktemp("forged")
-    names = write_forged(folder, drawn_too=240, seed=28)
+    names = write_forged(folder, drawn_too=270, seed=28)
     assert len(names) >= 300
     tab = ask(visitors, "GET", "/_own")[1]["Location"].partition("tab=")[2]
     before, peak, refused = memory(process), 0, 0
