@@ -168,7 +168,9 @@ def test_an_object_saves_what_the_command_writes(diagnosis, folder, run, tmp_pat
     """One stage, two callers, the same bytes."""
     out = run.done("diagnose", folder, "--output", tmp_path / "command")
     diagnosis.save(tmp_path / "object", pictures=False)
-    assert out.splitlines() == str(diagnosis).splitlines()
+    *told, page, export = out.splitlines()
+    assert told == str(diagnosis).splitlines()
+    assert "diagnosis.html" in page and "lumbar export" in export
     names = sorted(path.name for path in (tmp_path / "command").iterdir())
     assert names == sorted(path.name for path in (tmp_path / "object").iterdir())
     for name in names:

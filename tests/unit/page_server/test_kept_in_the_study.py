@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from column_files import write_columns
 
 import lumbar
+from column_files import write_columns
 from lumbar.base.errors import InputError
 from lumbar.interface.importing import import_recordings
 from lumbar.interface.reading import read_listed

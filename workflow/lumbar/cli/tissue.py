@@ -129,8 +129,9 @@ def run_diagnose(options) -> None:
     diagnosis = diagnose(records, settings=settings, data=data)
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)
-    print(f"{options.output / 'diagnosis.html'} shows it; a device plays its model:")
-    print(f"  lumbar export {options.output / 'refined.json'} --output fmu")
+    print(f"{options.output / 'diagnosis.html'} shows it.")
+    if not (diagnosis.settings.forward or diagnosis.verdict.base.fit.structure.base.contact):
+        print(f"A device plays its model: lumbar export {options.output / 'refined.json'} --output fmu")
 
 
 def run_propose(options) -> None:
