@@ -8,7 +8,8 @@ from scipy.stats import binom, binomtest
 
 from calibration_records import FAULTS
 from calibration_tables import COLOURED, CONFIDENCE, WHITE, parameter_words
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, house_style, label_panels, new_figure
+from lumbar.publishing.figures.palette import SERIES
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, label_panels, new_figure
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 
 SMALLEST = 2e-3

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import binomtest
 
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, SERIES, SINGLE_COLUMN, house_style, new_figure
+from lumbar.publishing.figures.palette import SERIES
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, SINGLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -26,8 +26,9 @@ from lumbar.publishing.figures.comparison_figures import comparison_figure, defa
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
 from lumbar.publishing.figures.location_figure import location_figure
 from lumbar.publishing.figures.outline_figures import outline_figure
+from lumbar.publishing.figures.palette import MODELS
 from lumbar.publishing.figures.signal_figures import excitation_figure, psd_figure
-from lumbar.publishing.figures.style import MODELS, house_style, new_figure, save
+from lumbar.publishing.figures.style import house_style, new_figure, save
 from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 from lumbar.publishing.figures.tissue_figures import analogue_picture
 from lumbar.publishing.study_report.contents import CHAPTERS, PLACES

@@ -17,7 +17,8 @@ from lumbar.base.errors import InputError
 from lumbar.publishing.explorer import shown
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file, plain_figure
 from lumbar.publishing.explorer.shown import WITH_EFFECTS, candidates_of, drawing_step, model_key
-from lumbar.publishing.pages.diagnosis_page import diagnosis_page, draw_pictures, pictured_effects
+from lumbar.publishing.pages.diagnosis_page import diagnosis_page
+from lumbar.publishing.pages.diagnosis_pictures import draw_pictures, pictured_effects
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, picture, table
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings

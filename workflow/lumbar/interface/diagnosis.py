@@ -312,7 +312,7 @@ class Diagnosis:
             path.unlink(missing_ok=True)
 
     def _save_pictures(self, folder: Path) -> dict[str, Path]:
-        from lumbar.publishing.pages.diagnosis_page import draw_pictures
+        from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
         from lumbar.tissue.diagnosis.residuals.compare import comparison_table
         from lumbar.tissue.diagnosis.residuals.locate import location_table
 

@@ -19,7 +19,7 @@ from lumbar.publishing.explorer.shown import (
     shown_fitted,
     shown_records,
 )
-from lumbar.publishing.figures.comparison_figures import signature_thumbnail
+from lumbar.publishing.explorer.thumbnail import signature_thumbnail
 from lumbar.publishing.pages.diagnosis_page import role_of
 from lumbar.publishing.pages.html import picture, table
 from lumbar.tables.layout import unit_in_print

@@ -9,7 +9,7 @@ import numpy as np
 
 from lumbar.publishing.explorer.one_file import empty_source, plain_figure
 from lumbar.publishing.explorer.shown import ShownModel, ShownRecord
-from lumbar.publishing.figures.style import MEASURED, SERIES
+from lumbar.publishing.figures.palette import MEASURED, SERIES
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 
 if TYPE_CHECKING:

@@ -6,11 +6,9 @@ from string import ascii_lowercase
 import numpy as np
 from matplotlib.figure import Figure
 
+from lumbar.publishing.figures.palette import MEASURED, MODELS, SERIES
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
-    MEASURED,
-    MODELS,
-    SERIES,
     SINGLE_COLUMN,
     head_room,
     house_style,
@@ -18,13 +16,12 @@ from lumbar.publishing.figures.style import (
     mark_noise_floor,
     new_figure,
     note,
-    svg_text,
 )
 from lumbar.records.record import Record
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.residuals.compare import Comparison
 from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
-from lumbar.tissue.effects.signature import RATES, Signature, pictured_form, signatures
+from lumbar.tissue.effects.signature import AXES, RATES, Signature, pictured_form, signatures
 from lumbar.tissue.models.form import Effect
 
 _SHOWN_SAMPLES = 500
@@ -193,7 +190,6 @@ _SHOWN_S = 8.0
 """Seconds shown over time."""
 _BASE = {"color": "#999999", "linestyle": (0, (4, 1.5)), "linewidth": 1.0}
 _CLOSE = {"ncols": 2, "handlelength": 1.4, "columnspacing": 0.8, "borderpad": 0.1, "fontsize": 6.5}
-_AXES = {"tissue": ("Position", "force"), "pendulum": ("Angle", "moment")}
 
 
 @house_style
@@ -218,31 +214,18 @@ def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
 
 
 @house_style
-def signature_thumbnail(effect: Effect, system: str = "tissue") -> str:
-    """Small picture of one effect: force over position on a standard motion, with it and without, as the text of an SVG."""
-    form = pictured_form(effect)
-    slow, _ = signatures(effect, form, system)
-    figure, axes = new_figure(2.2, 1.4)
-    cycle = _last_cycle(slow, RATES[0])
-    axes.plot(slow.motion.position[cycle], slow.base[cycle], **_BASE)
-    axes.plot(slow.motion.position[cycle], slow.force[cycle], color=SERIES[3], linewidth=1.2)
-    axes.set(xlabel=_AXES[system][0], ylabel=_AXES[system][1].capitalize(), xticks=[], yticks=[])
-    return svg_text(figure)
-
-
 def _draw_effect(row, effect: Effect, system: str) -> None:
     form = pictured_form(effect)
     slow, fast = signatures(effect, form, system)
-    moved, response = _AXES[system]
+    moved, response = AXES[system]
     whole, added, course = row
-    settled, cycle = slow.motion.time >= 2 / RATES[0], _last_cycle(slow, RATES[0])
+    settled, cycle = slow.motion.time >= 2 / RATES[0], slow.last_cycle
     whole.plot(slow.motion.position[cycle], slow.base[cycle], label=system, **_BASE)
     whole.plot(slow.motion.position[settled], slow.force[settled], color=SERIES[0], label="with the effect")
     whole.set_ylabel(response.capitalize())
-    styles = ((slow, RATES[0], SERIES[0], "-"), (fast, RATES[1], SERIES[3], (0, (3, 1))))
-    for item, rate, color, line in styles:
-        kept = _last_cycle(item, rate)
-        look = {"color": color, "linestyle": line, "linewidth": 1.0, "label": f"{rate:g} Hz"}
+    for item, color, line in ((slow, SERIES[0], "-"), (fast, SERIES[3], (0, (3, 1)))):
+        kept = item.last_cycle
+        look = {"color": color, "linestyle": line, "linewidth": 1.0, "label": f"{item.rate:g} Hz"}
         added.plot(item.motion.position[kept], item.added_force[kept], **look)
     added.set_ylabel(f"Added {response}")
     added.set_title(f"${form.latex}$", loc="left")
@@ -253,11 +236,6 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
         head_room(axis, 0.22)
         axis.legend(loc="upper left", **_CLOSE)
         axis.tick_params(labelsize=6.5)
-
-
-def _last_cycle(item: Signature, rate: float) -> np.ndarray:
-    """Samples of the motion's last cycle, its end included."""
-    return np.arange(len(item.motion)) >= len(item.motion) - 1 - round(1 / (rate * item.motion.sampling_time))
 
 
 def _draw_course(axis, item: Signature, moved: str, response: str) -> None:

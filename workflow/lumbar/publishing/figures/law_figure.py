@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lumbar.publishing.figures.comparison_figures import draw_error_bars
+from lumbar.publishing.figures.palette import SERIES
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
-    SERIES,
     head_room,
     house_style,
     label_panels,

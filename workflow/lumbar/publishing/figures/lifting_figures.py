@@ -11,10 +11,9 @@ from lumbar.base.errors import LumbarError
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
 from lumbar.lifting.stability.model.total_body import total_body_pendulum
 from lumbar.lifting.stability.model.trajectories import Trajectory
+from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
-    MEASURED,
-    SEGMENTS,
     house_style,
     label_panels,
     new_figure,

@@ -14,15 +14,8 @@ from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.lifting.quality.sheet import QualitySheet
 from lumbar.lifting.quality.trajectories import LABORATORY_M
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
-from lumbar.publishing.figures.style import (
-    DOUBLE_COLUMN,
-    MEASURED,
-    SERIES,
-    house_style,
-    new_figure,
-    note,
-    say_instead,
-)
+from lumbar.publishing.figures.palette import MEASURED, SERIES
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, note, say_instead
 from lumbar.records.stretches import runs
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 
 from lumbar.lifting.stability.comparison.table_4_1_grid import CHOICES, comparison_cells
 from lumbar.lifting.stability.model.trajectories import THESIS
+from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
 from lumbar.publishing.figures.stability_figures import shared_legend
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, house_style, new_figure
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,7 +21,8 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
     values_of,
 )
 from lumbar.lifting.stability.model.eq_4_2_regulator import normal_axes
-from lumbar.publishing.figures.style import DOUBLE_COLUMN, MEASURED, SEGMENTS, SERIES, house_style, new_figure
+from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,17 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from lumbar.publishing.figures.style import (
-    DOUBLE_COLUMN,
-    MODELS,
-    SERIES,
-    house_style,
-    label_panels,
-    model_line,
-    model_look,
-    new_figure,
-    note,
-)
+from lumbar.publishing.figures.palette import MODELS, SERIES, model_line, model_look
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, label_panels, new_figure, note
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.judgement import Judgement
 from lumbar.tissue.haptics.passivity import ZWidth

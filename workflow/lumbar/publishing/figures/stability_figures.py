@@ -15,14 +15,8 @@ from lumbar.lifting.stability.methods import METHODS, thesis_methods
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops, normal_axes
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import THESIS, Convention, Trajectory
-from lumbar.publishing.figures.style import (
-    DOUBLE_COLUMN,
-    MEASURED,
-    SEGMENTS,
-    house_style,
-    new_figure,
-    say_instead,
-)
+from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, say_instead
 
 if TYPE_CHECKING:
     import pandas as pd

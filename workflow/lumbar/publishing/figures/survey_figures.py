@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from lumbar.publishing.figures.style import MODELS, SERIES, SINGLE_COLUMN, house_style, new_figure
+from lumbar.publishing.figures.palette import MODELS, SERIES
+from lumbar.publishing.figures.style import SINGLE_COLUMN, house_style, new_figure
 
 _DISAGREE, _NEUTRAL, _AGREE = ("#D55E00", "#F0B27A"), "#DDDDDD", ("#7FB8DB", "#0072B2")
 _LINE = 105

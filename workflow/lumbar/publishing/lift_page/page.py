@@ -17,8 +17,8 @@ from lumbar.lifting.movement.lift_tables import points_of
 from lumbar.lifting.stability.model.trajectories import Failure, LiftStates
 from lumbar.publishing.explorer.one_file import Drawn, embedded_pictures, one_file
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
+from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
-from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.lift_page.lift_data import (
     PushedPendulum,
     RecordedLift,

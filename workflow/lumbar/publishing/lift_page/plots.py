@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.publishing.explorer.one_file import empty_source, plain_figure
-from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
+from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource

@@ -29,6 +29,8 @@ SHARE = 0.3
 """RMS of the force that a pictured effect adds, as a share of the tissue's own."""
 RATES = (0.5, 2.0)
 """Frequencies of the standard motion, Hz."""
+AXES = {"tissue": ("Position", "force"), "pendulum": ("Angle", "moment")}
+"""By system: what is moved, and what answers."""
 _SAMPLING_TIME = 0.01
 _DURATION = 12.0
 
@@ -37,6 +39,8 @@ _DURATION = 12.0
 class Signature:
     """Forces of one form on one motion."""
 
+    rate: float
+    """Frequency of the motion, Hz."""
     motion: Motion
     """A sine of amplitude 1 whose size grows over the first cycle."""
     base: np.ndarray
@@ -48,6 +52,11 @@ class Signature:
     def added_force(self) -> np.ndarray:
         """What the effect adds."""
         return self.force - self.base
+
+    @property
+    def last_cycle(self) -> slice:
+        """Samples of the motion's last cycle, its end included."""
+        return slice(-1 - round(1 / (self.rate * self.motion.sampling_time)), None)
 
 
 def standard_motion(frequency: float) -> Motion:
@@ -77,8 +86,8 @@ def signatures(effect: Effect, form: Form | None = None, system: str = "tissue")
     bases = [bare.simulate(motion, *own) for motion in motions]
     linear, nonlinear = _pictured(structure, form, standard, motions[0], bases[0])
     return [
-        Signature(motion, base, structure.simulate(motion, linear, nonlinear))
-        for motion, base in zip(motions, bases, strict=True)
+        Signature(rate, motion, base, structure.simulate(motion, linear, nonlinear))
+        for rate, motion, base in zip(RATES, motions, bases, strict=True)
     ]
 
 

@@ -5,6 +5,8 @@ parameters cannot take up (`lumbar.tissue.diagnosis.fitting.uncertainty`). Two e
 same way explain the same error; the angle between them says how far they can be told apart, whatever the noise.
 """
 
+import csv
+import io
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -381,11 +383,11 @@ def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dic
 
 def ladder_csv(diagnosis: Verdict, data: str) -> str:
     """Return the error ladder: base, base and first effect, …."""
-    import pandas as pd
-
-    floor, unit, rows = diagnosis.experiment.floor, diagnosis.experiment.output_unit, []
+    floor, unit, text = diagnosis.experiment.floor, diagnosis.experiment.output_unit, io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(LADDER_COLUMNS)
     for number, item in enumerate(diagnosis.path):
         forms = "+".join(form.name for form in item.fit.structure.forms)
         errors = item.train_rms, item.test_rms, unit, floor and floor.rms
-        rows.append((number, "+".join(item.effects), forms, *errors, data))
-    return pd.DataFrame(rows, columns=LADDER_COLUMNS).to_csv(index=False, lineterminator="\n")
+        writer.writerow((number, "+".join(item.effects), forms, *errors, data))
+    return text.getvalue()

@@ -1,0 +1,76 @@
+"""The pictures of a diagnosis as files: comparison, location, ladder, signatures; a proposed law and a chain where found."""
+
+from pathlib import Path
+
+from lumbar.publishing.figures.comparison_figures import (
+    comparison_figure,
+    ladder_figure,
+    ladder_rungs,
+    signature_figure,
+)
+from lumbar.publishing.figures.law_figure import chain_figure, law_figure
+from lumbar.publishing.figures.location_figure import location_figure
+from lumbar.publishing.figures.style import save
+from lumbar.publishing.pages.html import LOCATION_CAPTION
+from lumbar.tissue.diagnosis.law.proposal import Proposal
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_explained
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, runner_up
+from lumbar.tissue.effects.signature import pictured_form
+from lumbar.tissue.models.form import Effect
+
+
+def draw_pictures(
+    diagnosis: Verdict,
+    simulated: list[ResidualReport],
+    catalogue: dict[str, Effect],
+    folder: Path,
+    data: str,
+    proposal: Proposal | None = None,
+) -> dict[str, Path]:
+    """Write ``comparison``, ``location``, ``ladder`` and ``signatures``, and ``proposed_law``, ``chain`` where found.
+
+    `simulated` is the base model on every record; the SVG files are returned by caption.
+    """
+    comparisons = [item.comparison for item in simulated]
+    shown, base = least_explained(simulated), diagnosis.base.fit.structure.base.name
+    trained = next(item for item in simulated if item.record.name == diagnosis.experiment.floor_from)
+    content = diagnosis.to_json()
+    figures = {
+        "comparison": comparison_figure(shown.record, shown.values, comparisons, base),
+        "location": location_figure(trained.location),
+        "ladder": ladder_figure(ladder_rungs(content), content["unit"], content["noise_floor_rms"]),
+        "signatures": signature_figure(
+            pictured_effects(diagnosis, catalogue), diagnosis.base.fit.structure.base.system
+        ),
+    }
+    captions = {
+        "comparison": f"The {base} model beside {shown.record.name}, the record it explains least, and what it leaves of "
+        "every record.",
+        "location": f"Where the {base} model fails on {trained.record.name}. {LOCATION_CAPTION}",
+        "ladder": "Error on training and unseen records, effect by effect, down to the noise floor.",
+        "signatures": "Signature of the selected effects and of the runner-up, each in its first form on a standard motion: "
+        "force over position, added force at two rates and over time; arbitrary units.",
+    }
+    if proposal is not None and proposal.law is not None:
+        figures["proposed_law"] = law_figure(proposal)
+        captions["proposed_law"] = (
+            "The missing force over the two coordinates that explain most of it, the proposed law beside it (lines), and the "
+            "errors without and with it."
+        )
+    if diagnosis.chain is not None:
+        figures["chain"] = chain_figure(diagnosis)
+        captions["chain"] = (
+            f"The chain that explains the records ({diagnosis.chain.kind}), in the order in which a signal passes it: gain of "
+            "the filter in front, the static curve, gain of the filter behind."
+        )
+    for name, drawn in figures.items():
+        save(drawn, folder / name, "" if name == "signatures" else data)
+    return {captions[name]: folder / f"{name}.svg" for name in figures}
+
+
+def pictured_effects(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Effect]:
+    """Selected effects, then those of the runner-up; where nothing was selected the runner-up's alone."""
+    second = runner_up(diagnosis)
+    names = [*diagnosis.selected, *(second.candidate.effects if second is not None else ())]
+    effects = [catalogue[name] for name in dict.fromkeys(names)]
+    return [effect for effect in effects if pictured_form(effect) is not None]
