@@ -181,8 +181,6 @@ def _read_columns(
 
         return confined(partial(_read_mat, path, layout, load_matlab), path, size), None
     if size >= _LARGE:
-        import pandas as pd  # noqa: F401 - here, where it stays imported, and not in the child alone
-
         print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
 
     return confined(
@@ -195,11 +193,11 @@ def _read_either(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray
 
 
 _LARGE = 5_000_000
-"""Bytes from which on a file is first tried as a plain table of numbers, and is announced."""
+"""Bytes from which on a file is announced."""
 _WORTH_IT = 50_000
-"""The same where pandas, whose import takes as long as some megabytes line by line, is there already."""
+"""Bytes from which on a file is first tried as a plain table of numbers."""
 _MOST_COLUMNS = 1000
-"""The same again: of thousands of columns pandas makes gigabytes."""
+"""Columns up to which it is: all of them are kept, the others' numbers too."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
 
 
@@ -229,39 +227,34 @@ def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.nd
 
     Fifty times as fast as going through it line by line, which is left to say where a file is not as it should be.
     """
-    smallest = _WORTH_IT if "pandas" in sys.modules else _LARGE
-    if layout.decimal != "." or path.stat().st_size < smallest:
+    if layout.decimal != "." or path.stat().st_size < _WORTH_IT:
         return None
     separator = None if layout.delimiter == "whitespace" else layout.delimiter
-    import pandas as pd
-
     with path.open(encoding="utf-8-sig", errors="replace") as stream:
         begins = [_split(stream.readline(_LONGEST_LINE), separator) for _ in range(2)]
     if max(map(len, begins)) > _MOST_COLUMNS:
         return None
-    header = begins[0] if layout.header else None
+    header, first = (begins[0], 2) if layout.header else (None, 1)
     try:
-        frame = pd.read_csv(
-            path,
-            sep=r"\s+" if separator is None else separator,
-            header=None,
-            skiprows=int(layout.header),
-            skip_blank_lines=False,
-            quoting=csv.QUOTE_NONE,
-            float_precision="round_trip",
-            encoding="utf-8-sig",
+        table = np.loadtxt(
+            path, comments=None, delimiter=separator, skiprows=first - 1, ndmin=2, encoding="utf-8-sig"
         )
-    except (ValueError, OverflowError):  # also what pandas' parser and the decoder raise
+    except (ValueError, OverflowError):  # also what the decoder raises
         return None
-    numeric = all(kind.kind in "fi" for kind in frame.dtypes)
-    if not numeric or frame.isna().any(axis=None) or (header is not None and len(header) != frame.shape[1]):
+    lines = range(first, first + len(table))  # unless some are blank, which are passed over
+    if lines.stop - 1 != _count_lines(path) or not np.isfinite(table).all():
+        return None
+    if header is not None and len(header) != table.shape[1]:
         return None
     positions = _positions(path, layout.columns, header)
-    if max(positions.values()) >= frame.shape[1]:
+    if max(positions.values()) >= table.shape[1]:
         return None
-    first = 1 + int(layout.header)
-    columns = {role: frame[position].to_numpy(dtype=float) for role, position in positions.items()}
-    return columns, range(first, first + len(frame))
+    return {role: table[:, position].copy() for role, position in positions.items()}, lines
+
+
+def _count_lines(path: Path) -> int:
+    with path.open("rb") as stream:
+        return sum(1 for _ in stream)
 
 
 def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], list[int]]:

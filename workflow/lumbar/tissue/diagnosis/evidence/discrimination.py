@@ -189,7 +189,9 @@ def _rounded(wave: np.ndarray, time: np.ndarray, over: float) -> np.ndarray:
 def motion_csv(motion: Motion, unit: str) -> str:
     """A motion as a file to play: header ``time_s,position_<unit>``."""
     rows = zip(motion.time, motion.position, strict=True)
-    return "\n".join([f"time_s,position_{unit}", *(f"{time:.6g},{position:.6g}" for time, position in rows), ""])
+    return "\n".join(
+        [f"time_s,position_{unit}", *(f"{time:.6g},{position:.6g}" for time, position in rows), ""]
+    )
 
 
 @dataclass(frozen=True, eq=False)

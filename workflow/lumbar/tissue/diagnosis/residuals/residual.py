@@ -106,8 +106,7 @@ class Residual:
     def noise_power(self, frequency: np.ndarray) -> np.ndarray:
         """Noise spectrum as variance per sample (white noise: its variance everywhere), frequency in Hz."""
         whitening, variance = self._noise_model
-        delays = np.arange(len(whitening))
-        gain = np.exp(-2j * np.pi * np.outer(frequency, delays) * self.sampling_time) @ whitening
+        gain = np.polyval(whitening[::-1], np.exp(-2j * np.pi * frequency * self.sampling_time))
         return variance / np.abs(gain) ** 2
 
     def covariance(self, weights: np.ndarray) -> np.ndarray:
@@ -118,7 +117,8 @@ class Residual:
         transform = np.fft.rfft(weights, length, axis=1)
         power = self.noise_power(np.fft.rfftfreq(length, self.sampling_time)) * 2 / length
         power[[0, -1]] /= 2
-        return ((transform * power) @ transform.conj().T).real
+        parts = (transform * np.sqrt(power)).view(float)  # real and imaginary parts side by side
+        return parts @ parts.T
 
     def averages(self, groups: np.ndarray, count: int) -> Average:
         """Means over groups of samples; `groups` holds each sample's group, from 0 on, −1 for none."""
