@@ -8,8 +8,6 @@ classes that are expected, nothing that is unpickled.
 Systems without Landlock lack the limit of files, those without ``/proc`` that of memory.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

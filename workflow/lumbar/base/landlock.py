@@ -4,8 +4,6 @@ The kernel's own description is docs.kernel.org/userspace-api/landlock.html; str
 linux/landlock.h. Where the kernel has none, or on another system, nothing is given up.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import struct

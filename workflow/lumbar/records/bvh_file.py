@@ -4,8 +4,6 @@ A joint lies at its OFFSET in the axes of its parent and is turned by its rotati
 which they stand; the root moves by its position channels. The file states no unit of length.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -5,8 +5,6 @@ then the analog samples, all channels of one instant together. Numbers are 4-byt
 in the byte order and the format of reals of the processor that the file names (C3D user guide, www.c3d.org).
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 from collections.abc import Sequence

@@ -8,8 +8,6 @@ systems are known to write (a frame more or less, a rate rounded, a parameter wi
 noted.
 """
 
-from __future__ import annotations
-
 import math
 import mmap
 import struct

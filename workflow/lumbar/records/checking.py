@@ -1,7 +1,5 @@
 """Reading every recording of a study before anything is computed from it."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from functools import partial

@@ -17,8 +17,6 @@ A layout is `lumbar.settings.layout.ColumnLayout`; in a study's YAML::
 ``unit``. A column with ``optional: true`` may be absent from a file with a header, and may be constant.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import shlex

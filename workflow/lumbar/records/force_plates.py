@@ -6,8 +6,6 @@ the centre of pressure itself. The ground cannot pull: where a file holds the fo
 reversed, and noted.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Ground reaction forces: what a force plate measured, and those in OpenSim's ``.mot`` files."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter

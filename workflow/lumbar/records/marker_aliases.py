@@ -13,8 +13,6 @@ the other way round: ``{mean: [L_HIP, R_HIP]}`` takes what the table calls hips.
 measured is listed with its rule, so that results can say so.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

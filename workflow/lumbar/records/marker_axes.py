@@ -1,7 +1,5 @@
 """The axes of a marker file: turned to x lateral (right), y forward, z up, and compared with the body."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems

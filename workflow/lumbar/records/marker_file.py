@@ -5,8 +5,6 @@ segment axes and the centre of mass as points too. Lists in the file say which (
 user guide); where a file has none, the labels' endings do.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from dataclasses import dataclass, field

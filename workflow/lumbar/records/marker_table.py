@@ -11,8 +11,6 @@ length may stand behind the axis (``C7_x_mm``, ``C7 X [mm]``), else the layout's
 is a missing sample.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import re

@@ -18,8 +18,6 @@ MANUBRIUM, XIPHOID, SACRUM; SHOULDER, HIP (greater trochanter), WRIST, ANKLE, HE
 before them; BOX_1, BOX_2 and so on for markers on the box.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

@@ -9,8 +9,6 @@ The last two, by themselves or in one struct, need ``time`` (seconds) or ``rate`
 stand beside them. A missing sample is NaN or 0, 0, 0. Whatever else has other shapes is left out.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any, TypeGuard

@@ -1,7 +1,5 @@
 """MATLAB files of version 4 to 7.2, whose variables are packed, within the limit of any file."""
 
-from __future__ import annotations
-
 import io
 import math
 import struct

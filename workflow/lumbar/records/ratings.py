@@ -15,8 +15,6 @@ A layout is `lumbar.settings.survey.RatingsLayout`; in a study's YAML::
     source: source                      # column that says where an answer comes from, or null
 """
 
-from __future__ import annotations
-
 import csv
 import os
 from collections import Counter

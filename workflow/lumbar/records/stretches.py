@@ -4,8 +4,6 @@ A force that a mechanism limits (contact that is lost, a gripper that slips) car
 repeat to the last digit; a converter's limit does. What a clipped channel would have shown is not in the file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

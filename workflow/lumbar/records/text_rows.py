@@ -1,7 +1,5 @@
 """Text files as rows of numbers: how they are decoded, what counts as a number, when reading stops; and clocks that are even."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -6,8 +6,6 @@ is checked: every row has as many cells as all others and three per marker, the 
 file, and the clock runs evenly at the rate stated.
 """
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from pathlib import Path

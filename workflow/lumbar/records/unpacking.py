@@ -1,7 +1,5 @@
 """Packed files unpacked up to a limit: a small file may stand for gigabytes."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import os

@@ -1,10 +1,8 @@
 """Chapter improvement: comparing, diagnosing and refining models."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal, Self, get_args
 
 from lumbar.base.errors import InputError, did_you_mean
 from lumbar.settings.key import UNIQUE, Each, FolderName, key, required, settings
@@ -113,7 +111,7 @@ class ImprovementSettings:
         default=True,
     )
 
-    def with_bases_at(self, place: Callable[[str], str]) -> ImprovementSettings:
+    def with_bases_at(self, place: Callable[[str], str]) -> Self:
         """The same with the files of bases where `place` says that they are."""
 
         def placed(base):

@@ -1,13 +1,11 @@
 """Chapters of a study, and the sheet of artefacts: every table, figure and file that it makes."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import get_args
+from typing import Self, get_args
 
 from lumbar.base.errors import Problems
 from lumbar.settings.study_settings import Chapter
@@ -44,7 +42,7 @@ class Artefact:
     check: str = ""
     """One of ``stability.checks`` without which it would be empty: then it is not made."""
 
-    def expanded(self, **choices: Iterable[str]) -> Artefact:
+    def expanded(self, **choices: Iterable[str]) -> Self:
         """Return the artefact with ``{name}`` standing for each of the choices given for it."""
         path = self.path
         for name, values in choices.items():

@@ -5,8 +5,6 @@ is found before anything runs and all wrong keys are found at once.
 Effects that are Python are run only where the study is one's own, or where that is said.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import replace

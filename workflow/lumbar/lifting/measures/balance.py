@@ -17,11 +17,10 @@ braking stops it before the angle θ* at which gravity wins, sin θ* = τ/(m g l
 in closed form.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Self
 
 import numpy as np
 
@@ -49,7 +48,7 @@ class BaseOfSupport:
         """Mean of the grounded corners, shape (n, 2); NaN where nothing is on the ground."""
         return middle_of_standing(self.corners, self.grounded)
 
-    def functional(self, share: float = FUNCTIONAL_SHARE) -> BaseOfSupport:
+    def functional(self, share: float = FUNCTIONAL_SHARE) -> Self:
         """The part that people use: every edge drawn to `share` of its distance from the centre.
 
         Holbein and Redfern, Int. J. Ind. Ergon. 19 (1997) 387-395: 15 men who held loads and leaned forward, backward and to

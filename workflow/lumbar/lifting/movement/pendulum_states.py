@@ -6,11 +6,9 @@ relative to the pivot. Its rate is θ̇ = (ṙ z − r ż)/L² with L² = r² + 
 interpolated angle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -37,12 +35,12 @@ class PendulumChoice:
     deposit_start: str
 
     @classmethod
-    def of(cls, settings: LiftingSettings) -> PendulumChoice:
+    def of(cls, settings: LiftingSettings) -> Self:
         """Return a study's own."""
         return cls(settings.pivot, settings.segment_ends, settings.events.deposit_start)
 
     @property
-    def others(self) -> list[PendulumChoice]:
+    def others(self) -> list[Self]:
         """What a study's own is compared with: the thesis's way, and either with one choice changed."""
         every = [item for item in (self, THESIS_CHOICE) for item in (item, *one_changed(item, OPTIONS))]
         return [item for item in dict.fromkeys(every) if item != self]

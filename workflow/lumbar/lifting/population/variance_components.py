@@ -5,12 +5,11 @@ random effect, by restricted maximum likelihood (statsmodels, MixedLM). A singul
 rests on it would count trials as if they were people.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -28,7 +27,7 @@ class PersonMeans:
     """Trials of each person."""
 
     @classmethod
-    def of(cls, trials: Mapping[str, Sequence[float]]) -> PersonMeans:
+    def of(cls, trials: Mapping[str, Sequence[float]]) -> Self:
         """Trials by person; persons without one are left out.
 
         Examples

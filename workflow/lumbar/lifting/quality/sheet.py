@@ -3,12 +3,11 @@
 A finding says which markers, when, what was seen, the likely cause, and what is done about it.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -147,7 +146,7 @@ class QualitySheet:
         """Share of all samples of all markers that were not seen."""
         return sum(gap.missing_share for gap in self.gaps) / max(1, len(self.markers))
 
-    def with_rate_from_plates(self, rate_factor: float | None) -> QualitySheet:
+    def with_rate_from_plates(self, rate_factor: float | None) -> Self:
         """The sheet after a comparison with force plates: by them the rate is known, where they tell it."""
         if rate_factor is None:
             return self

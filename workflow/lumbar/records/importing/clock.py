@@ -2,8 +2,6 @@
 motion from a column of velocity, its integral over the clock.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

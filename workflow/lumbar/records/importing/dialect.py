@@ -5,8 +5,6 @@ delimiter alone; with decimal commas and the headers of testing machines the dec
 found with it.
 """
 
-from __future__ import annotations
-
 import codecs
 import csv
 import re

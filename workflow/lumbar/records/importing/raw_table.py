@@ -3,8 +3,6 @@
 Units are read as machines and people spell them, and told in s, mm, N, rad and N·m.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 A table is one record, or several: spans of its clock, or what a column names or numbers alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Which column is time, which position, which force: as a person says, by names in several languages, by units and numbers."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections.abc import Sequence
@@ -326,7 +324,7 @@ def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
         found = f"{column.label} is what the sensor gave, in {unit.name}"
         words = f"say what one of its numbers is, as in --{role}-unit '{calibration}', or --{role}-unit {unit.name}"
     else:
-        stated = f"in {column.unit}, which is no unit of {role}" if column.unit else "without a unit"
-        found = f"{role} is {column.label}, {why}, {stated}"
+        unit_words = f"in {column.unit}, which is no unit of {role}" if column.unit else "without a unit"
+        found = f"{role} is {column.label}, {why}, {unit_words}"
         words = f"give --{role}-unit, e.g. {example}"
     raise InputError(f"{found}; {words}")

@@ -1,7 +1,5 @@
 """A file of any kind as a raw table: what it is follows from its first bytes, not from its name."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 from functools import partial

@@ -1,7 +1,5 @@
 """A folder of imported records: tidy files, a study that says where each comes from, and the same for programs."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path

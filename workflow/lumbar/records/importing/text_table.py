@@ -1,7 +1,5 @@
 """Text of any dialect as columns of numbers, with names, units and the sampling rate from the lines around them."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Variables of MATLAB files (4 to 7.3) and HDF5 files, which know no rows, as columns of one table."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Callable, Mapping, Sequence

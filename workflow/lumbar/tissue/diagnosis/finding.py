@@ -1,10 +1,9 @@
 """What the records say beside missing effects: zeros of sensors, their faults, linear dynamics of higher order."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import Self
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.record import Record
@@ -31,7 +30,7 @@ class Finding:
         return asdict(self)
 
     @classmethod
-    def of(cls, kind: str, value: float, unit: str, record: str = "", **words) -> Finding:
+    def of(cls, kind: str, value: float, unit: str, record: str = "", **words) -> Self:
         """A finding with the sentence of its kind in ``findings.yaml``; `words` stand for what is in braces there."""
         sentence = _read(Path(__file__).with_name("findings.yaml"))[kind]
         return cls(kind, sentence.format(value=value, unit=unit, record=record, **words), value, unit, record)

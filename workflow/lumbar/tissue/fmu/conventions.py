@@ -3,8 +3,6 @@
 The check plays every FMU in a process of its own: what it needs of the builder lies here, where nothing else is imported.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from xml.etree.ElementTree import Element

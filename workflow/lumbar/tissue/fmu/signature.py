@@ -4,8 +4,6 @@
 given a file can verify it without this program.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

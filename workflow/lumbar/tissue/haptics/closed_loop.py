@@ -4,10 +4,9 @@ Device and hand are linear and the force is held, so that the loop is a differen
 (zero-order hold; K. J. Åström and B. Wittenmark, Computer-Controlled Systems, 3rd ed., chapter 3).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -82,15 +81,15 @@ class SampledModel:
         )
 
     @classmethod
-    def of(cls, name: str, structure: TransferFunction, sampling_time: float) -> SampledModel:
+    def of(cls, name: str, structure: TransferFunction, sampling_time: float) -> Self:
         """A transfer function as a model."""
         return cls(name, np.array(structure.numerator), np.array(structure.denominator), sampling_time)
 
-    def scaled(self, factor: float) -> SampledModel:
+    def scaled(self, factor: float) -> Self:
         """The model with its force times a factor."""
         return replace(self, numerator=factor * self.numerator)
 
-    def late(self, seconds: float) -> SampledModel:
+    def late(self, seconds: float) -> Self:
         """The model with its force later by this time."""
         whole, part = divmod(self.delay + seconds, self.sampling_time)
         if self.sampling_time - part < 1e-9 * self.sampling_time:

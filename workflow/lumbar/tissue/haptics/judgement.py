@@ -1,7 +1,5 @@
 """Models on a device in a hand: damping needed, largest stable gain, the loop in time, and from which rate on each is safe."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import xml.etree.ElementTree as ElementTree

@@ -1,10 +1,9 @@
 """The exhaustive search of the thesis: every structure and ridge coefficient, judged by its free run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -34,7 +33,7 @@ class IdentificationData:
     """Samples at the start that no free-run error counts."""
 
     @classmethod
-    def from_record(cls, record: Record, settling_s: float | None = None) -> IdentificationData:
+    def from_record(cls, record: Record, settling_s: float | None = None) -> Self:
         """Demean a record with the channels ``input`` and ``output``, of which the first seconds do not count (`settling_time`).
 
         Raises

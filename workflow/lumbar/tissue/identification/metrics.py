@@ -7,9 +7,8 @@ noisy outputs, remains: the interval says how far another record of the same kin
 where the truth lies.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -71,7 +70,7 @@ class FreeRunErrors:
     mean_residual: float
 
     @classmethod
-    def of(cls, measured: np.ndarray, modelled: np.ndarray) -> FreeRunErrors:
+    def of(cls, measured: np.ndarray, modelled: np.ndarray) -> Self:
         """Errors of what a model makes of the motion."""
         return cls(
             variance_accounted_for(measured, modelled),

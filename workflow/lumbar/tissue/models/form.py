@@ -10,12 +10,11 @@ directly (separable least squares); what enters otherwise is a *nonlinear parame
 forms have nonlinear parameters only. What no equation can say (play, delay) is a `HandWritten` form.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -103,7 +102,7 @@ class Form:
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """That of the effect, which sets it."""
 
-    def with_constants(self, values: Mapping[str, float]) -> Form:
+    def with_constants(self, values: Mapping[str, float]) -> Self:
         """The form with other values of constants, by symbol; what it has no constant for is left out."""
         constants = tuple(
             replace(item, value=values[item.symbol], given=True)
@@ -113,7 +112,7 @@ class Form:
         )
         return replace(self, constants=constants)
 
-    def sized(self, scale: Callable[[str], float]) -> Form:
+    def sized(self, scale: Callable[[str], float]) -> Self:
         """The form with the constants that follow a record as its quantities are, by kind."""
         return self.with_constants(
             {item.symbol: item.value * scale(item.scale) for item in self.constants if item.scale}

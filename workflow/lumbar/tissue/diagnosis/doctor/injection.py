@@ -1,10 +1,9 @@
 """A refined model taken for the truth: records as it would have answered, with an effect put in at any strength."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -43,7 +42,7 @@ class Truth:
     """Sample of each motion at which the record itself begins."""
 
     @classmethod
-    def of(cls, verdict: Verdict, records: Sequence[Record], seed: int) -> Truth:
+    def of(cls, verdict: Verdict, records: Sequence[Record], seed: int) -> Self:
         """Take the model of a diagnosis of these records for the truth.
 
         Where the model reaches the noise floor, noise has the floor's spectrum; elsewhere it is what the model leaves of each
@@ -163,7 +162,7 @@ class Injection:
     """Training record, on which strengths are measured."""
 
     @classmethod
-    def middle(cls, model: Fit, form: Form, data: FitData) -> Injection:
+    def middle(cls, model: Fit, form: Form, data: FitData) -> Self:
         """Add a form with the middle one of its starting values."""
         starts = nonlinear_starts(form, data, data.force - model.simulate(data.motion))
         return cls(model, form, starts[len(starts) // 2], data)

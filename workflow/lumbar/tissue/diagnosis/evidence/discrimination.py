@@ -7,10 +7,9 @@ discrimination: Atkinson and Fedorov, Biometrika 62 (1975) 57-70, T-optimality).
 of the difference instead, which does not reward mere length: a small difference drowns in what neither model has.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -278,7 +277,7 @@ class _Left:
     sum_of_squares: float
 
     @classmethod
-    def of(cls, squared: float, size: int) -> _Left:
+    def of(cls, squared: float, size: int) -> Self:
         return cls(float(np.sqrt(squared / size)), float(squared))
 
     def distance(self, noise: float) -> float:

@@ -1,9 +1,8 @@
 """How to diagnose: base, training records, candidates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 from lumbar.records.record import Record
 from lumbar.settings.improvement import is_data, system_of
@@ -55,7 +54,7 @@ class DiagnosisSettings:
     @classmethod
     def from_study(
         cls, settings: StudySettings, base: str | None = None, train: str | Sequence[str] | None = None
-    ) -> DiagnosisSettings:
+    ) -> Self:
         """How a study diagnoses; base and training records that are given come before its own.
 
         Raises

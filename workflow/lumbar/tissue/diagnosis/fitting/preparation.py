@@ -1,10 +1,9 @@
 """From validated records to data for fitting: training and test records, sessions, checks, noise floor, whitening."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 
@@ -165,7 +164,7 @@ class Experiment:
         """RMS of the noise floor; 0 where it is not known."""
         return 0.0 if self.floor is None else self.floor.rms
 
-    def with_origin(self, surface: float) -> Experiment:
+    def with_origin(self, surface: float) -> Self:
         """The same records, their positions counted from here."""
         shift = surface - self.surface
         if not shift:
@@ -177,19 +176,17 @@ class Experiment:
         """Whether the sensor's zero is one of every record instead of all."""
         return all(item.own_zero for item in self.tests)
 
-    def with_own_zeros(self) -> Experiment:
+    def with_own_zeros(self) -> Self:
         """The same records, each with a zero of its own."""
         own = self._each(lambda item: replace(item, own_zero=True))
         # A single record that is fitted has one zero anyway: what was fitted to it stays.
         return own if isinstance(self.training, JointData) else replace(own, training=self.training)
 
-    def without_whitening(self) -> Experiment:
+    def without_whitening(self) -> Self:
         """The same records, their errors taken as they are."""
         return self._each(lambda item: item.without_whitening())
 
-    def with_data(
-        self, change: Callable[[FitData], FitData], joint: type[JointData] = JointData
-    ) -> Experiment:
+    def with_data(self, change: Callable[[FitData], FitData], joint: type[JointData] = JointData) -> Self:
         """The same experiment, the data of every record changed; `joint` holds those that are fitted together."""
 
         def changed(data: FitData) -> FitData:
@@ -199,7 +196,7 @@ class Experiment:
 
         return self._each(changed)
 
-    def _each(self, change: Callable[[FitData], FitData]) -> Experiment:
+    def _each(self, change: Callable[[FitData], FitData]) -> Self:
         return replace(self, training=change(self.training), tests=[change(item) for item in self.tests])
 
     def error_dwarfs_noise(self, train_rms: float) -> bool:

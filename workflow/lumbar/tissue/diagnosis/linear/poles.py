@@ -1,8 +1,7 @@
 """Poles of a linear time-invariant model from position to force, and its forces, one per linear parameter."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -39,7 +38,7 @@ class Poles:
         return len(self.rates) + 2 * len(self.sections)
 
     @classmethod
-    def of(cls, values: np.ndarray) -> Poles:
+    def of(cls, values: np.ndarray) -> Self:
         """Poles at these places (1/s), unstable ones reflected."""
         values = np.asarray(values, dtype=complex)
         tiny = 1e-6 * np.abs(values)
@@ -64,7 +63,7 @@ class Poles:
         delay = [self.delay] if self.delay else []
         return np.log([*delay, *self.sections.ravel(), *self.rates])
 
-    def with_vector(self, vector: np.ndarray) -> Poles:
+    def with_vector(self, vector: np.ndarray) -> Self:
         """Poles of the same kind with other values, as `to_vector` gives them."""
         values, late = np.exp(vector), int(self.delay > 0)
         paired = late + self.sections.size

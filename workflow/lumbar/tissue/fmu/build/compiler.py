@@ -1,7 +1,5 @@
 """Compiling an FMU's shared library for any target, with the C compiler of the ziglang package."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """documentation/index.html of an FMU: equation, variables, fit, timing, and where the data come from."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from lumbar import __version__

@@ -1,7 +1,5 @@
 """A base model with effects as what an FMU runs: its C functions, its response sample by sample, what keeps it from export."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What stands between a model's force and the device: contact, rate, passivity; the same computed in Python."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

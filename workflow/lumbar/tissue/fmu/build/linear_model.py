@@ -1,7 +1,5 @@
 """A linear model of an FMU: its transfer function and C data, and the same model for a faster loop."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache

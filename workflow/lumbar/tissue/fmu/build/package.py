@@ -4,8 +4,6 @@ FMI Layered Standard References, 1.0.0-beta.1, and the experiments format of the
 files are stimulus, reference result and experiment; both are drafts, and nobody needs them to play the FMU.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io

@@ -1,7 +1,5 @@
 """The C sources of an FMU: the fixed files of this package, FMI's headers, and the numbers of one model."""
 
-from __future__ import annotations
-
 import hashlib
 import uuid
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The C sources that are the same in every FMU."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

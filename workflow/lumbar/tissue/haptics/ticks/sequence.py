@@ -5,13 +5,12 @@ monodromy matrix, the spectral radius decides (S. Bittanti and P. Colaneri, Peri
 2009, chapter 3).
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, cycle
+from typing import Self
 
 import numpy as np
 
@@ -165,7 +164,7 @@ class PeriodicModel:
     held: bool = False
     """Whether samples between two ticks have the position of the first instead of one on a straight line."""
 
-    def late(self, seconds: float) -> PeriodicModel:
+    def late(self, seconds: float) -> Self:
         """The model with its force later by this time."""
         return replace(self, delay=self.delay + seconds)
 

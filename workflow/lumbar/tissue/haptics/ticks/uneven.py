@@ -5,11 +5,10 @@ back to the same place among the samples is a timing that can repeat: a lower bo
 The Joint Spectral Radius: Theory and Applications, Springer 2009, section 2.3).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import repeat
+from typing import Self
 
 import numpy as np
 
@@ -75,7 +74,7 @@ class _Grid:
     """Age of the newest sample at the first place, in seconds."""
 
     @classmethod
-    def of(cls, model: SampledModel, device: DeviceSettings) -> _Grid:
+    def of(cls, model: SampledModel, device: DeviceSettings) -> Self:
         """For the spans of a device: their ends, and what lies evenly between."""
         sampling_time, period = model.sampling_time, 1.0 / device.rate_Hz
         places = common_places(model, device)
