@@ -3,6 +3,8 @@
 import shutil
 import subprocess
 import sys
+from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -10,8 +12,9 @@ import yaml
 
 from generate.configuration_reference import keys
 from lumbar.base.errors import InputError, Problems
-from lumbar.base.yaml_file import read_yaml
+from lumbar.base.yaml_file import read_yaml, shipped_yaml
 from lumbar.cli.command import main
+from lumbar.settings import key
 from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.study.artefacts import Artefact, read_artefacts
@@ -399,9 +402,14 @@ def test_the_sheet_of_artefacts_is_checked(tmp_path):
         read_artefacts(sheet)
 
 
-def test_every_key_has_a_description():
+def test_every_key_has_a_description_and_every_description_a_key():
     described = [way for way, item, _ in keys(StudySettings, {}) if not item.meaning]
     assert described == []
+    for file in sorted(Path(key.__file__).parent.glob("*.yaml")):
+        module = import_module(f"lumbar.settings.{file.stem}")
+        for section, meanings in shipped_yaml(file).items():
+            own = [item.name for item in fields(getattr(module, section))]
+            assert list(meanings) == [name for name in own if name in meanings], f"{file.name}: {section}"
 
 
 def test_plain_data_come_back_as_the_settings_they_were():

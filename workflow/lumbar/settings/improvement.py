@@ -36,80 +36,29 @@ def system_of(base: str) -> Literal["tissue", "pendulum"]:
 class RecordSetSettings:
     """One set of records that is diagnosed."""
 
-    name: FolderName = required("Name of the set and its folder.")
-    base: TissueBase | Literal["pendulum"] | BaseFile | None = key(
-        "Base model of this set, instead of improvement.base. The records of a pendulum are read by "
-        "lifting.moment_layout, all others by tissue.layout.",
-        default=None,
-    )
-    session: bool | None = key(
-        "Whether the records of this set were cut from one session, instead of improvement.session.",
-        default=None,
-    )
-    train: str | Annotated[tuple[str, ...], UNIQUE] | None = key(
-        "Record of this set to fit on, or a list of records, instead of improvement.train.", default=None
-    )
-    effects: Annotated[tuple[str, ...], UNIQUE] | None = key(
-        "Effects of this set's model in refined.json, in this order; null takes improvement.effects for the records and base "
-        "of the tissue chapter where it names any, else what the diagnosis selects.",
-        default=None,
-    )
-    records: tuple[RecordSettings, ...] | None = key(
-        "Records of the set; left out, they are those of the tissue chapter.", default=None, min_length=1
-    )
-    layout: ColumnLayout | None = key(
-        "Columns of this set's own records, instead of tissue.layout or lifting.moment_layout.", default=None
-    )
-    rate_Hz: float | None = key(
-        "Rate to which records read by a layout of this set's own are resampled; null leaves them as recorded.",
-        default=None,
-        gt=0,
-    )
+    name: FolderName = required()
+    base: TissueBase | Literal["pendulum"] | BaseFile | None = key(default=None)
+    session: bool | None = key(default=None)
+    train: str | Annotated[tuple[str, ...], UNIQUE] | None = key(default=None)
+    effects: Annotated[tuple[str, ...], UNIQUE] | None = key(default=None)
+    records: tuple[RecordSettings, ...] | None = key(default=None, min_length=1)
+    layout: ColumnLayout | None = key(default=None)
+    rate_Hz: float | None = key(default=None, gt=0)
 
 
 @settings
 class ImprovementSettings:
     """Comparing, diagnosing and refining models of tissue tests."""
 
-    base: TissueBase | BaseFile = key(
-        "Base model that effects are added to; auto takes the one that the data ask for. Those with -mass "
-        "move a mass; those with -contact are for a tool that is not fastened to the tissue. A base of your own is a file, "
-        "BASE.yaml, relative to the project.",
-        default="auto",
-    )
-    train: str | Annotated[tuple[str, ...], UNIQUE] | None = key(
-        "Record to fit on, or a list of records to fit on together; null takes the longest.", default=None
-    )
-    forward: bool = key(
-        "Whether the records of tissue tests have the force as input and the motion as output (load-controlled tests): models "
-        "are then simulated from force to motion, and errors are in the unit of the motion.",
-        default=False,
-    )
-    session: bool = key(
-        "true: the records were cut from one session, in their order, and each begins in the state (path, time, relaxation, "
-        "hysteresis, damage) in which the one before it left the tissue; false: at rest and anew.",
-        default=False,
-    )
-    effects: Annotated[tuple[str, ...], UNIQUE] = key(
-        "Effects added to the base, in this order; the model with them stands in Table 3.1, Figure "
-        "3.5 and models.json, and in refined.json of the record sets that are the tissue chapter's.",
-        default=(),
-    )
-    record_sets: tuple[RecordSetSettings, ...] = key(
-        "Sets of records that are diagnosed; results are in improvement/<name>.",
-        default=(RecordSetSettings("tissue"),),
-        min_length=1,
-    )
-    effect_files: tuple[str, ...] = key(
-        "Files of effects of your own, relative to the project: equations in YAML, or Python, which is run as code.",
-        default=(),
-    )
-    most_effects: int = key("Most effects a diagnosis adds.", default=3, within="[1, 5]")
-    propose_law: bool = key(
-        "Where effects of the catalogue leave something of a tissue test, look for a short formula for it; takes seconds to two "
-        "minutes.",
-        default=True,
-    )
+    base: TissueBase | BaseFile = key(default="auto")
+    train: str | Annotated[tuple[str, ...], UNIQUE] | None = key(default=None)
+    forward: bool = key(default=False)
+    session: bool = key(default=False)
+    effects: Annotated[tuple[str, ...], UNIQUE] = key(default=())
+    record_sets: tuple[RecordSetSettings, ...] = key(default=(RecordSetSettings("tissue"),), min_length=1)
+    effect_files: tuple[str, ...] = key(default=())
+    most_effects: int = key(default=3, within="[1, 5]")
+    propose_law: bool = key(default=True)
 
     def with_bases_at(self, place: Callable[[str], str]) -> Self:
         """The same with the files of bases where `place` says that they are."""

@@ -1,15 +1,19 @@
-"""One key of a configuration: its default, meaning, unit and limits, said once.
+"""One key of a configuration: its type, default, unit and limits; its meaning stands in the YAML file beside its module.
 
 Settings are plain frozen dataclasses, so that a job that only takes them starts without Pydantic. The metadata of
 their fields are arguments of ``pydantic.Field``: `lumbar.study` validates configurations with them, and writes the
 reference pages and the JSON schema from them.
 """
 
+import sys
 from dataclasses import Field, dataclass, field
+from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, dataclass_transform
 
 from lumbar.base.files import is_device
+from lumbar.base.yaml_file import shipped_yaml
 
 SEED = 2023
 UNITS = {
@@ -35,10 +39,10 @@ UNITS = {
 Kind = TypeVar("Kind")
 
 
-def required(meaning: str, *, unit: str | None = None, within: str = "", **limits) -> Any:
+def required(*, unit: str | None = None, within: str = "", **limits) -> Any:
     """Return a key that has no default; parameters as of `key`."""
     extra = {"json_schema_extra": {"unit": unit}} if unit else {}
-    return field(metadata={"description": meaning, **extra, **_ends(within), **limits})
+    return field(metadata={**extra, **_ends(within), **limits})
 
 
 def _ends(interval: str) -> dict[str, int | float]:
@@ -49,13 +53,11 @@ def _ends(interval: str) -> dict[str, int | float]:
     return {"ge" if interval[0] == "[" else "gt": low, "le" if interval[-1] == "]" else "lt": high}
 
 
-def key(meaning: str, *, default: Any, unit: str | None = None, within: str = "", **limits) -> Any:
+def key(*, default: Any, unit: str | None = None, within: str = "", **limits) -> Any:
     """Return a key of a section.
 
     Parameters
     ----------
-    meaning : str
-        One or two sentences for the reference and for error messages.
     default : object
         What holds where a configuration says nothing. By its name type checkers know that the key may be left out.
     unit : str, optional
@@ -65,7 +67,7 @@ def key(meaning: str, *, default: Any, unit: str | None = None, within: str = ""
     **limits
         Other constraints of ``pydantic.Field``: ``ge`` or ``gt`` alone, ``pattern``, ``min_length``, …
     """
-    metadata = required(meaning, unit=unit, within=within, **limits).metadata
+    metadata = required(unit=unit, within=within, **limits).metadata
     if isinstance(default, dict):
         return field(default_factory=lambda: dict(default), metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -81,12 +83,28 @@ def section(*, default_factory: type, **values) -> Any:
 
 @dataclass_transform(frozen_default=True, field_specifiers=(key, required, section))
 def settings(kind: type[Kind]) -> type[Kind]:
-    """Make a class a section of the configuration: frozen, no other keys, no infinite numbers."""
+    """Make a class a section of the configuration: frozen, no other keys, no infinite numbers.
+
+    One or two sentences per key, for the reference and for error messages, stand under the class's name in the YAML file
+    of the module's name beside it.
+    """
     for name, item in vars(kind).items():
-        if isinstance(item, Field) and (unit := _unit_in(name)):
-            item.metadata = MappingProxyType({"json_schema_extra": {"unit": unit}, **item.metadata})
+        if not isinstance(item, Field):
+            continue
+        facts: dict[str, Any] = {}
+        if unit := _unit_in(name):
+            facts["json_schema_extra"] = {"unit": unit}
+        if "description" not in item.metadata:
+            facts["description"] = _meanings(kind.__module__)[kind.__name__][name]
+        item.metadata = MappingProxyType({**facts, **item.metadata})
     kind.__pydantic_config__ = {"extra": "forbid", "allow_inf_nan": False}  # type: ignore[attr-defined]
     return dataclass(frozen=True)(kind)
+
+
+@cache
+def _meanings(module: str) -> dict[str, dict[str, str]]:
+    """What the keys of a module's sections mean."""
+    return shipped_yaml(Path(str(sys.modules[module].__file__)).with_suffix(".yaml"))
 
 
 def _unit_in(name: str) -> str | None:

@@ -62,196 +62,82 @@ MOMENT_COLUMNS = columns(
 class GapSettings:
     """How gaps in marker trajectories are treated."""
 
-    maximum_s: float = key(
-        "Longest gap that a cubic spline bridges; 0 bridges none.", default=0.2, within="[0, 1]"
-    )
-    longer: Literal["error", "keep"] = key(
-        "What becomes of longer gaps and of those at the start or end: keep leaves them open, and what cannot be computed "
-        "for them is left out with its reason; error refuses a recording with such a gap between the first and the last "
-        "event in a marker that the pendulums need.",
-        default="keep",
-    )
-    rigid: dict[str, tuple[str, ...]] = key(
-        "Rigid bodies by name, each with its markers (standard names, or labels of the file): gaps that a spline does not "
-        "bridge are filled from three or more others of the same body, with its shape in the static trial or in the frames "
-        "that show all of them.",
-        default=RIGID_BODIES,
-    )
-    rigid_tolerance_m: float = key(
-        "A body whose markers differ from its shape by more than this (root mean square) is not rigid: it fills nothing.",
-        default=0.02,
-        within="(0, 0.1]",
-    )
+    maximum_s: float = key(default=0.2, within="[0, 1]")
+    longer: Literal["error", "keep"] = key(default="keep")
+    rigid: dict[str, tuple[str, ...]] = key(default=RIGID_BODIES)
+    rigid_tolerance_m: float = key(default=0.02, within="(0, 0.1]")
 
 
 @settings
 class FilterSettings:
     """Butterworth low-pass filter of the trajectories, forward and backward."""
 
-    cutoff_Hz: float = key(
-        "-3 dB frequency of both passes together; each pass is corrected for it.",
-        default=6.0,
-        within="(0, 50]",
-    )
-    order: int = key("Order of each pass.", default=2, within="[1, 8]")
+    cutoff_Hz: float = key(default=6.0, within="(0, 50]")
+    order: int = key(default=2, within="[1, 8]")
 
 
 @settings
 class EventLabels:
     """Labels of events in the file (C3D, MAT) that stand for those of a lift, without regard to case and spaces."""
 
-    lift_off: tuple[str, ...] = key("Box leaves its support.", default=("lift off", "box off", "pick up"))
-    toe_off: tuple[str, ...] = key(
-        "End of the lift: the first of these between lift-off and release.",
-        default=("foot off", "toe off", "LTO", "RTO"),
-    )
-    deposit_start: tuple[str, ...] = key(
-        "Start of the deposit.", default=("deposit start", "start of deposit")
-    )
-    release: tuple[str, ...] = key("Box is released.", default=("release", "box release", "end of deposit"))
+    lift_off: tuple[str, ...] = key(default=("lift off", "box off", "pick up"))
+    toe_off: tuple[str, ...] = key(default=("foot off", "toe off", "LTO", "RTO"))
+    deposit_start: tuple[str, ...] = key(default=("deposit start", "start of deposit"))
+    release: tuple[str, ...] = key(default=("release", "box release", "end of deposit"))
 
 
 @settings
 class EventSettings:
     """How the events of a lift are found."""
 
-    deposit_start: Literal["descent", "wrist_minimum"] = key(
-        "Start of the deposit: descent, the last instant before the box goes down for good, or wrist_minimum, the last "
-        "local minimum of the wrists' speed before that, as in the thesis. Table 4.1 shows the thesis's wording with its own "
-        "start whatever stands here.",
-        default="descent",
-    )
-    taken_from: Literal["detection", "file"] = key(
-        "detection: by the rules below; file: those that somebody marked in the recording's own file, each that it has. The "
-        "difference is told either way.",
-        default="detection",
-    )
+    deposit_start: Literal["descent", "wrist_minimum"] = key(default="descent")
+    taken_from: Literal["detection", "file"] = key(default="detection")
     labels: EventLabels = section(default_factory=EventLabels)
-    box_speed_m_s: float = key("Speed above which the box moves.", default=0.05, within="(0, 1]")
-    box_rest_m_s: float = key(
-        "Speed below which the box rests: its movement starts and ends there.", default=0.02, within="(0, 1]"
-    )
-    box_sustained_s: float = key(
-        "How long the box must move for its lift-off, and the wrists be away from it for the separation.",
-        default=0.1,
-        within="[0, 1]",
-    )
-    separation_m: float = key(
-        "Wrists have left the box when their distance from its centre grows by more than this.",
-        default=0.1,
-        within="(0, 1]",
-    )
-    grip_s: float = key(
-        "Time after lift-off whose median distance between wrists and box counts as the grip.",
-        default=0.5,
-        within="(0, 5]",
-    )
-    toe_speed_m_s: float = key("Speed of a toe that leaves the ground.", default=0.3, within="(0, 5]")
-    toe_sustained_s: float = key("How long the toe must keep that speed.", default=0.065, within="[0, 1]")
-    rise_m: float = key(
-        "Rise of the box that makes it lifted: before, it may slide on its support.",
-        default=0.02,
-        within="(0, 1]",
-    )
-    hands_rise_m: float = key(
-        "Rise of the hands that is a lift, where there are no markers on the box and the hands stand for it.",
-        default=0.25,
-        within="(0, 2]",
-    )
-    stay_s: float = key(
-        "How long the box must not go down for a stay: the deposit starts at the end of the last one, or of the last rise.",
-        default=0.3,
-        within="(0, 10]",
-    )
-    descent_m: float = key(
-        "Descent of the box (of the wrists where there is none) before the release that makes it a deposit.",
-        default=0.05,
-        within="(0, 2]",
-    )
-    prominence_m_s: float = key(
-        "How far a local minimum of the wrists' speed (deposit_start) must lie below its surroundings.",
-        default=0.05,
-        within="[0, 2]",
-    )
+    box_speed_m_s: float = key(default=0.05, within="(0, 1]")
+    box_rest_m_s: float = key(default=0.02, within="(0, 1]")
+    box_sustained_s: float = key(default=0.1, within="[0, 1]")
+    separation_m: float = key(default=0.1, within="(0, 1]")
+    grip_s: float = key(default=0.5, within="(0, 5]")
+    toe_speed_m_s: float = key(default=0.3, within="(0, 5]")
+    toe_sustained_s: float = key(default=0.065, within="[0, 1]")
+    rise_m: float = key(default=0.02, within="(0, 1]")
+    hands_rise_m: float = key(default=0.25, within="(0, 2]")
+    stay_s: float = key(default=0.3, within="(0, 10]")
+    descent_m: float = key(default=0.05, within="(0, 2]")
+    prominence_m_s: float = key(default=0.05, within="[0, 2]")
 
 
 @settings
 class BoxSettings:
     """How the box in the hands loads the pendulums."""
 
-    share: Literal["by_mass", "whole"] = key(
-        "by_mass: the box is divided among the centres of mass in proportion to the segments' masses; "
-        "whole: every pendulum carries the whole box.",
-        default="by_mass",
-    )
-    in_position: bool = key(
-        "true: angle and length are those of the common centre of mass of segment and box; false: of "
-        "the segment alone.",
-        default=False,
-    )
+    share: Literal["by_mass", "whole"] = key(default="by_mass")
+    in_position: bool = key(default=False)
 
 
 @settings
 class BodyModelSettings:
     """One body fitted to all markers of each lift, beside the rules; null leaves it out."""
 
-    draws: int = key(
-        "Draws from the posterior, of which standard deviations and intervals are made.",
-        default=100,
-        within="[10, 10000]",
-    )
-    rate_Hz: float = key(
-        "Instants of the model per second at most; frames between are averaged.",
-        default=50.0,
-        within="[20, 500]",
-    )
+    draws: int = key(default=100, within="[10, 10000]")
+    rate_Hz: float = key(default=50.0, within="[20, 500]")
 
 
 @settings
 class LiftingSettings:
     """From marker files to the pendulums of the deposit."""
 
-    subjects: Annotated[tuple[str, ...], UNIQUE] = key(
-        "People of the study, in order: files of config/subjects.", default=()
-    )
+    subjects: Annotated[tuple[str, ...], UNIQUE] = key(default=())
     markers: MarkerLayout = section(default_factory=MarkerLayout, aliases=ALIASES, required=())
     moment_layout: ColumnLayout = section(default_factory=ColumnLayout, columns=MOMENT_COLUMNS)
     gaps: GapSettings = section(default_factory=GapSettings)
     filter: FilterSettings = section(default_factory=FilterSettings)
     events: EventSettings = section(default_factory=EventSettings)
-    segments: Literal["winter", "de_leva", "dumas"] = key(
-        "Table of trunk segments: winter (Winter after Dempster, the thesis's), de_leva (1996) or dumas (Dumas and "
-        "Wojtusch 2018); the last two need the subject's sex. The others stand beside the result.",
-        default="winter",
-    )
-    segment_ends: Literal["inner", "skin"] = key(
-        "Ends of the trunk's segments: inner (joint centres, estimated from the markers; where markers for that lack, "
-        "the skin's, and the result says so) or skin (the markers C7, T12, L5 and the trochanters, as in the thesis). Table 4.1 "
-        "shows the thesis's wording with its own ends whatever stands here.",
-        default="inner",
-    )
-    hip_centres: Literal["harrington", "hara", "reed"] = key(
-        "Regression of the hip joint centres: harrington (2007), hara (2016; leg from ASIS to ankle) or reed (1999).",
-        default="harrington",
-    )
+    segments: Literal["winter", "de_leva", "dumas"] = key(default="winter")
+    segment_ends: Literal["inner", "skin"] = key(default="inner")
+    hip_centres: Literal["harrington", "hara", "reed"] = key(default="harrington")
     box: BoxSettings = section(default_factory=BoxSettings)
-    pivot: Literal["mid_ankle", "hip", "L5"] = key(
-        "Pivot of the pendulum: midpoint of the ankles, midpoint of the hips, or L5/S1; with segment_ends: skin the "
-        "trochanters and the marker L5. It moves with its markers.",
-        default="mid_ankle",
-    )
-    frame: Literal["laboratory", "pelvis"] = key(
-        "Axes of the planes: the laboratory's, or turned about the vertical so that x is the line of "
-        "the hips at the start of the deposit.",
-        default="laboratory",
-    )
-    points: int = key(
-        "Instants to which the deposit is resampled by a cubic spline (the real time is kept).",
-        default=1000,
-        within="[10, 100000]",
-    )
-    body_model: BodyModelSettings | None = key(
-        "One body fitted to all markers of each lift, beside the rules: pendulum states with standard deviations, basin areas "
-        "with 95 % intervals; null leaves it out.",
-        default=None,
-    )
+    pivot: Literal["mid_ankle", "hip", "L5"] = key(default="mid_ankle")
+    frame: Literal["laboratory", "pelvis"] = key(default="laboratory")
+    points: int = key(default=1000, within="[10, 100000]")
+    body_model: BodyModelSettings | None = key(default=None)
