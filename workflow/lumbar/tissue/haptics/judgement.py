@@ -61,6 +61,8 @@ class Analysis:
     that begins there."""
     loop: str
     """Name of the loop that gain is of: of a model with effects which linearisation."""
+    gains: tuple[float, ...]
+    """The largest stable gain of each loop."""
     timings: int = 0
     """How many timings were looked at; 0 where ticks are even. `gain` is that of the worst."""
     even_gain: float = 0.0
@@ -141,7 +143,7 @@ def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
     gain = min(gains)
     loop = model.loops[gains.index(gain)].name
     rate = 1.0 / model.sampled[0].sampling_time
-    found = Analysis(model.name, rate, device, damping, *gain, loop)
+    found = Analysis(model.name, rate, device, damping, *gain, loop, tuple(each for each, _ in gains))
     found = replace(found, reach=model.reach, beside=model.beside)
     if not model.timings:
         return found
@@ -170,7 +172,7 @@ def run_loop(
     gains : sequence of float
         Largest stable gains of the loops, where they are known.
     """
-    gains = gains or [largest_stable_gain(item, device)[0] for item in model.loops]
+    gains = gains or analyse(model, device).gains
     return _pushed(model, device, *_expected(model, device, gains), force_of, push_mm)
 
 
@@ -305,7 +307,8 @@ def judge_exported(
     hands = stable_share(meets, exported.moving_average, fitted, device)
     guards = exported.guards
     if isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact):
-        return Judgement(meets, analyse(meets, device), run_loop(meets, device), fitted, hands)
+        analysis = analyse(meets, device)
+        return Judgement(meets, analysis, run_loop(meets, device, gains=analysis.gains), fitted, hands)
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.build.package import export_fmus
 
@@ -313,18 +316,19 @@ def judge_exported(
         cache = cache_folder(settings.compiler_cache)
         made = file or export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])[0]
         with unpacked(made) as fmu:
-            return Judgement(meets, analyse(meets, device), worst_run(fmu, meets, device), fitted, hands)
+            analysis = analyse(meets, device)
+            return Judgement(meets, analysis, worst_run(fmu, meets, analysis), fitted, hands)
 
 
-def worst_run(fmu: UnpackedFmu, meets: RenderedModel, device: DeviceSettings) -> LoopRun:
+def worst_run(fmu: UnpackedFmu, meets: RenderedModel, analysis: Analysis) -> LoopRun:
     """Simulate pushes of several depths, each into a new instance; the run that is least at rest.
 
     The library is played in a process of its own; errors as of `lumbar.tissue.fmu.check.playing.played`.
     """
     from lumbar.tissue.fmu.check.playing import played
 
-    gains = [largest_stable_gain(item, device)[0] for item in meets.loops]
-    play = partial(_runs, fmu, meets, device, *_expected(meets, device, gains))
+    device = analysis.device
+    play = partial(_runs, fmu, meets, device, *_expected(meets, device, analysis.gains))
     return max(played(play, fmu.folder, kinds=(LoopRun,)), key=lambda run: (not run.calm, run.peak_to_peak))
 
 
@@ -377,7 +381,8 @@ def judge_fmu(
         meets = fmu.rendered(device, *found)
         fit = (model.moving_average, model.identified) if model else (1, None)
         hands = stable_share(meets, *fit, device)
-        return Judgement(meets, analyse(meets, device), worst_run(fmu, meets, device), hands=hands), ()
+        analysis = analyse(meets, device)
+        return Judgement(meets, analysis, worst_run(fmu, meets, analysis), hands=hands), ()
 
 
 def oscillating_and_calm(judgements: Sequence[Judgement]) -> tuple[Judgement, Judgement] | None:

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from lumbar.tissue.models.motion import SUBSTEPS, Motion
+from lumbar.tissue.models.transfer_function import filtered
 
 
 def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
@@ -28,8 +29,6 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
     The result is in the unit of the position, shape (samples,). `time_constant` is τ in seconds; complex of one of a
     conjugate pair of poles at −1/τ.
     """
-    from scipy.signal import lfilter
-
     rate = motion.sampling_time / time_constant
     constant = -np.expm1(-rate) / rate
     if motion.smooth:
@@ -45,7 +44,7 @@ def relaxation(motion: Motion, time_constant: float) -> np.ndarray:
         driven = np.concatenate([[0.0], steps @ weights])
     else:
         driven = constant * motion.increments
-    return lfilter([1.0], [1.0, -np.exp(-rate)], driven)
+    return filtered([1.0], [1.0, -np.exp(-rate)], driven)
 
 
 def play(motion: Motion, gap: float) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lumbar.base.errors import NumericalError
+
+_FEW = 5000
+"""Samples that take less time without `scipy.signal`, its import included."""
 
 
 @dataclass(frozen=True)
@@ -66,15 +70,13 @@ class TransferFunction:
         NumericalError
             If the transfer function is unstable: its free run has no meaning.
         """
-        from scipy.signal import lfilter
-
         if not self.stable:
             largest = np.abs(self.poles).max() if np.isfinite(self.denominator).all() else np.inf
             raise NumericalError(
                 f"unstable transfer function (largest |pole| {largest:.4g}): it is not simulated"
             )
         held = inputs[0]
-        return lfilter(self.numerator, self.denominator, inputs - held) + self.static_gain * held
+        return filtered(self.numerator, self.denominator, inputs - held) + self.static_gain * held
 
     def predict_one_step(self, inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
         """One-step-ahead prediction A x of Eq. 3.6: measured past outputs, no free run.
@@ -95,16 +97,18 @@ class TransferFunction:
         return max(len(self.numerator), len(self.denominator)) - 1
 
 
-def filtered(numerator: Sequence[float], denominator: Sequence[float], inputs: np.ndarray) -> np.ndarray:
+def filtered(numerator: Sequence[float], denominator: Sequence[complex], inputs: np.ndarray) -> np.ndarray:
     """Return the output of a transfer function from rest, in direct form II transposed; all of shape (samples,).
 
     The same bits as `scipy.signal.lfilter`, whose import takes longer than a few thousand samples take here.
     """
-    first = float(denominator[0])
-    forth = [float(value) / first for value in numerator]
+    if len(inputs) > _FEW or "scipy.signal" in sys.modules:
+        from scipy.signal import lfilter
+
+        return lfilter(numerator, denominator, inputs)
+    forth, back = ((np.asarray(side) / denominator[0]).tolist() for side in (numerator, denominator))
     if len(denominator) == 1:
         return np.convolve(forth, inputs)[: len(inputs)]
-    back = [float(value) / first for value in denominator]
     order = max(len(forth), len(back)) - 1
     through, *forth = forth + [0.0] * (order + 1 - len(forth))
     back = back[1:] + [0.0] * (order + 1 - len(back))
