@@ -130,7 +130,8 @@ def run_diagnose(options) -> None:
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)
     print(f"{options.output / 'diagnosis.html'} shows it.")
-    if not (diagnosis.settings.forward or diagnosis.verdict.base.fit.structure.base.contact):
+    found = diagnosis.verdict
+    if not (diagnosis.settings.forward or found.experiment.points or found.base.fit.structure.base.contact):
         print(f"A device plays its model: lumbar export {options.output / 'refined.json'} --output fmu")
 
 

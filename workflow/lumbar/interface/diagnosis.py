@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lumbar.tissue.diagnosis.selection.verdict import Verdict
     from lumbar.tissue.models.fitted_model import FittedModel
 
+STATIC = "points of a static test, without a clock"
 FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
 
 
@@ -83,6 +84,8 @@ def diagnose(
     chosen = DiagnosisSettings.from_study(settings, base, train)
     data = label_of(data, records)
     driven = [forced(record) for record in records] if chosen.load_drives else list(records)
+    if any(record.points for record in driven):
+        return Diagnosis(driven, chosen, search(driven, chosen), settings, data)
     used, changed = limit_samples(driven, chosen.session)
     verdict = search(used, chosen)
     verdict = with_chain(replace(verdict, findings=(*changed, *verdict.findings)))
@@ -222,6 +225,10 @@ class Diagnosis:
         if self.settings.forward:
             raise InputError(FORWARD)
         verdict = self.verdict
+        if verdict.experiment.points:
+            raise InputError(
+                f"{STATIC}: laws are proposed for motions; lumbar diagnose fits the catalogue's static laws"
+            )
         proposal = self.proposal or propose(verdict.experiment, verdict.base, verdict.model)
         return ProposedLaw(proposal, self.candidates, self.data)
 
@@ -257,6 +264,10 @@ class Diagnosis:
         thesis : bool
             Whether the thesis's models stand beside, and models can be pushed; identifying and compiling takes a few seconds.
         """
+        if self.verdict.experiment.points:
+            raise InputError(
+                f"{STATIC}: there is no motion to look around in; save and to_html show what was found"
+            )
         from lumbar.publishing.explorer.page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_sections
         from lumbar.tissue.diagnosis.selection.refine import fitted_model
@@ -300,6 +311,9 @@ class Diagnosis:
         document = refined_document([*linear, *kept.path], kept.experiment, self.data)
         write_json(folder / "refined.json", document)
         self._save_law(folder / "proposed_law.yaml")
+        if self.verdict.experiment.points:
+            write_text(folder / "diagnosis.html", self.to_html())
+            return
         drawn = self._save_pictures(folder) if pictures else {}
         write_text(folder / "diagnosis.html", self.page(drawn, thesis=pictures).to_html())
 

@@ -13,7 +13,7 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
 from lumbar.interface.diagnosis import Diagnosis, diagnose
 from lumbar.interface.verb import Result, settings_or_default
-from lumbar.records.record import Record
+from lumbar.records.record import Record, require_clock
 from lumbar.settings.study_settings import StudySettings
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ def doctor(
     from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 
     records = list(records)
+    require_clock(records)
     # What is asked is whether an effect of the catalogue would be named: no law is looked for in hundreds of records.
     settings = settings_or_default(settings)
     settings = replace(settings, improvement=replace(settings.improvement, propose_law=False))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.interface.verb import Result, label_of, settings_or_default
-from lumbar.records.record import Record, RecordSet
+from lumbar.records.record import Record, RecordSet, require_clock
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
@@ -71,6 +71,7 @@ def identify(
     settings = settings_or_default(settings)
     tissue, improvement = settings.tissue, settings.improvement
     data, records = label_of(data, records), RecordSet(records)
+    require_clock(records)
     train = train or tissue.training or max(records, key=len).name
     chosen = [records[name] for name in ([train] if isinstance(train, str) else train)]
     models, grid = [], []

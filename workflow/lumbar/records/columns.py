@@ -144,6 +144,10 @@ def read_record(
     time_unit = layout.columns[TIME].unit
     if time_unit not in _SECONDS:
         raise InputError(f"{path}: time is in {time_unit!r}; allowed are {', '.join(_SECONDS)}")
+    if points := _without_clock(scaled):
+        if rate is not None or trim is not None:
+            raise InputError(f"{path}: points without a clock have neither a rate nor a part in seconds")
+        scaled[TIME] = np.arange(float(len(next(iter(scaled.values())))))
     scaled[TIME] = scaled[TIME] * _SECONDS[time_unit]
     if trim is not None:
         keep = samples_between(scaled[TIME], trim, str(path))
@@ -155,7 +159,7 @@ def read_record(
         if role != TIME
     }
     record = Record(
-        name=name or stem_of(path), time=scaled[TIME], channels=channels, source=str(path), period=period
+        name or stem_of(path), scaled[TIME], channels, str(path), None if points else period, points=points
     )
     record, lines = with_missing_rows(record, lines)
     may_rest = [role for role, column in columns.items() if column.optional]
@@ -165,6 +169,12 @@ def read_record(
     if rate is not None:
         record = resample(record, rate)
     return record
+
+
+def _without_clock(values: dict[str, np.ndarray]) -> bool:
+    """Whether these are points of a static test: times are missing, or all are one."""
+    time = values.get(TIME)
+    return time is None or (len(time) > 1 and bool(np.all(np.isnan(time)) or np.all(time == time[0])))
 
 
 _ELSEWHERE = "  files of other columns, units, separators, decimal marks or encodings: lumbar import {} --output FOLDER"
@@ -311,6 +321,8 @@ def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str]
     """Zero-based position of each role's column."""
     problems = Problems(str(path))
     positions = {}
+    # A table of these two alone has no clock; beside any other column that one might be it, under another name.
+    pair = {columns[role].column for role in ("input", "output") if role in columns}
     for role, column in columns.items():
         wanted = column.column
         if isinstance(wanted, int):
@@ -328,7 +340,7 @@ def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str]
             )
         elif wanted in header:
             positions[role] = header.index(wanted)
-        elif not column.optional:
+        elif not column.optional and not (role == TIME and set(header) == pair):
             problems.add(role, f"no column {wanted!r}", f"the header has {', '.join(header)}")
     problems.raise_if_any()
     return positions
@@ -342,6 +354,9 @@ def _numbers(
         if position >= len(cells):
             problems.add(f"line {line}", f"{len(cells)} columns", f"{role} is column {position + 1}")
             values.append(np.nan)
+            continue
+        if role == TIME and not cells[position]:
+            values.append(np.nan)  # of points; a single one missing is refused with its line
             continue
         text = cells[position] if decimal == "." else cells[position].replace(decimal, ".")
         try:

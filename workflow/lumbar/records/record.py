@@ -55,6 +55,8 @@ class Record:
     """Period of a periodic excitation in seconds, where it is known."""
     filled: tuple[int, ...] = ()
     """Samples that were not recorded and are interpolated from their neighbours."""
+    points: bool = False
+    """Whether these are points of a static test, without a clock: `time` numbers them."""
 
     def __getitem__(self, role: str) -> np.ndarray:
         """Values of the channel with this role."""
@@ -65,11 +67,16 @@ class Record:
 
     def __repr__(self) -> str:
         """What it is, in one line."""
+        return f"<Record {self.in_words}>"
+
+    @property
+    def in_words(self) -> str:
+        """Name, samples, clock and channels."""
         channels = ", ".join(f"{item.quantity} ({item.unit})" for item in self.channels.values())
+        if self.points:
+            return f"{self.name}: {len(self)} points without a clock; {channels}"
         rate = round(1 / self.sampling_time, 4) if len(self) > 1 else float("nan")
-        return (
-            f"<Record {self.name}: {len(self)} samples at {rate:g} Hz, {len(self) / rate:.4g} s; {channels}>"
-        )
+        return f"{self.name}: {len(self)} samples at {rate:g} Hz, {len(self) / rate:.4g} s; {channels}"
 
     @property
     def sampling_time(self) -> float:
@@ -202,6 +209,15 @@ def forced(record: Record) -> Record:
     return record
 
 
+def require_clock(records: Iterable[Record]) -> None:
+    """Refuse points of a static test, with their names."""
+    if points := [record.name for record in records if record.points]:
+        raise InputError(
+            f"{', '.join(points)}: points of a static test have no clock; lumbar diagnose fits static laws to them, and nothing "
+            "else can be told of them"
+        )
+
+
 def same_units(records: list[Record]) -> None:
     """Raise unless all records agree in quantity and unit of every channel.
 
@@ -281,19 +297,15 @@ class RecordSet(Sequence[Record]):
             {
                 "record": record.name,
                 "samples": len(record),
-                "rate (Hz)": round(1 / record.sampling_time, 4),
-                "duration (s)": round(record.duration, 4),
+                "rate (Hz)": None if record.points else round(1 / record.sampling_time, 4),
+                "duration (s)": None if record.points else round(record.duration, 4),
                 "channels": ", ".join(f"{item.quantity} ({item.unit})" for item in record.channels.values()),
             }
             for record in self._records
         ]
 
     def __repr__(self) -> str:
-        lines = [
-            f"  {row['record']}: {row['samples']} samples at {row['rate (Hz)']:g} Hz, {row['duration (s)']:g} s; "
-            f"{row['channels']}"
-            for row in self.rows()
-        ]
+        lines = [f"  {record.in_words}" for record in self]
         return "\n".join([f"{len(self)} record{'s' * (len(self) != 1)}", *lines])
 
     def _repr_html_(self) -> str:

@@ -82,6 +82,7 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     experiment = diagnosis.experiment
     unit, floor = experiment.output_unit, experiment.floor
     tests = ", ".join(item.name for item in experiment.tests)
+    error = "error" if experiment.points else "free-run simulation error, the start of each record aside"
     rows = [_error_row("base", diagnosis.base, None, diagnosis)]
     ranked = {frozenset(item.candidate.effects) for item in diagnosis.ranking}
     rows += [
@@ -97,14 +98,18 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
     return [
         paragraph(
-            "Root mean square of the free-run simulation error, the start of each record aside. Fitted on "
-            f"{experiment.training.name}; unseen: {tests}. Noise floor: {noise}. Each set of effects is refitted together with "
-            "the base; the ranking is by the likelihood of all records."
+            f"Root mean square of the {error}. Fitted on {experiment.training.name}; unseen: {tests}. Noise floor: {noise}. Each set "
+            "of effects is refitted together with the base; the ranking is by the likelihood of all records."
         ),
         table(head, rows),
-        heading("The selected model on every record", 3),
-        *comparison_blocks(evidence.remaining),
+        *_on_every_record(evidence.remaining),
     ]
+
+
+def _on_every_record(remaining: list[ResidualReport]) -> list[Markup]:
+    return (
+        [heading("The selected model on every record", 3), *comparison_blocks(remaining)] if remaining else []
+    )
 
 
 def role_of(item: Ranked, diagnosis: Verdict) -> str:
@@ -132,6 +137,14 @@ def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, 
 
 
 def _false_alarm(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
+    if diagnosis.experiment.points:
+        return [
+            paragraph(
+                "Where nothing is missing, the best of all forms tried gains as much in the share p of the cases at most (F "
+                f"test, times their number). To be selected, an effect needs {100 * LEVEL:g} % or less, and surely a smaller "
+                "error on unseen points."
+            )
+        ]
     told = (
         f"Where nothing is missing, the best of all candidates still gains: in {len(evidence.null.ratios)} simulated "
         "experiments of the base alone, refitted each time, twice the logarithm of the likelihood rose by more than "

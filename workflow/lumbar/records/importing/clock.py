@@ -39,7 +39,7 @@ def stated_time(
     if not values:
         raise InputError(
             f"{source}: no column of time and no rate is stated; give --time COLUMN or --rate HZ (points of a static test "
-            "have neither, and cannot be diagnosed: their order would pass for time)"
+            "have neither, and no clock is made up for them: lumbar diagnose takes a plain table position_mm,force_N as it is)"
         )
     if max(values) > (1 + 1e-6) * min(values):
         found = ", ".join(f"{rate.value:g} Hz ({rate.place})" for rate in stated)

@@ -237,12 +237,17 @@ class Equation:
     @cached_property
     def channels(self) -> tuple[str, ...]:
         """Roles of channels beside input and output that it needs."""
-        needed = (SIGNALS[name].channel for name in sorted(symbols(self.force) & SIGNALS.keys()))
+        needed = (SIGNALS[name].channel for name in sorted(self.signals))
         return tuple(dict.fromkeys(filter(None, needed)))
 
     @cached_property
     def _signals(self) -> tuple[tuple[str, Callable], ...]:
-        return tuple((name, SIGNALS[name].of) for name in sorted(symbols(self.force) & SIGNALS.keys()))
+        return tuple((name, SIGNALS[name].of) for name in sorted(self.signals))
+
+    @property
+    def signals(self) -> set[str]:
+        """Signals that it uses beside those of its states."""
+        return symbols(self.force) & SIGNALS.keys()
 
     @cached_property
     def _evaluator(self) -> Evaluator:

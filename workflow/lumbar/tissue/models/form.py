@@ -20,7 +20,7 @@ import numpy as np
 
 from lumbar.base.errors import Problems
 from lumbar.tissue.models.equation import CStep, Equation, Solution
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import POSITIONS, Motion
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter
 
 
@@ -190,6 +190,11 @@ class Form:
     def channels(self) -> tuple[str, ...]:
         """Roles of channels beside input and output that it needs; without them it is left out of a search."""
         return self.hand_written.channels if self.hand_written else self._equation.channels
+
+    @property
+    def is_static(self) -> bool:
+        """Whether position and force alone decide what it adds: no rate, path, time, state or further channel."""
+        return not (self.hand_written or self.state) and self._equation.signals <= set(POSITIONS)
 
     @cached_property
     def c_step(self) -> CStep | None:

@@ -229,8 +229,8 @@ def gather_evidence(
         settings.candidates, experiment.training.motion.channels, experiment.training.scale
     )
     threshold = null.threshold(number_of_forms(catalogue))
-    remaining = compare_and_locate(experiment, diagnosis.model.fit, seed)
-    if settings.forward:
+    remaining = [] if experiment.points else compare_and_locate(experiment, diagnosis.model.fit, seed)
+    if settings.forward or experiment.points:
         # What tells effects apart is worked out for motions that are prescribed.
         return Evidence(remaining, None, None, [], threshold, null, [])
     return Evidence(
@@ -271,10 +271,14 @@ def limitations(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     found = [_range(experiment)]
     if experiment.tests[0].name == experiment.training.name:
         found.append(
-            "Whether the model holds for another excitation: there is one record only, and its last part stands in for an "
+            "Whether the model holds for another specimen or day: there is one table only. Record a second one."
+            if experiment.points
+            else "Whether the model holds for another excitation: there is one record only, and its last part stands in for an "
             "unseen one. Record a second excitation."
         )
-    if experiment.floor is None:
+    if experiment.points:
+        found.append("Whether what remains is noise: measure the same positions again, in another order.")
+    elif experiment.floor is None:
         found.append(
             "Whether what remains is noise: no record repeats. Record at least three periods of one excitation and give its "
             "period."
@@ -292,6 +296,11 @@ def limitations(diagnosis: Verdict, evidence: Evidence) -> list[str]:
 def _range(experiment: Experiment) -> str:
     motions = [item.motion for item in (experiment.training, *experiment.tests)]
     positions = np.concatenate([item.position for item in motions])
+    if experiment.points:
+        return (
+            f"Anything outside {positions.min():.3g} to {positions.max():.3g} {experiment.input_unit}, and whatever depends on "
+            "time, speed or direction: points of a static test do not show it."
+        )
     speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
     training = experiment.training.motion
     band = occupied_band(training.position, training.sampling_time)
@@ -372,7 +381,9 @@ def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dic
         **diagnosis.to_json(),
         "ties": None if evidence.ties is None else evidence.ties.to_json(),
         "separating_excitation": None if evidence.separation is None else evidence.separation.to_json(),
-        "false_alarm_threshold": {"gain": evidence.threshold, "null_experiments": len(evidence.null.ratios)},
+        "false_alarm_threshold": None
+        if diagnosis.experiment.points
+        else {"gain": evidence.threshold, "null_experiments": len(evidence.null.ratios)},
         "detectable_rms": {
             item.effect: {"easiest": item.easiest, "hardest": item.hardest, "unit": unit}
             for item in evidence.detectable

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.record import Record, same_units
+from lumbar.records.record import Record, require_clock, same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
@@ -158,6 +158,8 @@ class Experiment:
     """Whether each record begins in the state in which the one before it left the tissue."""
     settling_s: float | None = None
     """Seconds at the start of every record that no error counts; None follows the records (`settling_time`)."""
+    points: bool = False
+    """Whether these are points of a static test, without a clock."""
 
     @property
     def noise(self) -> float:
@@ -236,6 +238,7 @@ def prepare(
     """
     if not records:
         raise InputError("no records to diagnose")
+    require_clock(records)
     same_units(records)
     names = [record.name for record in records]
     wanted = [train] if isinstance(train, str) else list(train or [])

@@ -57,6 +57,10 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
         from lumbar.tissue.diagnosis.forward.forward_diagnosis import diagnose_forward
 
         return diagnose_forward(records, settings)
+    if any(record.points for record in records):
+        from lumbar.tissue.diagnosis.selection.static_points import diagnose_points
+
+        return diagnose_points(records, settings)
     experiment = prepare_for(records, settings)
     usable, not_tried = usable_effects(
         settings.candidates, experiment.training.motion.channels, experiment.training.scale

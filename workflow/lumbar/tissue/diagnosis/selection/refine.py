@@ -73,7 +73,9 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         no_parameters_because=refused,
         scores=scores,
         remark="base and effects fitted together by free-run simulation error",
-        valid_for=motion_range(training.motion.position + experiment.surface, training.motion.sampling_time),
+        valid_for=None
+        if experiment.points
+        else motion_range(training.motion.position + experiment.surface, training.motion.sampling_time),
     )
 
 

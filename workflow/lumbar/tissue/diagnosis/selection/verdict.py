@@ -239,6 +239,8 @@ def _percent(share: float) -> str:
 def noise_sentence(experiment: Experiment) -> str:
     """Say how large the noise is and what that is taken from, or that it is unknown."""
     floor = experiment.floor
+    if experiment.points:
+        return "How much of the error is noise is unknown: the same positions measured again would say."
     if floor is None:
         return "No record repeats, so the noise floor is unknown and completeness cannot be judged."
     alike = "; they are alike to the last digit, and so much the digits leave open" if floor.exact else ""

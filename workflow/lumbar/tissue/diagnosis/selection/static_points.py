@@ -1,0 +1,169 @@
+"""Points of a static test, a table of position and force without a clock: which law of position alone a spring is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.records.record import Record, same_units
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
+from lumbar.tissue.diagnosis.selection.diagnose import at_surface, first_surface
+from lumbar.tissue.diagnosis.selection.findings import offsets
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
+from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
+from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
+from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.motion import Motion
+
+FEWEST = 12
+"""Points of one table at least: a third of them is held back where there is no other table."""
+_EVERY = 3
+"""Of the points in the order of their positions, one in so many is held back."""
+_SPRINGS = ("LE", "LE-contact")
+
+
+def diagnose_points(records: Sequence[Record], settings: DiagnosisSettings) -> Verdict:
+    """Diagnose which law of position alone a spring is missing.
+
+    Neither rates nor delays, relaxation, hysteresis or drift can be seen in points without a clock, nor faults of one: none of
+    them is looked for, and nothing is filtered. Points count in the order of their positions.
+
+    Raises
+    ------
+    InputError
+        If tables with and without a clock are mixed, a table has few points, or the base is none of a static test.
+    """
+    experiment = _prepare(records, settings)
+    catalogue = _laws(settings.candidates, experiment)
+    settings = replace(settings, catalogue=catalogue, most_effects=1)
+    experiment, base = _spring(experiment, settings)
+    found = _StaticSelection(experiment, base, settings).diagnosis()
+    if _bends(found.model, experiment):
+        # Neighbours err alike: the points lie on a curve that no law tried has.
+        found = replace(found, verdict_after="unexplained")
+        if found.model is found.base:
+            found = replace(found, verdict="unexplained")
+    return replace(found, findings=(_said(experiment), *offsets(found)))
+
+
+class _StaticSelection(Selection):
+    """A search whose false alarms are counted by the F test: simulated ones are of long records and of all effects."""
+
+    def p_value(self, before: Candidate, after: Candidate) -> float:
+        """Probability that the best of all forms gains as much where nothing is missing, at most (Bonferroni)."""
+        from scipy.special import fdtrc
+
+        more = after.parameters - before.parameters
+        left = self.experiment.training.size - after.parameters - 1
+        gained = max(before.fit.squared_error / max(after.fit.squared_error, 1e-300) - 1, 0.0)
+        return float(min(1.0, self.forms * fdtrc(more, left, gained * left / more)))
+
+
+def _prepare(records: Sequence[Record], settings: DiagnosisSettings) -> Experiment:
+    same_units(list(records))
+    clocked = [record.name for record in records if not record.points]
+    if clocked:
+        raise InputError(
+            f"{', '.join(clocked)}: has a clock, which other tables here lack (points of a static test): diagnose them apart"
+        )
+    if settings.system != "tissue" or settings.forward:
+        raise InputError(
+            "points of a static test, without a clock, are diagnosed as force over position of a tissue: leave the base "
+            f"{settings.base} or forward out"
+        )
+    for record in records:
+        if len(record) < FEWEST:
+            raise InputError(
+                f"{record.source or record.name}: {len(record)} points of a static test; at least {FEWEST} are needed"
+            )
+    names = [record.name for record in records]
+    wanted = [settings.train] if isinstance(settings.train, str) else list(settings.train or [])
+    if unknown := [name for name in wanted if name not in names]:
+        raise InputError(f"no record {unknown[0]!r}; there are {', '.join(names)}")
+    chosen = [record for record in records if record.name in wanted] or [max(records, key=len)]
+    tests = [_points(record) for record in records if record not in chosen]
+    fitted = [_points(record) for record in chosen]
+    if not tests:
+        tests = [_points(record, lambda number: number % _EVERY == 1) for record in chosen]
+        fitted = [_points(record, lambda number: number % _EVERY != 1) for record in chosen]
+    one = records[0].channels
+    return Experiment(
+        fitted[0] if len(fitted) == 1 else JointData.of(fitted),
+        tests,
+        None,
+        one["input"].unit,
+        one["output"].unit,
+        chosen[0].name,
+        one["input"].quantity,
+        one["output"].quantity,
+        records=tuple(records),
+        points=True,
+    )
+
+
+def _points(record: Record, wanted=lambda number: number >= 0) -> FitData:
+    """Points in the order of their positions; of these, those whose numbers are wanted."""
+    order = np.argsort(record["input"], kind="stable")
+    order = order[wanted(np.arange(len(order)))]
+    number = np.arange(float(len(order)))
+    return FitData(record.name, Motion(number, record["input"][order], 1.0), record["output"][order])
+
+
+def _laws(candidates: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:
+    """Effects with their forms that position or force alone decides."""
+    found = {}
+    for name, effect in candidates.items():
+        forms = tuple(form.sized(experiment.training.scale) for form in effect.forms if form.is_static)
+        if forms:
+            found[name] = replace(effect, forms=forms)
+    return found
+
+
+def _spring(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
+    """The spring that is asked for, or the likelier one: met at a surface, if that beats every law beside the fastened one."""
+    name = settings.base
+    if isinstance(name, Base):
+        if not name.form.is_static:
+            raise InputError(f"{name.name}: its equation holds more than position, and points have no clock")
+        return experiment, fit_base(name, experiment)
+    if name not in (CHOSEN_BY_DATA, *_SPRINGS):
+        raise InputError(
+            f"base {name}: points of a static test have no clock, and a spring alone can be fitted to them: {', '.join(_SPRINGS)}"
+        )
+    if name == "LE-contact":
+        return at_surface(experiment, (name,))
+    fastened = fit_base(BASES["LE"], experiment)
+    if name == "LE" or first_surface(experiment) is None:
+        return experiment, fastened
+    rivals = [fastened, *extend(fastened, settings.candidates, experiment)]
+    met = at_surface(experiment, ("LE-contact",))
+    return met if met[1].score < min(item.score for item in rivals) else (experiment, fastened)
+
+
+def _bends(model: Candidate, experiment: Experiment) -> bool:
+    """Whether errors of neighbouring points are surely alike (J. von Neumann, Ann. Math. Stat. 12 (1941) 367-395)."""
+    parts = [*experiment.training.records, *experiment.tests]
+    position = np.concatenate([part.motion.position for part in parts])
+    errors = np.concatenate([model.fit.errors(part) for part in parts])[np.argsort(position, kind="stable")]
+    size, square = len(errors), float(np.sum(errors**2))
+    if square <= 0:
+        return False
+    ratio = float(np.sum(np.diff(errors) ** 2)) / square
+    spread = 2 * np.sqrt((size - 2) / (size**2 - 1))
+    return bool((2 - ratio) / spread > UNSEEN)
+
+
+def _said(experiment: Experiment) -> Finding:
+    own = experiment.tests[0].name == experiment.training.records[0].name
+    unseen = f"One point in {_EVERY} was held back as unseen" if own else "Other tables are the unseen points"
+    count = sum(len(record) for record in experiment.records)
+    words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "unseen": unseen}
+    return Finding.of("static_points", float(count), "1", **words)
