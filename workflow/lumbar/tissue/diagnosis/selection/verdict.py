@@ -244,9 +244,15 @@ def noise_sentence(experiment: Experiment) -> str:
     if floor is None:
         return "No record repeats, so the noise floor is unknown and completeness cannot be judged."
     alike = "; they are alike to the last digit, and so much the digits leave open" if floor.exact else ""
+    only = ""
+    if floor.settling is not None:
+        only = (
+            f", all there are: of the first {floor.settling:.3g} s are left out as transient, and what changes from one to the other "
+            "may pass for noise"
+        )
     return (
         f"Noise floor: {floor.rms:.3g} {experiment.output_unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} "
-        f"periods of {floor.period:g} s{alike}."
+        f"periods of {floor.period:g} s{alike}{only}."
     )
 
 
