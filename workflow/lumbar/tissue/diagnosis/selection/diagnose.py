@@ -30,6 +30,7 @@ from lumbar.tissue.diagnosis.selection.findings import (
     zeros_moved,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
+from lumbar.tissue.diagnosis.selection.rates import whatever_the_speed
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import usable_effects
@@ -77,9 +78,9 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
         found = _search(experiment.without_whitening(), settings)
     found, zeros = _with_own_zeros(found, settings)
     found, linear = _beside_linear(found, settings)
-    return replace(
-        found, not_tried=not_tried, findings=(*experiment.faults, *offsets(found), *zeros, *linear)
-    )
+    found, rates = whatever_the_speed(found, settings)
+    findings = (*experiment.faults, *offsets(found), *zeros, *linear, *rates)
+    return replace(found, not_tried=not_tried, findings=findings)
 
 
 def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
