@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from lumbar.tissue.diagnosis.evidence.evidence import Evidence
     from lumbar.tissue.diagnosis.law.proposal import Proposal
     from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
+    from lumbar.tissue.diagnosis.selection.candidate import Candidate
     from lumbar.tissue.diagnosis.selection.verdict import Verdict
     from lumbar.tissue.models.fitted_model import FittedModel
 
@@ -171,6 +172,17 @@ class Diagnosis:
 
         return compare_and_locate(self.verdict.experiment, self.verdict.base.fit, self.study.seed)
 
+    @cached_property
+    def _without_names(self) -> list[Candidate]:
+        """Models that name no mechanism: linear dynamics of higher order, a surface in the place of a formula."""
+        from lumbar.tissue.diagnosis.law.proposal import surface_model
+
+        return [
+            item
+            for item in (self.verdict.linear, surface_model(self.proposal, self.data))
+            if item is not None
+        ]
+
     @property
     def sentences(self) -> list[str]:
         """The verdict, then what a reader asks next."""
@@ -273,8 +285,7 @@ class Diagnosis:
         from lumbar.tissue.diagnosis.selection.refine import fitted_model
 
         beside = self.thesis_models if thesis else NOT_IDENTIFIED
-        linear = self.verdict.linear
-        own = [] if linear is None else [fitted_model(linear, self.verdict.experiment)]
+        own = [fitted_model(item, self.verdict.experiment) for item in self._without_names]
         return ExplorerPage(
             self.verdict,
             self.evidence,
@@ -307,8 +318,7 @@ class Diagnosis:
         folder = Path(folder)
         write_diagnosis(self.verdict, lambda: self.evidence, folder, self.data)
         kept = self.verdict if effects is None else self.with_effects(effects)
-        linear = [] if self.verdict.linear is None else [self.verdict.linear]
-        document = refined_document([*linear, *kept.path], kept.experiment, self.data)
+        document = refined_document([*self._without_names, *kept.path], kept.experiment, self.data)
         write_json(folder / "refined.json", document)
         self._save_law(folder / "proposed_law.yaml")
         if self.verdict.experiment.points:

@@ -12,6 +12,8 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.law.law_form import form_of
 from lumbar.tissue.diagnosis.law.search import Law, Search
+from lumbar.tissue.diagnosis.law.spline import NAME as SURFACE
+from lumbar.tissue.diagnosis.law.spline import smooth_surfaces
 from lumbar.tissue.diagnosis.law.surface import Surface, surfaces
 from lumbar.tissue.diagnosis.law.terms import Term, knows, library
 from lumbar.tissue.diagnosis.law.validation import (
@@ -35,6 +37,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 )
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, LEVEL, null_distribution
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.effects.notation import carried_effects
 from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.model_data import unit_of
 from lumbar.tissue.models.parameter import NonlinearParameter, Parameter
@@ -55,7 +58,8 @@ _FEW = 2
 """Nonlinear parameters that a fit can begin with at several values each; with more it begins with those found."""
 _REACH = (0.2, 5.0)
 _CLEARLY = 0.5
-"""Error of a law on the base alone beside that of the effects selected, up to which they are but a likeness of it."""
+"""Error of a law on the base alone beside that of the effects selected, up to which they are but a likeness of it; and of a
+surface beside that of a formula, up to which the formula is but one of it."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,11 @@ class Proposal:
         return () if self.law is None else self.law.terms
 
     @property
+    def is_surface(self) -> bool:
+        """Whether a surface stands in the place of a formula."""
+        return self.law is not None and self.form.effect == SURFACE
+
+    @property
     def accumulates(self) -> bool:
         """Whether the law grows with time or path from each record's start."""
         return bool(knows(self.terms) & {"time", "path"})
@@ -129,6 +138,8 @@ class Proposal:
         found, unit, force = self.range, self.experiment.input_unit, self.experiment.output_unit
         where = f"z from {found.low:.3g} to {found.high:.3g} {unit}, |v| up to {found.speed:.3g} {unit}/s"
         tried = self.extrapolation
+        if self.is_surface:
+            return f"{where}; beyond that range it is held as it ends there, which is a guess"
         if tried is None:
             return f"{where}; whether it holds beyond that range was not tried: the records are too short"
         said = (
@@ -162,8 +173,14 @@ class Proposal:
                 *(f"Not proposed: {terms}: {refused}." for terms, refused in tried),
             ]
         states = "".join(f", d{symbol}/dt = {rate}" for symbol, rate in self.form.state)
+        told = f"Proposed for {on}: F = {self.form.equation}{states} ({self.words}); {MARK}."
+        if self.is_surface:
+            told = (
+                f"No short formula found that comes near what {on} leaves; a {self.words}, stands in its place ({MARK}). "
+                f"refined.json of a diagnosis holds it as {on}+{SURFACE}, to be compared and exported as any other model."
+            )
         return [
-            f"Proposed for {on}: F = {self.form.equation}{states} ({self.words}); {MARK}.",
+            told,
             f"The unseen error falls from {before.test_rms:.3g} to {self.law.candidate.test_rms:.3g} {unit}{beside}; "
             f"{100 * self.share_removed:.0f} % of what was missing is gone on unseen seconds that no choice has looked at "
             f"({self.certainty:.1f} standard errors).",
@@ -222,18 +239,24 @@ def _search(none: Proposal, terms: Sequence[Term]) -> Proposal:
                 break
         if passed and is_adequate(passed[0].candidate, experiment):
             break  # on the base alone it leaves but noise: none beside effects is preferred to it
-    if not passed:
+    law = min(passed, key=lambda item: item.candidate.test_rms, default=None)
+    if passed and passed[0].candidate.test_rms <= law.candidate.test_rms * _NEARLY:
+        law = passed[0]
+    if law is None or not is_adequate(law.candidate, experiment, COMPLETE):
+        surface = _surface(starts, chosen_on, experiment, test)
+        if surface and (law is None or surface.candidate.test_rms < _CLEARLY * law.candidate.test_rms):
+            law = surface
+    if law is None:
         return replace(none, tried=tried)
-    law = passed[0]
-    if len(passed) > 1 and passed[1].candidate.test_rms * _NEARLY < law.candidate.test_rms:
-        law = passed[1]
     return replace(
         none,
         law=law,
         tried=tried,
         share_removed=test.share_removed(law.fit),
         certainty=test.certainty(law),
-        extrapolation=extrapolation(law.fit, experiment),
+        extrapolation=None
+        if law.fit.structure.forms[-1].effect == SURFACE
+        else extrapolation(law.fit, experiment),
     )
 
 
@@ -281,6 +304,18 @@ class _Test:
         noise = self.experiment.noise**2
         left = self.before.fit.rms(*self.unseen.tests) ** 2
         return float((left - found.rms(*self.unseen.tests) ** 2) / max(left - noise, 1e-300))
+
+
+def _surface(
+    starts: list[Candidate], chosen_on: Experiment, experiment: Experiment, test: _Test
+) -> Law | None:
+    """The surface that passes what a law must, beside the base if it can be; None where none does."""
+    for start in starts:
+        best = smooth_surfaces(start, chosen_on)[0]
+        law = replace(best, candidate=evaluate(best.fit, experiment))
+        if not test.refuses(law):
+            return law
+    return None
 
 
 def _range(experiment: Experiment) -> Range:
@@ -348,6 +383,18 @@ def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
         f"start: [{scaled / around:.6g}, {scaled * around:.6g}], scale: {item.scale}, points: {points}, "
         f"reach: [{_REACH[0]:g}, {_REACH[1]:g}]"
     )
+
+
+def surface_model(proposal: Proposal | None, data: str = "") -> Candidate | None:
+    """The model with the surface as an effect of its own, which files of models carry; None where none is proposed."""
+    import yaml
+
+    if proposal is None or proposal.law is None or not proposal.is_surface:
+        return None
+    definition = yaml.safe_load(effect_text(proposal, SURFACE, data))
+    (form,) = carried_effects({"effects": {SURFACE: definition}}, {})[SURFACE].forms
+    law = proposal.law
+    return replace(law.candidate, fit=replace(law.fit, structure=law.start.fit.structure.with_form(form)))
 
 
 def law_beside(verdict: Verdict) -> Proposal | None:
