@@ -184,6 +184,108 @@ def test_two_paths_are_compared_and_reordered_with_what_was_computed(new_page, s
     assert len(errors_of(page)) == 1
 
 
+def test_the_address_holds_the_session_and_opens_it_again(new_page, saved):
+    page = new_page(saved)
+    assert "#" not in page.url
+    page.get_by_role("button", name="Set this path aside").click()
+    page.get_by_role("button", name="Base alone").click()
+    add(page, "Hysteresis")
+    page.locator("#record").select_option("chirp")
+    page.locator("#first").select_option("KB:arx")
+    page.get_by_role("link", name="Evidence").click()  # a link within the page leaves the session where it is
+    page.wait_for_function("location.hash.includes('path=')")
+    address = page.url
+    assert address.endswith("#path=hysteresis&aside=coulomb_friction&record=chirp&first=KB%3Aarx")
+    for again in (new_page(address), page):
+        if again is page:
+            page.reload()
+            page.wait_for_selector("body[data-ready=yes]")
+        assert "hysteresis" in again.locator("#ladder li").last.inner_text()
+        assert "coulomb friction" in again.locator("#ladder-aside li").last.inner_text()
+        chosen = [again.locator(f"#{name}").input_value() for name in ("record", "first", "second")]
+        assert chosen == ["chirp", "KB:arx", "hysteresis"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ("path=inertia+drift", "inertia and drift was not fitted in this diagnosis"),
+        ("path=coulomb_friction&record=other", "there is no record “other”"),
+        ("effects=drift", "it knows no “effects”"),
+        ("path=%zz", "The address cannot be followed"),
+        ("path=drift+drift", "names an effect twice"),
+    ],
+)
+def test_an_address_that_leads_nowhere_is_answered_in_words(new_page, saved, asked, told):
+    page = new_page(f"{saved}#{asked}")
+    assert told in page.locator("#message").inner_text()
+    assert "coulomb friction" in page.locator("#ladder li").last.inner_text()
+
+
+def test_values_are_told_where_the_pointer_is_and_curves_are_switched(new_page, saved):
+    page = new_page(saved, viewport={"width": 1440, "height": 900})
+    course = page.locator("figure.wide").nth(0).locator("canvas").first
+    box = course.bounding_box()
+    assert box["y"] + box["height"] < 900  # verdict and first picture are seen without scrolling
+    page.get_by_role("checkbox", name="measured").uncheck()
+    visible = page.evaluate(
+        "() => Bokeh.documents[0].roots().flatMap((picture) => picture.renderers)"
+        ".filter(({ name }) => name !== null).map(({ name, visible }) => [name, visible])"
+    )
+    assert {name for name, shown in visible if not shown} == {"measured"}
+    assert {"first", "second", "aside"} <= {name for name, shown in visible if shown}
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    told = page.locator(".bk-tooltip-content, .bk-Tooltip").first
+    told.wait_for()
+    words = told.inner_text().split()
+    assert {"time:", "measured:", "first:", "second:"} <= set(words)
+    shown = data_of(page, "whole")
+    time, measured = (float(words[words.index(f"{name}:") + 1]) for name in ("time", "measured"))
+    at = np.argmin(np.abs(shown["time"] - time))
+    assert measured == pytest.approx(shown["measured"][at], rel=1e-3)
+
+
+def test_the_path_set_aside_is_drawn_beside_the_models(new_page, saved):
+    page = new_page(saved)
+    assert np.isnan(data_of(page, "whole")["aside"]).all()
+    page.get_by_role("button", name="Set this path aside").click()
+    page.get_by_role("button", name="Base alone").click()
+    shown = data_of(page, "whole")
+    record = data_of(page, "record:multisine")
+    np.testing.assert_array_equal(shown["aside"], record["coulomb_friction"])
+    np.testing.assert_array_equal(shown["second"], record["base"])
+    np.testing.assert_allclose(
+        data_of(page, "shown")["aside_error"],
+        (shown["measured"] - shown["aside"])[: len(data_of(page, "shown")["time"])],
+        atol=1e-6,
+    )
+    assert page.get_by_role("checkbox", name="the path set aside").is_visible()
+    dashes = page.evaluate(
+        "() => Bokeh.documents[0].roots()[0].renderers.filter(({ name }) => name === 'aside')"
+        ".map(({ glyph }) => [glyph.line_color.value, glyph.line_dash.value])"
+    )
+    assert dashes == [["#777777", [10, 5]]]
+    page.get_by_role("button", name="Forget it").click()
+    assert np.isnan(data_of(page, "whole")["aside"]).all()
+
+
+def test_python_to_copy_fits_what_is_shown(new_page, saved, shared, monkeypatch, capsys):
+    page = new_page(saved)
+    page.get_by_role("button", name="Base alone").click()
+    add(page, "Hysteresis")
+    page.get_by_text("The same in Python").click()
+    code = page.locator("#python").inner_text()
+    assert str(shared) not in code  # a page that is sent tells nothing of the machine
+    monkeypatch.chdir(shared / "hidden_effects")
+    names: dict = {}
+    exec(compile(code, "copied", "exec"), names)
+    refined = names["refined"]
+    assert refined.effects == ("hysteresis",)
+    errors = [item.test_rms for item in refined.path]
+    assert errors == pytest.approx(errors_of(page), rel=5e-3)
+    assert str(refined) in capsys.readouterr().out
+
+
 def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
     page = new_page(saved)
     with page.expect_download() as given:
@@ -322,6 +424,9 @@ def test_from_a_blind_experiment_to_the_workflow(new_page, served):
     page.wait_for_function("document.querySelectorAll('#ladder li').length === 3")
     assert "Fitted in" in page.locator("#message").inner_text()
     assert "are not noise" in page.locator("#headline").inner_text()  # of the base, as before
+    page.reload()  # what was fitted is there again, and the address says what is shown
+    page.wait_for_selector("body[data-ready=yes]")
+    page.wait_for_function("document.querySelectorAll('#ladder li').length === 3")
     page.get_by_role("button", name="inertia earlier").click()
     page.wait_for_function("document.querySelectorAll('#ladder li')[1].textContent.startsWith('+ inertia')")
     assert errors_of(page)[1] > errors_of(page)[2]

@@ -52,6 +52,32 @@ def draw():
     return figure
 
 
+@pytest.mark.parametrize(("shipped", "other"), [("Regular", ""), ("Bold", "-Bold"), ("Italic", "-Oblique")])
+def test_letters_are_as_wide_as_those_of_the_font_that_journals_ask_for(shipped, other):
+    """Arial is as wide as Helvetica, whose widths (Adobe's metrics, in thousandths) Matplotlib has for PDF's own fonts."""
+    font = TTFont(Path(style.__file__).parent / "fonts" / f"Arimo-{shipped}.ttf")
+    metrics = Path(matplotlib.get_data_path(), "fonts", "pdfcorefonts", f"Helvetica{other}.afm").read_text()
+    width = {
+        int(code): float(wide) for code, wide in re.findall(r"^C (\d+) ; WX (\d+)", metrics, re.MULTILINE)
+    }
+    glyphs, scale = font.getBestCmap(), font["head"].unitsPerEm / 1000
+    letters = [
+        ord(letter) for letter in "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789 ().,+="
+    ]
+    found = [font["hmtx"][glyphs[letter]][0] / scale for letter in letters]
+    np.testing.assert_allclose(found, [width[letter] for letter in letters], atol=1)
+
+
+def test_a_figure_holds_the_shipped_font_and_what_it_lacks_from_another(tmp_path, caplog):
+    figure = draw()
+    figure.axes[0].set_xlabel(r"√x ≤ θ, Müller, Запись, $\theta_0$ (rad)")
+    figure.axes[0].set_ylabel("√x ≤ θ")
+    save(figure, tmp_path / "font", "synthetic twin")
+    fonts = set(re.findall(rb"/BaseFont /(?:[A-Z]{6}\+)?([\w-]+)", (tmp_path / "font.pdf").read_bytes()))
+    assert {b"Arimo-Regular", b"Arimo-Italic", b"STIXGeneral-Regular", b"DejaVuSans"} <= fonts
+    assert "dummy symbol" not in caplog.text  # which Matplotlib draws instead of a letter that no font has
+
+
 def test_figures_are_byte_for_byte_the_same(tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     for name in ("one", "two"):

@@ -110,7 +110,10 @@ def _example(options) -> ExploredSet:
 
     make = partial(diagnose, example_records(), settings=fit_settings(options), data="synthetic example")
     output = (options.output or EXPLORED) / "example"
-    return ExploredSet("_example", make, output, title="an example to try", read=example_records)
+    reading = "from lumbar.twin.examples import example_records\n\nrecords = example_records()"
+    return ExploredSet(
+        "_example", make, output, title="an example to try", read=example_records, reading=reading
+    )
 
 
 def _of_results(options) -> list[ExploredSet]:

@@ -266,7 +266,9 @@ class Diagnosis:
             [self.models[0], *self.models[1:][-1:]], self.study.runtime.compiler_cache, self.data
         )
 
-    def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
+    def page(
+        self, pictures: Mapping[str, Path] | None = None, thesis: bool = True, reading: str = ""
+    ) -> ExplorerPage:
         """Return the page that one can look around in: every model that was fitted beside every record.
 
         Parameters
@@ -275,11 +277,14 @@ class Diagnosis:
             SVG files by caption, shown with the evidence.
         thesis : bool
             Whether the thesis's models stand beside, and models can be pushed; identifying and compiling takes a few seconds.
+        reading : str, optional
+            Python that makes ``records``, for what can be copied; default that which reads the files they come from.
         """
         if self.verdict.experiment.points:
             raise InputError(
                 f"{STATIC}: there is no motion to look around in; save and to_html show what was found"
             )
+        from lumbar.interface.python_code import fitting_code
         from lumbar.publishing.explorer.page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_sections
         from lumbar.tissue.diagnosis.selection.refine import fitted_model
@@ -296,6 +301,7 @@ class Diagnosis:
             [*own, *beside.models],
             beside.remark,
             self.pushed if thesis else None,
+            fitting_code(self, reading),
         )
 
     def save(

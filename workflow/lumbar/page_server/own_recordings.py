@@ -260,8 +260,11 @@ class OwnRecordings:
             make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
             keep = None if own.keep is None else partial(own.keep, name, imported, train)
             output = own.output / name
+            reading = f"records = lumbar.import_recordings({list(self.files)!r}, **{self.choices!r}).records"
+            if any(record not in imported.records for record in records):
+                reading = f"from {__name__} import at_one_rate\n\n{reading}\nrecords = at_one_rate(records)"
             explored = ExploredSet(
-                name, make, output, keep, own.study, own=self.address, read=lambda: records
+                name, make, output, keep, own.study, self.address, read=lambda: records, reading=reading
             )
             explored.begin()
             self._explored = explored

@@ -46,6 +46,8 @@ class ExploredSet:
     """Without arguments; returns the records, to be shown while they are diagnosed."""
     title: str = ""
     """Of a set that is not called by its name."""
+    reading: str = ""
+    """Python that makes the records, for what can be copied; empty for what reads their files."""
     stored: StoredVerdict | None = None
     """The diagnosis that a study's run may have left."""
     job: Job | None = None
@@ -67,7 +69,7 @@ class ExploredSet:
     @cached_property
     def page(self) -> ExplorerPage:
         """Its page."""
-        return self.diagnosis.page()
+        return self.diagnosis.page(reading=self.reading)
 
     @cached_property
     def variables(self) -> dict[str, Any]:

@@ -158,9 +158,8 @@ def read_record(
         for role, column in columns.items()
         if role != TIME
     }
-    record = Record(
-        name or stem_of(path), scaled[TIME], channels, str(path), None if points else period, points=points
-    )
+    name, period = name or stem_of(path), None if points else period
+    record = Record(name, scaled[TIME], channels, str(path), period, trim=trim, points=points)
     record, lines = with_missing_rows(record, lines)
     may_rest = [role for role, column in columns.items() if column.optional]
     check_record(record, may_rest=may_rest, lines=lines)

@@ -57,6 +57,8 @@ class Record:
     """Samples that were not recorded and are interpolated from their neighbours."""
     points: bool = False
     """Whether these are points of a static test, without a clock: `time` numbers them."""
+    trim: tuple[float, float] | None = None
+    """Start and stop of the part of the file that was read, in seconds of its clock; None for all of it."""
 
     def __getitem__(self, role: str) -> np.ndarray:
         """Values of the channel with this role."""

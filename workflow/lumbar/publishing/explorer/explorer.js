@@ -14,6 +14,9 @@ window.lumbar = (() => {
   let locating = null; // model of which the server is to say where it fails
   let since; // when the server was asked
   let windowed; // record of which the beginning was shown already
+  let opening = null; // what the address asks for, while the server fits it
+  let session; // the address that was written last
+  const initial = {}; // what is shown where the address says nothing
 
   const named = (name) => pictures.get_model_by_name(name);
   const keyOf = (effects) => effects.slice().sort().join("+") || "base";
@@ -43,11 +46,11 @@ window.lumbar = (() => {
     const turned = (error) => error.map((value, i) => value * data.turned[i]);
     whole = {
       time: data.time, position: data.position, velocity: data.velocity, since: data.since, measured: data.measured,
-      first: data[first], second: data[second], first_error, second_error,
+      first: data[first], second: data[second], first_error, second_error, ...besides(data),
       first_turned: turned(first_error), second_turned: turned(second_error),
     };
     const { frequency, noise, marker, ...lines } = named("spectrum:" + record).data;
-    put("lines", { frequency, noise, marker, first: lines[first], second: lines[second] });
+    put("lines", { frequency, noise, marker, first: lines[first], second: lines[second], aside: aside === null ? frequency.map(() => NaN) : lines[keyOf(aside)] });
     const duration = data.time[data.time.length - 1];
     if (record !== windowed) {
       const end = Math.min(duration, page.window_s);
@@ -60,6 +63,90 @@ window.lumbar = (() => {
     element("region").textContent = where.nothing();
     merits(record, [first, second]);
     told(first, record);
+    remember();
+  }
+
+  // The path that was set aside, beside the models that are chosen.
+  function besides(data) {
+    const nothing = aside === null;
+    const output = nothing ? data.measured.map(() => NaN) : data[keyOf(aside)];
+    return { aside: output, aside_error: data.measured.map((value, i) => value - output[i]) };
+  }
+
+  function switched({ target: { dataset, checked } }) {
+    for (const { renderers } of pictures.roots())
+      for (const item of renderers) if (item.name === dataset.curve) item.setv({ visible: checked }, { sync: false });
+  }
+
+  // What is shown stands in the address: a reload, a bookmark or a link that is sent shows it again.
+  function remember() {
+    const chosen = {
+      path: added.join("+") || "base", aside: aside === null ? "" : aside.join("+") || "base",
+      record: element("record").value, first: element("first").value, second: element("second").value,
+    };
+    if (initial.record === undefined) Object.assign(initial, chosen);
+    if (opening !== null) return; // not there yet
+    const changed = Object.entries(chosen).filter(([name, value]) => value !== (name === "second" ? keyOf(added) : initial[name]));
+    const text = changed.map(([name, value]) => `${name}=${encodeURIComponent(value).replaceAll("%2B", "+")}`).join("&");
+    if (session === undefined && text === "") return;
+    session = text === "" ? "" : `#${text}`;
+    history.replaceState(null, "", session || "#");
+    if (window.parent !== window) window.parent.postMessage({ lumbar: session }, "*");
+  }
+
+  // Reads the address; a link within the page is followed, and the address then is what it was.
+  function reopened() {
+    if (!location.hash.includes("=")) {
+      if (session) history.replaceState(null, "", session);
+      return;
+    }
+    if (location.hash === session) return;
+    try {
+      const asked = location.hash.slice(1).split("&").map((part) => {
+        const [name, value] = [part.split("=", 1)[0], decodeURIComponent(part.slice(part.indexOf("=") + 1))];
+        if (!(name in initial)) throw new Error(`it knows no “${name}”; there are ${Object.keys(initial).join(", ")}`);
+        return [name, value];
+      });
+      opening = { ...Object.fromEntries(asked) };
+      for (const name of ["path", "aside"]) if (name in opening) opening[name] = opening[name] === "base" ? [] : opening[name].split("+");
+      open();
+    } catch (error) { refused(error.message); }
+  }
+
+  function refused(words) {
+    opening = null;
+    say(`The address cannot be followed: ${words}. What is shown is what could be.`, true);
+  }
+
+  // Shows what the address asks for, after the server fitted what is not there.
+  function open() {
+    for (const effects of [opening.path, opening.aside]) {
+      if (effects === undefined || (page.served ? steps(effects) : [effects]).every(known)) continue;
+      if (new Set(effects).size < effects.length) { refused(`${readable(effects)} names an effect twice`); return; }
+      if (!page.served) { refused(`${readable(effects)} was not fitted in this diagnosis; "lumbar explore" fits effects of the catalogue`); return; }
+      ask({ action: "fit", effects }, `Fitting ${page.base} with ${readable(effects)}, as the address asks`);
+      return;
+    }
+    const { path = page.selected, aside: other, ...chosen } = opening;
+    for (const [name, value] of Object.entries(chosen)) {
+      if ([...element(name).options].some((option) => option.value === value)) continue;
+      refused(`there is no ${name === "record" ? "record" : "model"} “${value}”`);
+      return;
+    }
+    opening = null;
+    aside = other === undefined ? null : other;
+    take(path, false);
+    for (const [name, value] of Object.entries(chosen)) element(name).value = value;
+    ladder();
+    show();
+  }
+
+  async function copy() {
+    window.getSelection().selectAllChildren(element("python"));
+    try {
+      await navigator.clipboard.writeText(element("python").textContent);
+      say("Copied.");
+    } catch { say("Marked: copy it as you copy elsewhere."); }
   }
 
   // Lines and loops are drawn of the time that is shown alone: a long record would take a second.
@@ -207,7 +294,8 @@ window.lumbar = (() => {
     element("undo").disabled = past.length === 0;
     element("remove").disabled = added.length === 0;
     for (const button of document.querySelectorAll("[data-needs-effects]")) button.disabled = added.length === 0;
-    element("beside").hidden = aside === null;
+    element("beside").hidden = element("aside-curve").hidden = aside === null;
+    if (page.python) element("python").textContent = page.python.replace("EFFECTS", JSON.stringify(added));
     if (aside === null) return;
     fill(element("ladder-aside"), aside, false);
     const [own, other] = [added, aside].map((effects) => page.models[keyOf(effects)].test_rms);
@@ -286,14 +374,16 @@ window.lumbar = (() => {
     if (answer.number !== asked) return;
     document.body.removeAttribute("aria-busy");
     element("progress").hidden = true;
-    if (answer.error) say(answer.error, true);
+    if (answer.error && opening !== null) refused(answer.error);
+    else if (answer.error) say(answer.error, true);
     if (locating !== null) {
       const unknown = Object.keys(page.models.base.merits).map((record) => [record, { headline: answer.error, views: {} }]);
       page.models[locating].located = answer.located || Object.fromEntries(unknown);
       locating = null;
       if (!answer.error) say("");
     }
-    if (answer.models) {
+    if (answer.models && opening !== null) open();
+    else if (answer.models) {
       take(answer.effects);
       element("message").textContent += ` Fitted in ${((performance.now() - since) / 1000).toFixed(1)} s.`;
     } else told(element("first").value, element("record").value);
@@ -342,9 +432,10 @@ window.lumbar = (() => {
     if (button.id === "undo") take(past.pop(), false);
     if (button.id === "remove") take(added.slice(0, -1));
     if (button.id === "restart") take([]);
-    if (button.id === "set-aside") { aside = added; ladder(); }
+    if (button.id === "set-aside") { aside = added; ladder(); show(); }
     if (button.id === "swap") { const other_path = aside; aside = added; take(other_path); }
-    if (button.id === "forget") { aside = null; ladder(); }
+    if (button.id === "forget") { aside = null; ladder(); show(); }
+    if (button.id === "copy") copy();
     if (button.id === "table") table();
     if (button.id === "clear") clearMark();
   }
@@ -363,6 +454,8 @@ window.lumbar = (() => {
     pictures = found;
     document.addEventListener("click", clicked);
     for (const id of ["record", "first", "second"]) element(id).addEventListener("change", show);
+    for (const box of document.querySelectorAll("[data-curve]")) box.addEventListener("change", switched);
+    window.addEventListener("hashchange", reopened);
     for (const id of ["from", "to"]) element(id).addEventListener("change", brushTime);
     window.lumbarDark(pictures);
     // A finger that scrolls the page marks nothing: the tools stay at hand.
@@ -371,6 +464,7 @@ window.lumbar = (() => {
     ladder();
     show();
     reachable();
+    reopened();
     document.body.dataset.ready = "yes";
   }
 

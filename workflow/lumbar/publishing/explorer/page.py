@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
-from lumbar.publishing.explorer.plots import ANSWER, FIRST, SECOND, page_models
+from lumbar.publishing.explorer.plots import ANSWER, ASIDE, FIRST, SECOND, page_models
 from lumbar.publishing.explorer.shown import (
     ShownModel,
     ShownRecord,
@@ -61,6 +61,13 @@ PICTURES = (
     ("spectrum", "Spectrum of the error; grey: noise", True, "frequency"),
 )
 """Name, caption, whether it takes the page's whole width, and which of `locate`'s views speaks of it."""
+CURVES = (
+    ("measured", "measured", "var(--ink)", ""),
+    ("first", "first model", FIRST, ""),
+    ("second", "second model", SECOND, "dashed"),
+    ("aside", "the path set aside", ASIDE, "dashed"),
+)
+"""Curves that are switched: name, words, colour, line."""
 LINES = {"circle": "● excited", "square": "■ even", "triangle": "▲ odd ones that were left out"}
 """Marks of the spectrum's lines in words."""
 _FIRST_SHOWN_S = 10.0
@@ -86,6 +93,8 @@ class ExplorerPage:
     """What is to be said of those that are not."""
     push: dict[str, Any] | None = None
     """Models under the reader's hand: `lumbar.publishing.explorer.push.pushed_models`."""
+    python: str = ""
+    """Python that fits a path of effects: `lumbar.interface.python_code.fitting_code`; empty where none does."""
 
     @cached_property
     def step(self) -> int:
@@ -143,6 +152,7 @@ class ExplorerPage:
             "chosen": model_key(verdict.selected),
             "first_colour": FIRST,
             "second_colour": SECOND,
+            "curves": CURVES,
             "pictures": self._captioned(),
             "cards": cards(verdict, self.catalogue),
             "sections": self.sections,
@@ -151,6 +161,7 @@ class ExplorerPage:
             "study": study,
             "content": self._content(served),
             "push": self.push,
+            "python": self.python,
         }
 
     @property
@@ -183,6 +194,7 @@ class ExplorerPage:
             "trained": [record.name for record in self.records if record.trained],
             "pictures": [name for name, *_ in PICTURES],
             "excitations": self._excitations(),
+            "python": self.python,
             "push": self.push,
             "models": {model.key: model_facts(model, located.get(model.key, [])) for model in self.models},
         }

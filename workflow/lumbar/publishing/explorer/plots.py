@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 FIRST, SECOND = SERIES[0], SERIES[3]
 """Colours of the two models that are compared; the first is drawn whole, the second dashed: readable in grey."""
-NOISE = "#777777"
+NOISE = ASIDE = "#777777"
 MARKED = SERIES[2]
 SHOWN, CELLS, DEPTH, TURNS, SPECTRUM = "shown", "cells", "depth means", "turn means", "lines"
 """Names of the document's sources: what is drawn now."""
@@ -27,8 +27,8 @@ BRUSHED, BRUSHED_LINES = "brushed", "brushed lines"
 REQUEST, ANSWER = "request", "answer"
 """What page and server say to each other."""
 _COLUMNS = (
-    *("time", "position", "velocity", "since", "measured", "first", "second"),
-    *("first_error", "second_error", "first_turned", "second_turned"),
+    *("time", "position", "velocity", "since", "measured", "first", "second", "aside"),
+    *("first_error", "second_error", "aside_error", "first_turned", "second_turned"),
 )
 _WAYS = ("first_advancing", "first_retracting", "second_advancing", "second_retracting")
 _HEIGHT = 230
@@ -86,14 +86,15 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
         "turns", "Time after the nearest reversal (s)", f"Error along the motion ({experiment.output_unit})"
     )
     lines = {
-        course: ("time", ("measured", "first", "second")),
-        residual: ("time", ("first_error", "second_error")),
-        loop: ("position", ("measured", "first", "second")),
+        course: ("time", ("aside", "measured", "first", "second")),
+        residual: ("time", ("aside_error", "first_error", "second_error")),
+        loop: ("position", ("aside", "measured", "first", "second")),
     }
     _draw_noise(residual, experiment)
     for picture, (across, ups) in lines.items():
         for up in ups:
             picture.line(across, up, source=shown, **_line(up))
+        _tell(picture, across, ups, shown)
     _draw_cells(plane, error)
     _draw_means(depth, empty_source(DEPTH, ("position", *_WAYS)), "position", _WAYS)
     _draw_means(turns, empty_source(TURNS, ("since", "first", "second")), "since", ("first", "second"))
@@ -118,11 +119,30 @@ def _when_drawn(picture: figure, script: str) -> None:
 
 
 def _line(column: str) -> dict:
-    if column == "measured":
-        return {"color": MEASURED, "line_width": 1.2, "name": "measured"}
-    if column.startswith("first"):
-        return {"color": FIRST, "line_width": 1.6}
-    return {"color": SECOND, "line_width": 1.6, "line_dash": [6, 3]}
+    curve = column.partition("_")[0]  # by its name the page's script switches it
+    looks = {
+        "measured": {"color": MEASURED, "line_width": 1.2},
+        "first": {"color": FIRST, "line_width": 1.6},
+        "second": {"color": SECOND, "line_width": 1.6, "line_dash": [6, 3]},
+        "aside": {"color": ASIDE, "line_width": 2.2, "line_dash": [10, 5]},
+    }
+    return {"name": curve, **looks[curve]}
+
+
+def _tell(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSource) -> None:
+    """Show the values of all curves where the pointer is; a line that is not seen carries them when curves are switched off."""
+    from bokeh.models import CustomJSHover, HoverTool
+
+    carrier = "measured" if "measured" in ups else ups[-1]
+    unseen = picture.line(across, carrier, source=source, color=SECOND, alpha=0)
+    digits = CustomJSHover(code="return Number.isFinite(value) ? value.toPrecision(4) : '–'")
+    names = (across, *ups)
+    told = {
+        "tooltips": [(name.replace("_", " "), f"@{name}{{custom}}") for name in names],
+        "formatters": {f"@{name}": digits for name in names},
+    }
+    mode = "mouse" if picture.name == "loop" else "vline"  # a loop comes by a depth more than once
+    picture.add_tools(HoverTool(renderers=[unseen], mode=mode, **told))
 
 
 def _figure(name: str, across: str, up: str, **more) -> figure:
@@ -146,12 +166,14 @@ def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns:
         picture.line(across, column, source=source, **look)
         mark = "inverted_triangle" if column.endswith("retracting") else "triangle"
         if column in _WAYS:
-            picture.scatter(across, column, source=source, marker=mark, size=6, color=look["color"])
+            how = {"marker": mark, "size": 6, "color": look["color"], "name": look["name"]}
+            picture.scatter(across, column, source=source, **how)
+    _tell(picture, across, columns, source)
 
 
 def _draw_cells(plane: figure, error: str) -> None:
     """RMS of the first model's error in cells of position and velocity."""
-    from bokeh.models import ColorBar, LinearColorMapper
+    from bokeh.models import ColorBar, HoverTool, LinearColorMapper
     from bokeh.palettes import Blues256
 
     cells = empty_source(CELLS, ("position", "velocity", "width", "height", "rms"))
@@ -159,17 +181,20 @@ def _draw_cells(plane: figure, error: str) -> None:
     mapper = LinearColorMapper(palette=light_to_dark, low=0, high=1, name="shading")
     fill = {"field": "rms", "transform": mapper}
     plane.rect("position", "velocity", "width", "height", source=cells, fill_color=fill, line_color=None)
+    plane.add_tools(HoverTool(tooltips=[(error, "@rms{0.0000}"), ("position", "$x"), ("velocity", "$y")]))
     plane.add_layout(ColorBar(color_mapper=mapper, title=f"{error}, RMS", width=8), "right")
 
 
 def _spectrum(experiment: Experiment) -> figure:
-    spectrum = empty_source(SPECTRUM, ("frequency", "noise", "marker", "first", "second"))
+    spectrum = empty_source(SPECTRUM, ("frequency", "noise", "marker", "first", "second", "aside"))
     up, logarithmic = f"Error ({experiment.output_unit}/√Hz)", {"x_axis_type": "log", "y_axis_type": "log"}
     picture = _figure("spectrum", "Frequency (Hz)", up, **logarithmic)
     picture.line("frequency", "noise", source=spectrum, color=NOISE, line_width=3, alpha=0.6)
-    picture.line("frequency", "first", source=spectrum, color=FIRST, line_width=1.4)
-    picture.scatter("frequency", "first", source=spectrum, marker="marker", size=5, color=FIRST)
-    picture.line("frequency", "second", source=spectrum, color=SECOND, line_width=1.4, line_dash=[6, 3])
+    picture.scatter("frequency", "first", source=spectrum, marker="marker", size=5, color=FIRST, name="first")
+    curves = ("aside", "first", "second")
+    for curve in curves:
+        picture.line("frequency", curve, source=spectrum, **_line(curve) | {"line_width": 1.4})
+    _tell(picture, "frequency", curves, spectrum)
     marked = empty_source(BRUSHED_LINES, ("frequency", "density"))
     picture.line("frequency", "density", source=marked, color=MARKED, line_width=3, alpha=0.7)
     _when_drawn(picture, "window.lumbar.brushBand(cb_obj)")

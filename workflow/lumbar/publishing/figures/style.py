@@ -1,6 +1,7 @@
 """One look for all figures: sizes, type, saving as SVG and PDF."""
 
 import io
+import itertools
 import os
 from pathlib import Path
 from unittest import mock
@@ -13,6 +14,8 @@ from matplotlib.backends.backend_mixed import MixedModeRenderer
 from matplotlib.backends.backend_pdf import PdfFile, RendererPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager, get_font
+from matplotlib.text import Text
 
 from lumbar.base.files import replacing
 
@@ -90,8 +93,18 @@ SINGLE_COLUMN = 3.5
 DOUBLE_COLUMN = 7.2
 """Width of a journal's page in inches."""
 
+_FONTS = sorted(Path(__file__).with_name("fonts").glob("*.ttf"))
+for _font in _FONTS:
+    fontManager.addfont(_font)
 _SETTINGS = {
-    "font.family": "DejaVu Sans",
+    # As wide as Arial, which journals ask for; what it lacks (√, ≤, →) is taken from the other.
+    "font.family": ["Arimo", "DejaVu Sans"],
+    "mathtext.fontset": "custom",
+    "mathtext.rm": "Arimo",
+    "mathtext.it": "Arimo:italic",
+    "mathtext.bf": "Arimo:bold",
+    "mathtext.cal": "Arimo:italic",
+    "mathtext.fallback": "stixsans",
     "font.size": 8,
     "axes.titlesize": 8,
     "axes.labelsize": 8,
@@ -144,6 +157,21 @@ def _letter_the_rest(figure) -> None:
         title = axes.get_title(loc=place)
         look = {} if title else {"fontweight": "bold"}
         axes.set_title(f"$\\mathbf{{({letter})}}$ {title}" if title else f"({letter})", loc=place, **look)
+
+
+def _in_fonts_that_have_them(figure) -> None:
+    """Set what the font lacks as mathematics in texts that hold a formula: only there such texts take it from another."""
+    known = set.intersection(*(set(get_font(path).get_charmap()) for path in _FONTS))
+    for text in figure.findobj(Text):
+        parts = text.get_text().split("$")
+        if len(parts) < 3 or len(parts) % 2 == 0:
+            continue
+        for place in range(0, len(parts), 2):
+            runs = itertools.groupby(parts[place], lambda letter: ord(letter) in known or letter == "\n")
+            parts[place] = "".join(
+                run if found else f"${run}$" for found, letters in runs if (run := "".join(letters))
+            )
+        text.set_text("$".join(parts))
 
 
 def head_room(axes, share: float) -> None:
@@ -236,6 +264,7 @@ def save(figure, stem: str | os.PathLike, data: str, who: str = "") -> None:
         below = f"{own}\n{words}" if own else words
         figure.supxlabel(below, x=0.995, ha="right", fontsize=6, color="#555555")
     _letter_the_rest(figure)
+    _in_fonts_that_have_them(figure)
     _settle_layout(figure)
     with (
         replacing(stem.with_name(f"{stem.name}.svg")) as svg,
