@@ -86,12 +86,14 @@
   function columns(role, state) {
     const select = element(role);
     const chosen = state.choices[role] || "";
-    const options = [new Option("as found", "")];
+    const found = state.files.find((file) => file.grounds);
+    const [column, unit] = (found && found.found[role]) || [role === "time" && found ? "none: the rate is stated" : "not found", ""];
+    const options = [new Option(`${column}${found ? " (found)" : ""}`, "")];
+    element(`${role}_unit`).placeholder = unit ? `${unit} (found)` : "";
     if (role === "time") options.push(new Option("none: the rate is given", "none"));
     options.push(...state.columns.map((column) => new Option(`${column.label}: ${column.sample}`, column.value)));
     select.replaceChildren(...options);
     select.value = chosen;
-    const found = state.files.find((file) => file.grounds);
     element(`${role}-why`).textContent = found ? found.grounds[role] : "";
   }
 
@@ -105,7 +107,7 @@
       item.append(list);
       return item;
     }
-    for (const text of file.notes) item.append(made("p", text, { className: "bad" }));
+    for (const text of file.notes) item.append(made("p", text, { className: "note" }));
     for (const curve of file.curves) item.append(drawn(curve, file.seconds), made("p", `${curve.label} over ${file.seconds.toPrecision(4)} s`, { className: "note" }));
     const table = made("table");
     const row = (cells, tag) => {
@@ -123,13 +125,12 @@
   function drawn(curve, seconds) {
     const SVG = "http://www.w3.org/2000/svg";
     const picture = document.createElementNS(SVG, "svg");
-    const last = curve.values.length / 2 - 1; // the least and the largest value of every stretch, one above the other
-    picture.setAttribute("viewBox", `0 0 ${last} 1`);
+    picture.setAttribute("viewBox", "0 0 1 1");
     picture.setAttribute("preserveAspectRatio", "none");
     picture.setAttribute("role", "img");
     picture.setAttribute("aria-label", `${curve.label} over ${seconds.toPrecision(4)} s`);
     const line = document.createElementNS(SVG, "polyline");
-    line.setAttribute("points", curve.values.map((value, i) => `${i >> 1},${1 - value}`).join(" "));
+    line.setAttribute("points", curve.points.map(([time, value]) => `${time},${1 - value}`).join(" "));
     picture.append(line);
     return picture;
   }

@@ -117,8 +117,8 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``record``, ``form``, ``grounds`` by role, ``notes``, ``header`` and ``rows`` of the first samples, ``facts``,
-        ``seconds``, and ``curves``: label and values of position and force, drawn over time.
+        ``record``, ``form``, ``grounds`` by role, ``found`` (column and unit by role), ``notes``, ``header`` and ``rows`` of
+        the first samples, ``facts``, ``seconds``, and ``curves``: label and points of position and force over time.
     """
     recording = imported[0]
     record, frame = recording.record, recording.frame()
@@ -127,6 +127,7 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
         "record": record.name,
         "form": recording.form,
         "grounds": {role: in_labels(words) for role, words in recording.grounds.items()},
+        "found": recording.found,
         "notes": list(map(in_labels, recording.notes)),
         "header": list(frame.columns),
         "rows": [[f"{value:.6g}" for value in row] for row in frame.head(_ROWS).to_numpy()],
@@ -136,17 +137,29 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
         ],
         "seconds": record.duration,
         "curves": [
-            {"label": channel.label, "values": drawn(channel.values, _POINTS).round(4).tolist()}
+            {"label": channel.label, "points": drawn(channel.values, _POINTS).round(4).tolist()}
             for channel in record.channels.values()
         ],
     }
 
 
 def drawn(values: np.ndarray, stretches: int) -> np.ndarray:
-    """The least and the largest value of every stretch of time, one after the other, from 0 to 1 over all."""
-    count = min(stretches, len(values))
-    starts = np.cumsum(
-        [0] + [len(values) // count + (part < len(values) % count) for part in range(count - 1)]
-    )
-    ends = np.column_stack([extreme.reduceat(values, starts) for extreme in (np.minimum, np.maximum)]).ravel()
-    return (ends - ends.min()) / (np.ptp(ends) or 1.0)
+    """Points of a line through the samples; of many the least and the largest of every stretch, in their order.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (points, 2): time and value, both from 0 to 1.
+
+    Examples
+    --------
+    >>> drawn(np.array([0.0, 2.0, 1.0]), 300).tolist()
+    [[0.0, 0.0], [0.5, 1.0], [1.0, 0.5]]
+    """
+    places = np.arange(len(values))
+    if len(values) > 2 * stretches:
+        parts = np.array_split(places, stretches)
+        ends = [(part[values[part].argmin()], part[values[part].argmax()]) for part in parts]
+        places = np.unique([0, *np.ravel(ends), len(values) - 1])
+    shown = values[places]
+    return np.column_stack([places / (len(values) - 1), (shown - shown.min()) / (np.ptp(shown) or 1.0)])

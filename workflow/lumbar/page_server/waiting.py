@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 from tornado.httputil import HTTPServerRequest, url_concat
 from tornado.routing import Matcher
 from tornado.web import HTTPError, RequestHandler
@@ -31,11 +30,10 @@ class Sketch:
 
     @classmethod
     def of(cls, record: Record) -> Sketch:
-        """Draw the least and the largest value of each of `_COLUMNS` stretches of time."""
+        """Draw its samples."""
         channel = record.channels["output"]
         ends = drawn(channel.values, _COLUMNS)
-        across = np.repeat((np.arange(0, len(ends), 2) + 1) * WIDTH / len(ends), 2)
-        points = " ".join(f"{x:.0f},{HEIGHT * (1 - end):.1f}" for x, end in zip(across, ends, strict=True))
+        points = " ".join(f"{WIDTH * x:.1f},{HEIGHT * (1 - y):.1f}" for x, y in ends)
         words = (
             f"{record.name}: {channel.quantity} from {channel.values.min():.3g} to {channel.values.max():.3g} {channel.unit} "
             f"in {record.duration:.3g} s"

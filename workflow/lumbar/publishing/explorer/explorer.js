@@ -90,7 +90,7 @@ window.lumbar = (() => {
     const text = changed.map(([name, value]) => `${name}=${encodeURIComponent(value).replaceAll("%2B", "+")}`).join("&");
     if (session === undefined && text === "") return;
     session = text === "" ? "" : `#${text}`;
-    history.replaceState(null, "", session || "#");
+    try { history.replaceState(null, "", session || "#"); } catch { /* a frame whose address is not its own */ }
     if (window.parent !== window) window.parent.postMessage({ lumbar: session }, "*");
   }
 
@@ -123,7 +123,7 @@ window.lumbar = (() => {
     for (const effects of [opening.path, opening.aside]) {
       if (effects === undefined || (page.served ? steps(effects) : [effects]).every(known)) continue;
       if (new Set(effects).size < effects.length) { refused(`${readable(effects)} names an effect twice`); return; }
-      if (!page.served) { refused(`${readable(effects)} was not fitted in this diagnosis; "lumbar explore" fits effects of the catalogue`); return; }
+      if (!page.served) { refused(`this diagnosis did not fit ${readable(effects)}; "lumbar explore" fits effects of the catalogue`); return; }
       ask({ action: "fit", effects }, `Fitting ${page.base} with ${readable(effects)}, as the address asks`);
       return;
     }

@@ -138,7 +138,9 @@ def _tell(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSo
     digits = CustomJSHover(code="return Number.isFinite(value) ? value.toPrecision(4) : '–'")
     names = (across, *ups)
     told = {
-        "tooltips": [(name.replace("_", " "), f"@{name}{{custom}}") for name in names],
+        "tooltips": [
+            (name.replace("_", " ").replace("aside", "set aside"), f"@{name}{{custom}}") for name in names
+        ],
         "formatters": {f"@{name}": digits for name in names},
     }
     mode = "mouse" if picture.name == "loop" else "vline"  # a loop comes by a depth more than once

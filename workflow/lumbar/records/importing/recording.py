@@ -160,6 +160,8 @@ class ImportedRecording:
     """Of the file."""
     clipped: bool = False
     """Whether clipped channels were accepted."""
+    found: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """By role, the column's name and the unit of its numbers as the file has them."""
 
     @property
     def names(self) -> dict[str, str]:
@@ -204,6 +206,7 @@ def to_records(
     time, from_where = _clock(table, roles.get("time"), choices)
     grounds = {"time": from_where}
     grounds |= {role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS}
+    found = {role: (item.column.label, item.unit.name) for role, item in roles.items()}
     parts = parts_of(table, time, choices, name)
     problems, records = Problems(table.source), []
     for part in parts:
@@ -216,7 +219,8 @@ def to_records(
             problems.add(part.name, words.replace("\n", "\n    "))
         else:
             clipped, samples = choices.clipped, len(time)
-            records.append(ImportedRecording(record, table.form, grounds, notes, samples, sha256, clipped))
+            told = (record, table.form, grounds, notes, samples, sha256, clipped, found)
+            records.append(ImportedRecording(*told))
     problems.raise_if_any()
     return tuple(records)
 
