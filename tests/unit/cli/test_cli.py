@@ -10,6 +10,7 @@ import pytest
 import yaml
 from pendulum_experiments import make_pendulum_experiment
 
+import lumbar
 from column_files import write_columns
 from lumbar.cli.command import COMMANDS
 from running import python
@@ -209,8 +210,12 @@ def test_lift_and_basin_follow_each_other(run, project, twin_lift, tmp_path):
     markers = twin_lift("expert_23kg")
     subject = project / "config" / "subjects" / "expert.yaml"
     output = tmp_path / "out"
-    out = run.done("lift", markers, "--subject", subject, "--box-mass", 23, "--output", output)
-    assert "release: " in out
+    page = tmp_path / "lift.html"
+    chosen = ("--subject", subject, "--box-mass", 23, "--output", output, "--page", page)
+    out = run.done("lift", markers, *chosen)
+    assert "release: " in out and f"{page} shows the lift." in out
+    assert page.read_text(encoding="utf-8") == lumbar.lift_page(output).to_html()
+    assert "--page are those of one lift" in run("lift", markers, markers, *chosen)[2]
     assert "smallest_impulse: " in out
     assert len((output / "movement_measures.csv").read_text().splitlines()) > 15
     facts = json.loads((output / "pendulum.json").read_text())

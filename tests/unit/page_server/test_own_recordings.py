@@ -3,12 +3,14 @@
 import io
 import json
 import re
+import shlex
 
 import numpy as np
 import pytest
 from asking import ended
 
 from lumbar.base.errors import InputError
+from lumbar.cli.command import build_parser
 from lumbar.interface.importing import import_recordings
 from lumbar.page_server import own_recordings
 from lumbar.page_server.own_recordings import OwnDiagnosis, OwnRecordings
@@ -197,6 +199,16 @@ def test_every_option_has_its_field():
         )
         assert wrong.pop(name) == [f"a.csv: open; choose by “{label}”"]
         assert not any(wrong.values())
+
+
+@pytest.mark.parametrize("name", ["a lift.c3d", "walk.trc.gz", "walk.BVH"])
+def test_markers_are_answered_with_the_command_that_makes_their_page(name):
+    with pytest.raises(InputError, match="holds markers of a movement") as told:
+        OwnRecordings("").add(name, b"whatever")
+    command = shlex.split(re.search(r"(lumbar lift .*) \(", str(told.value))[1])
+    assert command[2] == name
+    options = build_parser().parse_args(command[1:])
+    assert (str(options.page), str(options.subject)) == ("lift.html", "PERSON.yaml")
 
 
 def test_too_many_and_large_packed_files_are_refused(monkeypatch):

@@ -1,5 +1,6 @@
 """The report of a study: its page, and the thesis's statements held against a run's tables."""
 
+import json
 import pkgutil
 import re
 from html import unescape
@@ -106,6 +107,16 @@ def test_what_fails_comes_before_what_warns(results, page):
         for words in ("exact: ρ is negative", "1 of the thesis's sentences", "MW is unstable")
     ]
     assert first == sorted(first) and first[-1] < page.index('id="chapter-tissue"')
+
+
+def test_troubles_are_told_in_words_not_in_names_of_files(tmp_path):
+    folder = tmp_path / "improvement" / "hip_moment"
+    folder.mkdir(parents=True)
+    tie = {"verdict": "tied", "selected": ["coulomb_friction"], "tied_with": ["hardening_stiffness+drift"]}
+    (folder / "diagnosis.json").write_text(json.dumps(tie | {"complete": None, "noise_floor_rms": 1.0}))
+    (found,) = troubles(tmp_path)
+    assert found.where == "diagnosis of hip moment"
+    assert found.sentence.endswith(": coulomb friction, hardening stiffness and drift")
 
 
 def test_what_was_not_made_is_said(entries, page):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,6 +54,13 @@ def run_lift(options) -> None:
         model.save(options.output)
         print(f"body model fitted to all markers:\n{model}")
     print("\n".join(_closing(found, options.output)))
+    if options.page:
+        from lumbar.interface.lift_page import lift_page
+
+        lift_page(found, settings=study.stability).save(options.page)
+        print(f"{options.page} shows the lift.")
+    else:
+        print(f"Its page: lumbar explore {shlex.quote(str(options.output))}")
 
 
 def _closing(found: Lift, output: Path) -> list[str]:
@@ -67,9 +75,10 @@ def _run_all(options, study) -> None:
     from lumbar.interface.lift import subject_of
     from lumbar.interface.lift_batch import lift_all, planned_lifts
 
-    if options.trial or options.forces or options.body_model:
+    if options.trial or options.forces or options.body_model or options.page:
         raise InputError(
-            "--trial, --forces and --body-model are those of one lift of one file: give that file alone"
+            "--trial, --forces, --body-model and --page are those of one lift of one file: give that file alone "
+            "('lumbar explore' shows the pages of all lifts in a folder)"
         )
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)

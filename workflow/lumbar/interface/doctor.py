@@ -66,6 +66,8 @@ def doctor(
     """
     from lumbar.tissue.diagnosis.doctor.examination import examine
     from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
+    from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+    from lumbar.tissue.effects.catalogue import choose
 
     records = list(records)
     require_clock(records)
@@ -76,6 +78,8 @@ def doctor(
         raise InputError(
             "records with the force as input (improvement.forward): no effects are put into them"
         )
+    # Before the diagnosis: who misspelt a name need not wait for it.
+    choose(list(effects or ()), DiagnosisSettings.from_study(settings, base, train).candidates)
 
     def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
         improvement = replace(settings.improvement, most_effects=most_effects)

@@ -215,7 +215,8 @@ class Inspected:
         sheet, (runs, words) = self.sheet, self.pipeline
         plates = self.plates if isinstance(self.plates, str) else ", ".join(map(repr, self.plates))
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
-        suggested = ", ".join(self._suggested())
+        recognised = self._suggested()
+        suggested = ", ".join(f"{name} = {label}" for name, label in recognised.items())
         if suggested and NEW_STUDY not in words:
             suggested += f"; {NEW_STUDY} writes the aliases"
         unused = ", ".join(sheet.unused)
@@ -226,19 +227,19 @@ class Inspected:
             "standard markers": ", ".join(filled) or "none",
             "recognised, but no alias names it": suggested,
             "estimated": "; ".join(f"{name} ({rule})" for name, rule in sheet.estimated.items()),
-            "without": ", ".join(sheet.absent),
+            "without": ", ".join(name for name in sheet.absent if name not in recognised),
             "unused": "" if unused in words else unused,
             "as a lift": "analysed" if runs else "refused",
         }
         lines = [*sheet.lines(), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
         return [*lines, *(f"  {line}" for line in words.splitlines())]
 
-    def _suggested(self) -> list[str]:
+    def _suggested(self) -> dict[str, str]:
         """Landmarks whose usual labels the file has, which no alias of the settings takes."""
         from lumbar.lifting.quality.landmarks import landmarks
 
         known = landmarks(self.points, self.meant).items()
-        return [f"{name} = {label}" for name, label in known if label not in self.meant.values()]
+        return {name: label for name, label in known if label not in self.meant.values()}
 
     def save_picture(self, path: str | os.PathLike) -> None:
         """Draw heights, gaps and findings into a file ``.svg`` or ``.pdf``."""

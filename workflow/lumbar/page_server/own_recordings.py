@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from lumbar.base.errors import InputError
 from lumbar.base.files import is_device, refuse_links
 from lumbar.interface.importing import ForeignFile, ImportedRecordings, import_recordings
+from lumbar.interface.reading import is_marker_file
 from lumbar.page_server.background import WRITING, page_message
 from lumbar.page_server.recording_preview import FIELDS, in_fields, preview, tables_columns
 from lumbar.page_server.served_sets import ExploredSet, ServedSets
@@ -159,6 +161,12 @@ class OwnRecordings:
         with self._one_at_a_time:
             if not name:
                 raise InputError("a file without a name")
+            if is_marker_file(Path(name)):
+                raise InputError(
+                    f"{name} holds markers of a movement, not force over position. Its page as a lift is made in the terminal: "
+                    f"lumbar lift {shlex.quote(name)} --subject PERSON.yaml --output lift --page lift.html "
+                    "('lumbar new-study FOLDER' writes PERSON.yaml, to be filled in)"
+                )
             if len(self.files.keys() - {name}) >= MOST_FILES:
                 raise InputError(f"{name}: {MOST_FILES} files are held at most; take one away")
             if content.startswith(_PACKED) and len(content) > MOST_PACKED:

@@ -197,6 +197,12 @@ def test_the_command_prints_and_writes_what_the_verb_does(run, folder, tmp_path)
         found["drift"]
 
 
+def test_a_misspelt_effect_is_told_before_anything_is_diagnosed(records, monkeypatch):
+    monkeypatch.setattr("lumbar.interface.doctor.diagnose", lambda *_, **__: pytest.fail("diagnosed"))
+    with pytest.raises(InputError, match="unknown effect hardning; did you mean 'hardening_stiffness'"):
+        lumbar.doctor(records, effects=["hardning"])
+
+
 def test_wrong_options_and_records_are_refused(run, folder, records, tmp_path):
     err = run.refused("doctor", folder, "--base", "KB", "--effects", "hardning")
     assert (

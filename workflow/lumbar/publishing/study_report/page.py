@@ -84,9 +84,14 @@ def _channels(entry: dict) -> str:
 def _finding(finding: dict) -> str:
     markers = ", ".join(finding["markers"]) or "all markers"
     return (
-        f"{finding['kind']} ({finding['outcome']}): {markers} from {finding['start_s']:.2f} s for "
+        f"{_words(finding['kind'])} ({finding['outcome']}): {markers} from {finding['start_s']:.2f} s for "
         f"{finding['length_s']:.2f} s: {finding['evidence']}"
     )
+
+
+def _words(name: str) -> str:
+    """A name of files and settings as a reader has it."""
+    return name.replace("_", " ")
 
 
 def troubles(results: Path) -> list[Trouble]:
@@ -105,27 +110,28 @@ def troubles(results: Path) -> list[Trouble]:
 def _of_recordings(results: Path) -> Iterator[Trouble]:
     for item in recordings(results):
         for finding in item.findings:
-            yield Trouble(FAILS if "(error)" in finding else WARNS, item.name, finding)
+            yield Trouble(FAILS if "(error)" in finding else WARNS, _words(item.name), finding)
 
 
 def _of_lifts(results: Path) -> Iterator[Trouble]:
     for path in sorted(results.glob("lifting/*/pendulum.json")):
         facts = read_json(path)
+        lift = _words(facts["lift"])
         if facts.get("no_deposit"):
-            yield Trouble(FAILS, facts["lift"], f"no deposit: {facts['no_deposit']}")
+            yield Trouble(FAILS, lift, f"no deposit: {facts['no_deposit']}")
         for what, why in facts.get("missing", {}).items():
-            yield Trouble(FAILS, facts["lift"], f"no {what}: {why}")
+            yield Trouble(FAILS, lift, f"no {_words(what)}: {why}")
         for words in facts.get("assumptions", ()):
-            yield Trouble(WARNS, facts["lift"], f"assumed: {words}")
+            yield Trouble(WARNS, lift, f"assumed: {words}")
 
 
 def _of_diagnoses(results: Path) -> Iterator[Trouble]:
     for path in sorted(results.glob("improvement/*/diagnosis.json")):
-        where, found = f"diagnosis of {path.parent.name}", read_json(path)
+        where, found = f"diagnosis of {_words(path.parent.name)}", read_json(path)
         if found["verdict"] == "unexplained":
             yield Trouble(FAILS, where, "something is missing, and no effect of the catalogue explains it")
         if found["verdict"] == "tied":
-            names = [*found["selected"], *map(str, found["tied_with"])]
+            names = (_words(name).replace("+", " and ") for name in (*found["selected"], *found["tied_with"]))
             yield Trouble(WARNS, where, f"these cannot be told apart on these records: {', '.join(names)}")
         if found["complete"] is False:
             yield Trouble(WARNS, where, "the error that is left is above 1.2 times the noise floor")
@@ -175,7 +181,7 @@ def _of_logs(results: Path) -> Iterator[Trouble]:
         if stage.parts[0] in _TOLD_BY_FILES:
             continue
         for found in _WARNING.finditer(path.read_text(encoding="utf-8")):
-            yield Trouble(WARNS, stage.as_posix().replace("_", " "), found[1].strip())
+            yield Trouble(WARNS, _words(stage.as_posix()), found[1].strip())
 
 
 def _table(path: Path) -> pd.DataFrame | None:

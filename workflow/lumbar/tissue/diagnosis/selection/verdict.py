@@ -242,7 +242,10 @@ def noise_sentence(experiment: Experiment) -> str:
     if experiment.points:
         return "How much of the error is noise is unknown: the same positions measured again would say."
     if floor is None:
-        return "No record repeats, so the noise floor is unknown and completeness cannot be judged."
+        return (
+            "No record repeats, so the noise floor is unknown and completeness cannot be judged. Where an excitation ramps up or "
+            "down, read the part that repeats alone: --trim of 'lumbar import', or trim_s in a study."
+        )
     alike = "; they are alike to the last digit, and so much the digits leave open" if floor.exact else ""
     only = ""
     if floor.settling is not None:
