@@ -77,8 +77,7 @@ def _run_all(options, study) -> None:
 
     if options.trial or options.forces or options.body_model or options.page:
         raise InputError(
-            "--trial, --forces, --body-model and --page are those of one lift of one file: give that file alone "
-            "('lumbar explore' shows the pages of all lifts in a folder)"
+            "--trial, --forces, --body-model and --page are those of one lift of one file: give that file alone"
         )
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)

@@ -78,8 +78,9 @@ def doctor(
         raise InputError(
             "records with the force as input (improvement.forward): no effects are put into them"
         )
-    # Before the diagnosis: who misspelt a name need not wait for it.
-    choose(list(effects or ()), DiagnosisSettings.from_study(settings, base, train).candidates)
+    choose(
+        list(effects or ()), DiagnosisSettings.from_study(settings, base, train).candidates
+    )  # who misspelt need not wait
 
     def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
         improvement = replace(settings.improvement, most_effects=most_effects)

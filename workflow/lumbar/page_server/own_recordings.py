@@ -113,6 +113,10 @@ MOST_FILE, MOST_PACKED = 50_000_000, 5_000_000
 """Bytes of one file, and of one packed file, which stands for many more."""
 MOST_FILES = 12
 """Files of a tab."""
+_MARKERS = (
+    "{name} holds markers of a movement, not force over position. Its page is made in the terminal: lumbar lift {quoted} "
+    "--subject PERSON.yaml --output lift --page lift.html (lumbar new-study writes PERSON.yaml, to be filled in)"
+)
 _PACKED = (b"\x1f\x8b", b"PK\x03\x04")
 
 
@@ -162,11 +166,7 @@ class OwnRecordings:
             if not name:
                 raise InputError("a file without a name")
             if is_marker_file(Path(name)):
-                raise InputError(
-                    f"{name} holds markers of a movement, not force over position. Its page as a lift is made in the terminal: "
-                    f"lumbar lift {shlex.quote(name)} --subject PERSON.yaml --output lift --page lift.html "
-                    "('lumbar new-study FOLDER' writes PERSON.yaml, to be filled in)"
-                )
+                raise InputError(_MARKERS.format(name=name, quoted=shlex.quote(name)))
             if len(self.files.keys() - {name}) >= MOST_FILES:
                 raise InputError(f"{name}: {MOST_FILES} files are held at most; take one away")
             if content.startswith(_PACKED) and len(content) > MOST_PACKED:

@@ -136,15 +136,11 @@ def _tell(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSo
     carrier = "measured" if "measured" in ups else ups[-1]
     unseen = picture.line(across, carrier, source=source, color=SECOND, alpha=0)
     digits = CustomJSHover(code="return Number.isFinite(value) ? value.toPrecision(4) : '–'")
-    names = (across, *ups)
-    told = {
-        "tooltips": [
-            (name.replace("_", " ").replace("aside", "set aside"), f"@{name}{{custom}}") for name in names
-        ],
-        "formatters": {f"@{name}": digits for name in names},
-    }
+    words = {name: name.replace("_", " ").replace("aside", "set aside") for name in (across, *ups)}
+    tooltips = [(word, f"@{name}{{custom}}") for name, word in words.items()]
+    formatters = {f"@{name}": digits for name in words}
     mode = "mouse" if picture.name == "loop" else "vline"  # a loop comes by a depth more than once
-    picture.add_tools(HoverTool(renderers=[unseen], mode=mode, **told))
+    picture.add_tools(HoverTool(renderers=[unseen], mode=mode, tooltips=tooltips, formatters=formatters))
 
 
 def _figure(name: str, across: str, up: str, **more) -> figure:
