@@ -19,11 +19,15 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from c3d_builder import build_c3d
 from fuzzed_files import changed, read_any, sound_files
 from scipy.io import savemat
 
 from lumbar.base.child_answer import plain_of
 from lumbar.base.errors import InputError
+from lumbar.tissue.models.fitted_model import FittedModel, models_document
+from lumbar.tissue.models.model_data import Port
+from lumbar.tissue.models.transfer_function import TransferFunction
 
 SECRET = b"4711.0815 -1234.5678\n" * 60
 """What a file that is not given holds: numbers, so that a reader of a table would take them."""
@@ -124,16 +128,10 @@ def _nested(depth: int) -> dict:
 
 
 def _c3d(change: dict) -> bytes:
-    from c3d_builder import build_c3d
-
     return build_c3d(np.ones((30, 2, 3)), ["A", "B"], replace=change)
 
 
 def _models(order: int) -> bytes:
-    from lumbar.tissue.models.fitted_model import FittedModel, models_document
-    from lumbar.tissue.models.model_data import Port
-    from lumbar.tissue.models.transfer_function import TransferFunction
-
     ports = Port("position", "mm"), Port("force", "N")
     model = FittedModel("KB", TransferFunction((1.0,) * order, (1.0,)), 0.01, *ports, "KB")
     return json.dumps(models_document([model], "forged")).encode()

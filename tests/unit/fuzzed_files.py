@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from c3d_builder import DEC, INTEL, MIPS, build_c3d
+from c3d_builder import DEC, INTEL, MIPS, PLATE, build_c3d
 
 import lumbar
 from lumbar.base.errors import Problems
@@ -99,16 +99,9 @@ def sound_files() -> dict[str, bytes]:
 
 def _plates() -> dict[str, list]:
     return {
+        **PLATE,
         "ANALOG:LABELS": [f"F{number}" for number in range(6)],
-        "ANALOG:UNITS": ["N", "N", "N", "Nmm", "Nmm", "Nmm"],
-        "ANALOG:SCALE": [1.0] * 6,
-        "ANALOG:OFFSET": [0.0] * 6,
         "ANALOG:GEN_SCALE": [1.0],
-        "FORCE_PLATFORM:USED": [1.0],
-        "FORCE_PLATFORM:TYPE": [2.0],
-        "FORCE_PLATFORM:CORNERS": [500.0, 0, 0, 0, 0, 0, 0, 600, 0, 500, 600, 0],
-        "FORCE_PLATFORM:ORIGIN": [0.0, 0, -30],
-        "FORCE_PLATFORM:CHANNEL": [1.0, 2, 3, 4, 5, 6],
         "FORCE_PLATFORM:ZERO": [1.0, 3],
         "EVENT:USED": [2.0],
         "EVENT:TIMES": [0.0, 0.1, 0.0, 0.2],

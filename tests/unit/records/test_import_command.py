@@ -178,6 +178,8 @@ def test_files_of_a_folder(run, tmp_path):
     for name in ("README.txt", "notes.md"):
         (tmp_path / name).write_text("words\n")
     run.done("import", tmp_path, "--output", tmp_path / "records")
+    for name in ("LICENSE.txt", "README.TXT", "readme_de.txt", "Licence-data.txt"):
+        (tmp_path / "records" / name).write_text("words\n")
     assert lumbar.read(tmp_path / "records").names == ["a", "b", "c"]
 
 
@@ -192,13 +194,6 @@ def test_files_of_one_name(run, sources, tmp_path):
     (tmp_path / "labview.csv").write_bytes(FILES["tidy.csv"][0])
     err = run.refused("import", sources / "labview.lvm", tmp_path / "labview.csv", "--dry-run")
     assert "would all be the record 'labview'" in err
-
-
-def test_a_folder_with_words_about_the_data_is_read(tmp_path):
-    for name in ("LICENSE.txt", "README.TXT", "readme_de.txt", "Licence-data.txt"):
-        (tmp_path / name).write_text("words\n")
-    (tmp_path / "trial.csv").write_bytes(FILES["tidy.csv"][0])
-    assert lumbar.read(tmp_path).names == ["trial"]
 
 
 def test_the_damper_and_the_tool_come_out_as_their_studies_read_them(shared, project):

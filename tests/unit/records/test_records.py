@@ -5,12 +5,14 @@ import shlex
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
 from lumbar.records.record import Channel, Record, check_record, resample, same_units
 from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.plain import from_plain
+from refusing import refusal
 from study_settings import changed
 
 LAYOUT = from_plain(
@@ -69,8 +71,6 @@ def test_an_optional_column_may_be_absent_or_rest(tmp_path, values):
     with pytest.raises(InputError, match=r"length is nan"):
         broken = text.replace("0.400000\n", "nan\n", 1)
         read_record(written(tmp_path, broken), layout)
-    from scipy.io import savemat
-
     savemat(tmp_path / "trial.mat", dict(zip("tzf", values.T, strict=True)))
     read = read_record(tmp_path / "trial.mat", changed(layout, format="mat"))
     assert set(read.channels) == {"input", "output"}
@@ -103,14 +103,9 @@ def test_gzip_whitespace_and_byte_order_mark(tmp_path, values):
     record = read_record(path, changed(LAYOUT, delimiter="whitespace"))
     assert record.name == "run.2"
     assert record["output"] == pytest.approx(values[:, 2], abs=1e-6)
-    path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(InputError, match="the packed file is cut short"):
-        read_record(path, changed(LAYOUT, delimiter="whitespace"))
 
 
 def test_matlab_files(tmp_path, values):
-    from scipy.io import savemat
-
     path = tmp_path / "trial.mat"
     savemat(path, {"t": values[:, 0], "z": values[:, [1]], "f": values[:, 2]})
     record = read_record(path, changed(LAYOUT, format="mat"))
@@ -167,8 +162,6 @@ def commas(form: str) -> str:
             ["line 8: output is nan; every value must be a finite number, of at most 1e+06 N in size"],
         ),
         (with_lines({5: "0.03,1"}), {}, ["line 5: 2 cells; 3 are expected"]),
-        (with_lines({6: "0.04,1,1e308"}), {}, ["line 6: output is 1e+308"]),
-        (with_lines({6: "0.04,1,-1e101"}), {}, ["line 6: output is -1e+101"]),
         (with_lines({5: "0.03,1,1e307"}), {"columns": {"output": {"scale": 1e3}}}, ["line 5: output is inf"]),
         (
             text_of(TWICE, "t,z,f,f", "{:.6f},{:.6f},{:.6f},{:.6f}"), {},
@@ -177,19 +170,16 @@ def commas(form: str) -> str:
     ],
 )  # fmt: skip
 def test_a_file_with_a_fault_is_refused_with_its_place(tmp_path, text, changes, said):
-    with pytest.raises(InputError) as caught:
-        read_record(written(tmp_path, text), changed(LAYOUT, **changes))
+    told = refusal(read_record, written(tmp_path, text), changed(LAYOUT, **changes))
     for words in said:
-        assert words in str(caught.value)
+        assert words in told
 
 
 @pytest.mark.parametrize("text", ["Zeit;Weg;Kraft\n0,0;1,0;2,0\n", "t,z,f\n0,eins,2\n", "t;z;f\n0;\xb5;2\n"])
 def test_a_file_that_is_laid_out_otherwise_is_led_to_its_import(tmp_path, text):
     file = tmp_path / "a file's.csv"
     file.write_bytes(text.encode("latin-1"))
-    with pytest.raises(InputError) as caught:
-        read_record(file, LAYOUT)
-    (command,) = (line for line in str(caught.value).splitlines() if "lumbar import" in line)
+    (command,) = (line for line in refusal(read_record, file, LAYOUT).splitlines() if "lumbar import" in line)
     assert shlex.split(command.partition("lumbar import ")[2])[0] == str(file)
 
 
@@ -257,10 +247,8 @@ def test_a_record_that_ends_in_full_motion_does_not_ring(rate):
 
 def test_a_record_too_short_for_the_filter_is_refused():
     record = record_of(np.arange(200) / 100, np.sin(np.arange(200)))
-    with pytest.raises(
-        InputError, match=r"2 s are too short to be resampled to 10 Hz: 10 samples are left out"
-    ):
-        resample(record, 10.0)
+    said = "2 s are too short to be resampled to 10 Hz: 10 samples are left out"
+    assert said in refusal(resample, record, 10.0)
 
 
 def test_a_part_is_read_and_the_rest_not_even_checked(tmp_path, values):

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from periodic_records import multisine, noise, record, relaxing_force
-from scipy.io import savemat
 
 import lumbar
+from column_files import write_columns
 from lumbar.base.errors import InputError
 from lumbar.records.checking import check_recordings
 from lumbar.records.unpacking import read_readable
 from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.layout import ColumnLayout, columns
 from lumbar.settings.study_settings import StudySettings
+from refusing import refusal
 
 LAYOUT = {
     "columns": {
@@ -31,12 +31,10 @@ def planned(path, **changes) -> dict:
     return entry | {"name": path.stem} | changes
 
 
-def written(tmp_path, name, rate=100.0, samples=200):
-    time = np.arange(samples) / rate
-    path = tmp_path / name
-    rows = (f"{t:.6f},{np.sin(t):.6f}\n" for t in time)
-    path.write_text("time_s,force_N\n" + "".join(rows))
-    return path
+def written(tmp_path, name):
+    time = np.arange(200) / 100
+    write_columns(tmp_path / name, "%.6f", time_s=time, force_N=np.sin(time))
+    return tmp_path / name
 
 
 def test_every_file_is_described(tmp_path):
@@ -61,9 +59,7 @@ def test_all_problems_of_all_files_are_told(tmp_path):
     broken.write_text(broken.read_text().replace("0.030000", "abc"))
     short.write_text("time_s,force_N\n0,1\n")
     plan = [planned(good), planned(broken), planned(short), planned(tmp_path / "absent.csv")]
-    with pytest.raises(InputError) as caught:
-        check_recordings(plan)
-    message = str(caught.value)
+    message = refusal(check_recordings, plan)
     assert message.startswith("recordings: 3 problems")
     for words in ("broken.csv", "line 5: time is 'abc'", "short.csv", "absent.csv: no such file"):
         assert words in message
@@ -163,20 +159,9 @@ def write(tmp_path, cell=None, name="record.csv"):
 @pytest.mark.parametrize("name", ["record.csv", "record.csv.gz"])
 def test_cells_that_no_recording_holds(tmp_path, cell, said, name):
     path = write(tmp_path, cell, name)
-    with pytest.raises(InputError) as caught:
-        lumbar.read(path)
-    assert said in str(caught.value)
-    assert str(path) in str(caught.value)
-    assert len(str(caught.value)) < 1000
-
-
-def test_large_packed_file_is_read_as_a_plain_table(tmp_path):
-    rows = "".join(f"{n / 1000:.3f},{n % 7},{n % 5}\n" for n in range(500_000))
-    path = tmp_path / "long.csv.gz"
-    path.write_bytes(gzip.compress(("time_s,position_mm,force_N\n" + rows).encode(), 1))
-    record = lumbar.read(path)["long"]
-    assert len(record) == 500_000
-    assert record["output"][-1] == 499_999 % 5
+    words = refusal(lumbar.read, path)
+    assert said in words and str(path) in words
+    assert len(words) < 1000
 
 
 @pytest.mark.parametrize(
@@ -198,14 +183,3 @@ def test_packed_in_two_parts(tmp_path):
     path = tmp_path / "two.gz"
     path.write_bytes(gzip.compress(b"a" * 3_000_000) + gzip.compress(b"b") + b"\0" * 10)
     assert read_readable(path, Path.read_bytes) == b"a" * 3_000_000 + b"b"
-
-
-@pytest.mark.parametrize("reader", [lumbar.import_recordings, None])
-def test_matlab_file_that_stands_for_much(tmp_path, reader):
-    """Zeros pack into a thousandth of what they take."""
-    path = tmp_path / "zeros.mat"
-    savemat(path, {"t": np.zeros(51_000_000, np.int8), "z": [1.0, 2], "f": [3.0, 4]}, do_compression=True)
-    assert path.stat().st_size < 100_000
-    layout = ColumnLayout(format="mat", columns=columns(time=("t", "s", "time"), output=("f", "N", "force")))
-    with pytest.raises(InputError, match=r"zeros\.mat: unpacks to more than 200 MB, from 0\.05 MB"):
-        reader([path]) if reader else lumbar.read(path, layout=layout)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lumbar.base.errors import InputError
 from lumbar.records.ratings import read_ratings
 from lumbar.settings.plain import from_plain
 from lumbar.settings.survey import RatingsLayout
+from refusing import refusal
 
 LAYOUT = from_plain(
     RatingsLayout,
@@ -34,9 +34,7 @@ def written(tmp_path, *lines):
 
 
 def message_of(path, layout=LAYOUT) -> str:
-    with pytest.raises(InputError) as caught:
-        read_ratings(path, layout)
-    return str(caught.value)
+    return refusal(read_ratings, path, layout)
 
 
 def test_answers_are_read_in_the_order_of_the_layout(tmp_path):

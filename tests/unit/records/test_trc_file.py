@@ -6,6 +6,7 @@ import pytest
 from lumbar.base.errors import InputError
 from lumbar.records.markers import read_markers
 from lumbar.records.trc_file import read_trc
+from refusing import refusal
 
 
 def trc(
@@ -103,10 +104,8 @@ def test_a_lost_cell_does_not_shift_a_row(tmp_path, end, lost):
 
 def test_a_lost_column_does_not_shift_all_rows(tmp_path):
     rows = ["\t".join([*row.split("\t")[:3], *row.split("\t")[4:], ""]) for row in regular_rows(12)]
-    with pytest.raises(
-        InputError, match="marker 2 has one or two coordinates and never three; a column is missing"
-    ):
-        read_trc(trc(tmp_path, rows))
+    said = "marker 2 has one or two coordinates and never three; a column is missing"
+    assert said in refusal(read_trc, trc(tmp_path, rows))
 
 
 def test_clock_printed_with_two_digits(tmp_path):
@@ -145,7 +144,6 @@ def changed(row, text):
         ({"header": {"NumFrames": "1e999"}}, "NumFrames: 1e999; a positive number is needed"),
         ({"rows": changed(4, "6120\t17.54\t1_000\t2\t1450\t4\t-4\t1000")}, "line 11: could not convert"),
         ({"header": {"DataRate": "fast"}}, "DataRate: 'fast'; a number is needed"),
-        ({"header": {"DataRate": "nan"}}, "DataRate: nan; a positive number is needed"),
         (
             {"rows": [row + "\t3" for row in regular_rows(12)]},
             "line 7: 9 cells, as in most rows; 8 are needed",
@@ -163,10 +161,8 @@ def changed(row, text):
 def test_files_that_are_refused(tmp_path, options, said):
     """Beside those of the page of messages."""
     path = trc(tmp_path, **options)
-    with pytest.raises(InputError) as caught:
-        read_trc(path)
-    assert said in str(caught.value)
-    assert str(path) in str(caught.value)
+    words = refusal(read_trc, path)
+    assert said in words and str(path) in words
 
 
 @pytest.mark.parametrize("content", [b"", b"time,x\n0,1\n", b"PathFileType\t4\n", bytes(range(256)) * 20])
