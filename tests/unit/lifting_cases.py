@@ -1,5 +1,7 @@
 """Lifts, trials, pushes and pendulums that several tests share."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from lumbar.interface.lift import Lift
@@ -56,6 +58,11 @@ def minimum_jerk(
 def pendulums_of(items, sign, damping=1.0, gravity=GRAVITY, knots=401) -> Pendulums:
     """Gather trajectories of one sign and damping."""
     return gather(items, [sign] * len(items), [damping] * len(items), gravity, knots)
+
+
+def full(entries):
+    """Symmetric matrix of its three entries."""
+    return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])
 
 
 ATHLETE = {
@@ -143,6 +150,18 @@ def scene_of(motions, settings=None) -> Scene:
     one = np.ones(len(motions))
     traits = Traits(one, one, one, settings.controller.delay_s * one)
     return contest.scene_of(motions, settings, traits)
+
+
+def without(recording, *parts) -> MarkerRecording:
+    """The recording without the markers in whose names one of these parts stands."""
+    kept = {name: points for name, points in recording.positions.items() if not any(map(name.count, parts))}
+    return replace(recording, positions=kept)
+
+
+def cut(recording, kept) -> MarkerRecording:
+    """The frames of a recording that are kept."""
+    positions = {name: points[kept] for name, points in recording.positions.items()}
+    return replace(recording, time=recording.time[kept], positions=positions)
 
 
 def missing_share(recording: MarkerRecording) -> float:

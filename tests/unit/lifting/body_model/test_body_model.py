@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from lifting_cases import cut
 
 from lumbar.base.errors import InputError
 from lumbar.interface.body_model import body_model
@@ -212,16 +213,10 @@ def named(shared, path, **layout):
     return replace(recording, positions=positions)
 
 
-def first(recording, stop):
-    """The recording until an instant, seconds."""
-    inside = recording.time < stop
-    positions = {name: points[inside] for name, points in recording.positions.items()}
-    return replace(recording, time=recording.time[inside], positions=positions)
-
-
 def test_t12_of_a_person_standing_is_estimated_without_its_marker(shared):
     """Measured: 14 mm off, standard deviation 33 mm in space."""
-    recording = first(named(shared, "athlete_static_full_spine/c3dfile1.c3d"), 1.0)
+    recording = named(shared, "athlete_static_full_spine/c3dfile1.c3d")
+    recording = cut(recording, recording.time < 1.0)
     truth = recording.positions.pop("T12").mean(axis=0)
     time, nodes = at_nodes(recording, RATE)
     found = fit(build(time, nodes, 1.60, "female"))
@@ -231,7 +226,8 @@ def test_t12_of_a_person_standing_is_estimated_without_its_marker(shared):
 
 def test_c7_hidden_while_rising_from_a_bend_is_predicted_better_than_by_a_spline(shared):
     """The real marker moves by most of a metre while it is hidden; no other marker is on the upper back."""
-    recording = first(named(shared, "athlete_floor_pickup_squats/squat.c3d", up="+y"), 3.6)
+    recording = named(shared, "athlete_floor_pickup_squats/squat.c3d", up="+y")
+    recording = cut(recording, recording.time < 3.6)
     truth = recording["C7"].copy()
     recording["C7"][(recording.time > 1.6) & (recording.time < 2.6)] = np.nan
     time, nodes = at_nodes(recording, RATE)

@@ -1,11 +1,9 @@
 """The page and the figures of the measures hold what the long table and the courses say."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
-from lifting_cases import lift_of, true_recording
+from lifting_cases import lift_of, true_recording, without
 
 from lumbar.interface.movement import measure_movement
 from lumbar.lifting.measures.lift_values import SENSITIVITY, long_table, measures_page, write_measures
@@ -18,10 +16,8 @@ from study_settings import subject_settings
 def lifts():
     """Two measured lifts, the second without feet."""
     made = []
-    for name, without in (("expert_23kg", ()), ("novice_23kg", ("TOE", "HEEL"))):
-        whole = true_recording(name)
-        positions = {key: points for key, points in whole.positions.items() if key[2:] not in without}
-        recording = replace(whole, positions=positions)
+    for name, hidden in (("expert_23kg", ()), ("novice_23kg", ("TOE", "HEEL"))):
+        recording = without(true_recording(name), *hidden)
         lift = lift_of(recording, subject_settings(name.split("_")[0]), 23.0, name=name)
         found = measure_movement(lift)
         events = {key: event.as_dict() for key, event in lift.analysed.events.items()}

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from lifting_cases import ATHLETE, lift_of, true_recording
+from lifting_cases import ATHLETE, cut, lift_of, true_recording, without
 
+from lumbar.base.files import write_csv, write_json
 from lumbar.interface.movement import measure_movement
 from lumbar.lifting.measures.back_load import Link, net_moment
 from lumbar.lifting.measures.course import Lifter, course_of_lift, links_above_l5s1
@@ -102,8 +103,6 @@ def test_numbers_at_the_release_by_hand(lifts, found):
 
 
 def test_a_file_gives_what_memory_gives(lifts, found, tmp_path):
-    from lumbar.base.files import write_csv, write_json
-
     lifted = lifts["expert_23kg"]
     write_csv(tmp_path / "body.csv", lifted.body)
     write_json(tmp_path / "pendulum.json", lifted.facts)
@@ -123,12 +122,7 @@ def test_a_file_gives_what_memory_gives(lifts, found, tmp_path):
 )
 def test_what_lacks_markers_is_absent_with_its_reason(gone, measure, said):
     recording, subject = synthetic("expert_23kg")
-    kept = {
-        name: points
-        for name, points in recording.positions.items()
-        if not any(part in name for part in gone.split())
-    }
-    rows = measure_movement(lift_of(replace(recording, positions=kept), subject, 23.0)).values
+    rows = measure_movement(lift_of(without(recording, *gone.split()), subject, 23.0)).values
     rows = rows[rows["measure"] == measure]
     if not said:  # the hands stand for the box
         assert (rows["reason"] == "").all()
@@ -137,10 +131,9 @@ def test_what_lacks_markers_is_absent_with_its_reason(gone, measure, said):
     assert rows["reason"].str.contains(said).all()
 
 
-def test_a_foot_without_a_toe_marker_has_the_length_of_its_stature(lifts, found):
+def test_a_foot_without_a_toe_marker_has_the_length_of_its_stature(found):
     recording, subject = synthetic("expert_23kg")
-    kept = {name: points for name, points in recording.positions.items() if "TOE" not in name}
-    toeless = measure_movement(lift_of(replace(recording, positions=kept), subject, 23.0))
+    toeless = measure_movement(lift_of(without(recording, "TOE"), subject, 23.0))
     assert len(toeless.course.notes) == 2
     assert "L_TOE has no marker" in str(toeless)
     marked = value(found["expert_23kg"], "margin_of_stability")
@@ -149,13 +142,7 @@ def test_a_foot_without_a_toe_marker_has_the_length_of_its_stature(lifts, found)
 
 def test_without_a_deposit_there_is_what_the_lift_so_far_carried_and_a_hidden_heel_takes_only_what_needs_it():
     recording, subject = synthetic("expert_23kg")
-    early = recording.time < 5.0
-    cut = replace(
-        recording,
-        time=recording.time[early],
-        positions={name: points[early] for name, points in recording.positions.items()},
-    )
-    rows = measure_movement(lift_of(cut, subject, 23.0)).values
+    rows = measure_movement(lift_of(cut(recording, recording.time < 5.0), subject, 23.0)).values
     whole = rows["measure"].str.endswith("_carried")
     assert rows.loc[~whole, "value"].isna().all()
     assert rows.loc[~whole, "reason"].str.contains("the deposit is not known").all()

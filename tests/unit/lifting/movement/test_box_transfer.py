@@ -1,5 +1,6 @@
 """The study of a recorded box: where its rules for missing markers come from, and that it runs."""
 
+import ezc3d
 import numpy as np
 import pytest
 
@@ -16,8 +17,6 @@ def study(project):
 
 def raw(path):
     """Mean of every marker in metres, read by ezc3d directly."""
-    import ezc3d
-
     file = ezc3d.c3d(str(path))
     labels = file["parameters"]["POINT"]["LABELS"]["value"]
     return dict(zip(labels, file["data"]["points"][:3].transpose(1, 2, 0) / 1000, strict=True))

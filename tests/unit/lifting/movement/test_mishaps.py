@@ -14,8 +14,6 @@ from lumbar.twin.lifting_recordings import write_markers
 from study_settings import changed, study_settings, subject_settings
 
 RATE = 100.0
-BOX = ("gauche_ext", "gauche_int", "droite_int", "droite_ext", "avant_gauche", "avant_droit", "arriere_droit")
-BOX = (*BOX, "arriere_gauche")
 PELVIS = ("PSISl", "PSISr", "ASISl", "ASISr")
 
 
@@ -68,16 +66,6 @@ def test_samples_that_are_held_are_no_jitter(points, lift_of):
     assert "recorded at 50 Hz and written at 100 Hz" in finding.cause
     (finding,) = lift_of({**points, "STER": held["STER"]}).quality.findings
     assert (finding.kind, finding.markers) == ("held", ("STER",))
-
-
-def test_a_box_that_is_hidden_during_the_deposit_is_not_said_to_be_seen_last_before(points, lift_of):
-    events = lift_of(hidden(points, BOX, slice(300, 350))).analysed.events
-    for name in ("deposit_start", "release"):
-        assert events[name].time_s is None
-        assert (
-            "the box is seen without a gap from 0.00 to 2.99 s, and looked for there alone"
-            in events[name].how
-        )
 
 
 @pytest.mark.parametrize(

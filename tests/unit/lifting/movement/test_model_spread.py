@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lifting_cases import without
 
 from lumbar.lifting.movement.centre_of_mass import trunk_centre
 from lumbar.lifting.movement.lift import analyse_lift
@@ -121,8 +122,7 @@ def test_the_reference_is_named_once_and_only_other_choices_follow(spread):
 
 
 def test_a_choice_without_its_markers_says_why(study, recording):
-    few = {name: points for name, points in recording.positions.items() if name != "XIPHOID"}
-    lift, settings = analysed(study, replace(recording, positions=few))
+    lift, settings = analysed(study, without(recording, "XIPHOID"))
     rows = model_spread(lift, study[1], settings).set_index("choice")
     assert "no centre of mass of thorax, abdomen" in rows.loc["de_leva_male, inner", "note"]
     assert any("de_leva_male, inner: not possible" in line for line in spread_lines(rows.reset_index()))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lifting_cases import ATHLETE
+from lifting_cases import ATHLETE, without
 
 from lumbar.lifting.movement.centre_of_mass import whole_body_centre
 from lumbar.lifting.movement.lift import analyse_lift
@@ -116,9 +116,7 @@ def test_a_person_beside_the_plates_is_not_compared(lift):
 
 
 def test_a_body_without_arms_is_not_compared_and_without_plates_nothing_is_said(lift):
-    recording = bouncing()
-    few = {name: points for name, points in recording.positions.items() if "WRIST" not in name}
-    armless = lift_of(replace(recording, positions=few))
+    armless = lift_of(without(bouncing(), "WRIST"))
     assert check(armless, plate(lift)).findings == ("not compared: no L_WRIST, R_WRIST",)
     assert check_against_plates(lift[0], [], *lift[1:]) is None
 

@@ -7,9 +7,10 @@ import pytest
 from lifting_cases import true_recording
 from scipy.spatial.transform import Rotation
 
+from lumbar.lifting.movement.gaps import fill_gaps
 from lumbar.lifting.movement.joint_centres import trunk_points
 from lumbar.lifting.movement.rigid_filling import body_shape, fill_from_body, fill_rigid, fit_shape
-from lumbar.records.markers import read_markers
+from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 
 RATE = 100.0
@@ -55,16 +56,6 @@ def test_a_rigid_body_is_restored_exactly(gap):
     assert gaps[0].method == "rigid body: box, shape from this recording, 0.0 mm"
 
 
-def test_a_static_trial_gives_the_shape_that_the_recording_never_shows():
-    points = moving()
-    always = hidden(points, "C", slice(0, 300))
-    assert body_shape(always, LABELS, "this recording") is None
-    standing = {label: values[:5] for label, values in points.items()}
-    shape = body_shape(standing, LABELS, "the static trial")
-    filled, _ = fill_rigid(always, RATE, 0.0, shape, "box", 0.2)
-    np.testing.assert_allclose(filled["C"], points["C"], atol=1e-10)
-
-
 def test_the_error_at_the_edges_is_spread_over_the_gap():
     """A marker that slid by 1 cm since the shape was taken comes back without a jump."""
     points = moving()
@@ -98,9 +89,6 @@ def test_markers_on_one_line_do_not_tell_how_the_body_turns():
 
 def test_a_corner_hidden_for_a_second_of_a_real_box_comes_back_within_5_mm(shared):
     """A spline through the same gap is off by ten times as much: the box is swung onto a shelf meanwhile."""
-    from lumbar.lifting.movement.gaps import fill_gaps
-    from lumbar.records.markers import MarkerRecording
-
     file = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
     recording = read_markers(file, MarkerLayout(forward="-x", check_axes=False))
     box = [f"{place}_{side}" for place in ("gauche", "droite") for side in ("ext", "int")]

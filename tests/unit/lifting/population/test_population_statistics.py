@@ -172,17 +172,6 @@ def test_trials_counted_as_people_raise_false_alarms():
     assert pooled > 0.15 * 200 and 0.02 * 200 <= clustered <= 0.08 * 200
 
 
-@pytest.mark.statistical
-def test_power_is_what_simulated_studies_find():
-    rng = np.random.default_rng(9)
-    persons = persons_needed(1.0, np.sqrt(0.5 + 0.5 / 3))
-    found = [
-        between_groups(draw_group(rng, persons, 3, 0.5, 1.0), draw_group(rng, persons, 3, 0.5)).p_value < 0.05
-        for _ in range(600)
-    ]
-    assert np.mean(found) == pytest.approx(power(1.0, np.sqrt(0.5 + 0.5 / 3), persons), abs=0.04)
-
-
 @pytest.fixture(scope="module")
 def table():
     """Two measures of 5 experts and 4 novices with two boxes, two trials each: one differs, one does not."""

@@ -1,8 +1,8 @@
-"""The three-link body against Lagrange's equations derived symbolically, energy, and momentum."""
+"""The three-link body against Lagrange's equations derived symbolically, and momentum."""
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+import sympy as sp
 
 from lumbar.lifting.pushes.body import (
     GRAVITY,
@@ -10,7 +10,6 @@ from lumbar.lifting.pushes.body import (
     centre_of_mass,
     centre_of_pressure,
     centrifugal,
-    energy,
     ground_force,
     inverse_dynamics,
     mass_matrix,
@@ -33,8 +32,6 @@ def bodies():
 @pytest.fixture(scope="module")
 def lagrangian():
     """Generalised forces Q(θ, θ̇, θ̈), and those of a force on the trunk, from kinetic and potential energy."""
-    import sympy as sp
-
     t = sp.symbols("t")
     q = [sp.Function(f"q{i}")(t) for i in range(3)]
     joint, points = sp.zeros(2, 1), []
@@ -111,19 +108,3 @@ def test_pressure_under_the_feet_balances_momentum(bodies):
         bodies, ANGLE, push, height
     ).sum(axis=0)
     assert centre_of_pressure(bodies, driven, *found)[0] == pytest.approx(pressure, rel=1e-5)
-
-
-def test_a_body_without_torques_keeps_its_energy(bodies):
-    def slope(_, state):
-        angle, rate = state[:3, None], state[3:, None]
-        (acceleration,) = solve(
-            mass_matrix(bodies, angle), weight_torque(bodies, angle) - centrifugal(bodies, angle, rate)
-        )
-        return np.concatenate([rate[:, 0], acceleration[:, 0]])
-
-    swing = solve_ivp(
-        slope, (0, 1.5), np.concatenate([ANGLE, RATE])[:, 0], method="DOP853", rtol=1e-9, atol=1e-9
-    ).y
-    found = energy(bodies.take(np.zeros(swing.shape[1], dtype=int)), swing[:3], swing[3:])
-    assert np.ptp(swing[0]) > 1
-    assert found == pytest.approx(found[0], rel=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from quality_corruptions import CORRUPTIONS, Trunk, changed, corrupted, exchanged
 
-from lumbar.lifting.quality.gate import examine, mask_findings
+from lumbar.lifting.quality.gate import examine
 from lumbar.lifting.quality.landmarks import side_pairs
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
@@ -118,16 +118,6 @@ def test_lengths_of_the_body_are_compared_with_the_stature(recordings, height_m,
     assert [finding.kind for finding in findings] == kinds
 
 
-def test_what_is_left_out_is_hidden_and_nothing_else(recordings):
-    recording, _ = recordings("ktk_pig_com_oracle/gait.c3d")
-    frames = slice(100, 150)
-    spoilt = changed(recording.positions, "C7", frames, recording["C7"][100])
-    cleaned = mask_findings(spoilt, examine(spoilt, recording.time, recording.rate))
-    assert np.isnan(cleaned["C7"][frames]).all()
-    assert np.array_equal(cleaned["C7"][:100], recording["C7"][:100])
-    assert all(cleaned[label] is spoilt[label] for label in spoilt if label != "C7")
-
-
 def test_a_box_that_stands_in_a_coarse_file_is_not_frozen():
     """Numbers of one millimetre repeat while nothing moves, as integers of a C3D file do."""
     frames = np.arange(400)
@@ -140,16 +130,10 @@ def test_a_box_that_stands_in_a_coarse_file_is_not_frozen():
     assert [f for f in examine(points, frames / 100, 100.0) if f.kind == "frozen"] == []
 
 
-@pytest.fixture(scope="module")
-def walk(shared):
-    path = shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d"
-    recording = read_markers(path, MarkerLayout(check_axes=False))
-    return recording.positions, recording.time, recording.rate
-
-
-def test_both_legs_that_change_sides_during_a_walk_are_named_pair_by_pair_and_from_the_frame_on(walk):
+def test_both_legs_that_change_sides_during_a_walk_are_named_pair_by_pair_and_from_the_frame_on(recordings):
     """All leap at once, each to where its fellow was and near to where others were."""
-    points, time, rate = walk
+    walk, _ = recordings("ktk_pig_com_oracle/gait.c3d")
+    points, time, rate = walk.positions, walk.time, walk.rate
     pairs = [(f"L{part}", f"R{part}") for part in ("THI", "KNE", "TIB", "ANK", "HEE", "TOE")]
     spoilt = {label: positions.copy() for label, positions in points.items()}
     for left, right in pairs:
@@ -160,8 +144,9 @@ def test_both_legs_that_change_sides_during_a_walk_are_named_pair_by_pair_and_fr
     assert {(finding.first_frame, finding.frames.stop) for finding in found} == {(200, len(time))}
 
 
-def test_noise_of_all_markers_is_one_finding(walk):
-    points, time, rate = walk
+def test_noise_of_all_markers_is_one_finding(recordings):
+    walk, _ = recordings("ktk_pig_com_oracle/gait.c3d")
+    points, time, rate = walk.positions, walk.time, walk.rate
     rng = np.random.default_rng(0)
     (found,) = examine({k: v + rng.normal(0, 5e-3, v.shape) for k, v in points.items()}, time, rate)
     assert (found.kind, found.markers) == ("jitter", ())

@@ -7,6 +7,7 @@ import pytest
 from quality_corruptions import changed
 
 import lumbar
+from column_files import write_columns
 from lumbar.base.errors import InputError
 from lumbar.lifting.quality.sheet import quality_table
 from lumbar.records.markers import read_markers
@@ -69,11 +70,8 @@ def test_the_command_prints_draws_and_names_files_that_cannot_be_read(lift_file,
 
 
 def test_a_record_of_force_and_position_is_sent_to_the_doctor(tmp_path):
-    rows = [
-        "time_s,position_mm,force_N",
-        *(f"{i / 100},{np.sin(i / 9):.5f},{np.cos(i / 7):.5f}" for i in range(300)),
-    ]
-    (tmp_path / "record.csv").write_text("\n".join(rows))
+    n = np.arange(300)
+    write_columns(tmp_path / "record.csv", time_s=n / 100, position_mm=np.sin(n / 9), force_N=np.cos(n / 7))
     with pytest.raises(InputError, match=r"lumbar doctor .* examines records"):
         lumbar.inspect(tmp_path / "record.csv")
 

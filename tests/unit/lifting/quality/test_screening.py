@@ -1,6 +1,8 @@
 """A trial with a silent corruption is stopped with one sentence, or goes on without the stretch and says so."""
 
 import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +10,10 @@ from quality_corruptions import changed, exchanged
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.lifting.quality.screening import Screening
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.plain import from_plain
 from lumbar.twin.lifting_recordings import write_markers
 from study_settings import study_settings, subject_settings
 
@@ -29,8 +33,6 @@ def lift_of(tmp_path):
     """Write markers and analyse them as the expert's lift."""
 
     def analyse(markers, rate=RATE, **layout):
-        from dataclasses import replace
-
         path = tmp_path / "expert_23kg.c3d"
         write_markers(path, markers, rate, subject="expert")
         settings = study_settings().lifting
@@ -68,6 +70,7 @@ def test_a_short_freeze_becomes_a_gap_that_is_filled_and_reported(points, lift_o
     assert [gap.outcome for gap in found.analysed.gaps if (gap.marker, gap.first_frame) == ("C7", start)] == [
         "filled"
     ]
+    assert {gap.marker for gap in found.analysed.gaps if gap.first_frame == start} == {"C7"}
     assert "left out: frozen: C7, " in str(found)
     found.save(tmp_path / "out")
     sheet = json.loads((tmp_path / "out" / "quality.json").read_text())
@@ -88,15 +91,10 @@ def test_labels_exchanged_throughout_are_proposed_and_an_alias_mends_them(points
     assert mended.states.equals(lift_of(points).states)
 
 
-def test_an_exchange_inside_rules_is_mended_through_the_reader(shared, project):
+def test_an_exchange_inside_rules_is_mended_through_the_reader(shared):
     """The study's own aliases with T1 and T10 in each other's place fill C7 and T12 of the file so exchanged."""
-    from dataclasses import replace
-
-    from lumbar.lifting.quality.screening import Screening
-    from lumbar.study.load_study import load_settings
-
     path = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
-    layout = load_settings(project / "config" / "studies" / "box_transfer.yaml").lifting.markers
+    layout = study_settings("studies/box_transfer.yaml").lifting.markers
     sound = read_markers(path, layout)
     exchange = {"T1": "T10", "T10": "T1"}
     aliases = {
@@ -117,8 +115,6 @@ def test_an_exchange_inside_rules_is_mended_through_the_reader(shared, project):
 
 
 def test_every_kind_of_finding_is_explained(project):
-    import re
-
     library = project / "workflow" / "lumbar"
     sources = [
         *(library / "lifting" / "quality").glob("*.py"),
@@ -155,8 +151,6 @@ def test_what_the_checks_leave_out_of_the_deposit_is_no_gap_to_be_filled(points,
 
 
 def test_a_finding_concerns_what_follows_from_its_marker_by_a_rule(points, lift_of):
-    from lumbar.settings.plain import from_plain
-
     rules = from_plain(
         MarkerLayout, {"aliases": {"L5": {"between": ["T12", "SACRUM"], "share": 0.7}}}
     ).aliases

@@ -21,30 +21,21 @@ from lumbar.lifting.stability.model.trajectories import (
     trajectories_of_lift,
 )
 from lumbar.publishing.figures.stability_figures import figure_4_3, shown_lift
-from lumbar.settings.plain import from_plain
 from lumbar.settings.stability import StabilitySettings
 from study_settings import changed
 
-SETTINGS = from_plain(
-    StabilitySettings,
-    {
-        "pendulum": {"sign": "hanging", "mass": "with_box", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},
-        "regulator": {
-            "state_weight": [[1.0, 0.0], [0.0, 0.1]],
-            "control_weight": 1e-3,
-            "terminal_weight": [[100.0, 0.0], [0.0, 10.0]],
-        },
-        "goal_level": 1.0,
-        "knots": 201,
-        "checks": ["simulation", "thesis_method", "sum_of_squares", "proof"],
-        "proof": {"margin_1_s": 0.05},
-        "sum_of_squares": {"degree": 3, "knots": 5, "margin_1_s": 2e-5},
-        "thesis_method": {"knots": 5, "initial_level": 1.0, "ratio": 0.8, "alternations": 2},
-        "attack": {"starts": 400, "control_overstated": 0.3},
-        "limits": {"mass_share": 0.05, "knots": 101, "certified_knots": 5},
-        "lyapunov_shares": [0.0, 1.0],
-        "sensitivity_factor": 2,
-    },
+SETTINGS = changed(
+    StabilitySettings(),
+    pendulum={"sign": "hanging"},
+    regulator={"control_weight": 1e-3},
+    knots=201,
+    checks=["simulation", "thesis_method", "sum_of_squares", "proof"],
+    proof={"margin_1_s": 0.05},
+    sum_of_squares={"degree": 3, "knots": 5},
+    thesis_method={"knots": 5},
+    attack={"starts": 400, "control_overstated": 0.3},
+    limits={"knots": 101, "certified_knots": 5},
+    lyapunov_shares=[0.0, 1.0],
 )
 
 

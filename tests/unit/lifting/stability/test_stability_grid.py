@@ -6,6 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.integrate import quad, solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
 from test_stability_areas import SETTINGS, lift, states_and_facts
 
 from lumbar.base.errors import NumericalError
@@ -89,10 +92,6 @@ def area_from_the_equations(time, angle, mass, length, sign, weights, damping, g
     `time` and `angle` as in ``pendulum.csv``; Riccati equation and level by scipy's adaptive DOP853 and LSODA; the ellipse
     V = ρ by the eigenvectors of S, its maximum by a dense scan and a bounded search.
     """
-    from scipy.integrate import quad, solve_ivp
-    from scipy.interpolate import CubicSpline
-    from scipy.optimize import minimize_scalar
-
     q, r, qf = weights
     inertia, torque = mass * length**2, {"hanging": 1, "inverted": -1}[sign] * mass * gravity * length
     path, end = CubicSpline(time, angle), time[-1]

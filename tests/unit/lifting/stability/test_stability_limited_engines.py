@@ -83,17 +83,6 @@ def test_certified_area_is_the_exact_one(kind, sign, box):
     assert monte_carlo_check(loops, exact.negative_control, 500, [1], disturbance).exits[0] > 0
 
 
-@pytest.mark.parametrize("saturation", [Saturation(5.0), Saturation(mass_share=0.5)])
-def test_no_basin_left_is_named_by_every_engine(saturation):
-    loops = regulate(pendulums_of([minimum_jerk()], "inverted", knots=161), WEIGHTS)
-    for engine in (
-        saturated_funnels,
-        lambda *given: certified_funnels(given[0], given[1], 5, 21, 2e-5, given[2]),
-    ):
-        with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, flexion_extension \(inverted\): "):
-            engine(loops, 1e-3, saturation)
-
-
 def test_limits_of_their_own_in_one_batch_are_those_of_each_by_itself():
     """Areas and certificates of three pendulums at once, and of each alone; the last one's limit never binds."""
     items = [minimum_jerk(start=start, end=0.0, mass=33.0) for start in (0.2, 0.25, 0.1)]

@@ -16,22 +16,11 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
     relative_value,
     trials_table,
 )
-from lumbar.settings.plain import from_plain
 from lumbar.settings.stability import StabilitySettings
+from study_settings import changed
 
 SETTINGS = perturbation_settings(unperturbed=("u0", "u1", "u2", "u3"), perturbed=("far", "near"))
-STABILITY = from_plain(
-    StabilitySettings,
-    {
-        "pendulum": {"sign": "hanging", "damping_N_m_s": 1.0, "gravity_m_s2": 9.81},
-        "regulator": {
-            "state_weight": [[1.0, 0.0], [0.0, 0.1]],
-            "control_weight": 0.03,
-            "terminal_weight": [[100.0, 0.0], [0.0, 10.0]],
-        },
-        "goal_level": 1.0,
-    },
-)
+STABILITY = changed(StabilitySettings(), pendulum={"sign": "hanging"}, regulator={"control_weight": 0.03})
 
 
 def trial(name, group, offset=0.0):

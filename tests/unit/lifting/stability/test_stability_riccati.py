@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
-from lifting_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
+from lifting_cases import GRAVITY, WEIGHTS, full, minimum_jerk, pendulums_of
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.linalg import expm, solve_continuous_are
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque, remainder
@@ -19,14 +22,8 @@ def matrices(pendulums, angle):
     return np.array([[0.0, 1.0], [a21, a22]]), np.array([[0.0], [b2]])
 
 
-def full(entries):
-    return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])
-
-
 def test_small_inertia_is_integrated_implicitly():
     """A grain of 0.1 g: the loop is 10⁵ times as fast as its movement, and S that of the algebraic equation."""
-    from scipy.linalg import solve_continuous_are
-
     still = minimum_jerk(start=0.0, end=0.0, mass=1e-4)
     pendulums = pendulums_of([still], "inverted", knots=101)
     a, b = matrices(pendulums, 0.0)
@@ -38,8 +35,6 @@ def test_small_inertia_is_integrated_implicitly():
 
 @pytest.mark.parametrize("sign", ["hanging", "inverted"])
 def test_transient_is_the_hamiltonian_flow(sign):
-    from scipy.linalg import expm
-
     pendulums = pendulums_of([minimum_jerk(start=0.3, end=0.3)], sign, knots=101)
     a, b = matrices(pendulums, 0.3)
     hamiltonian = np.block([[a, -b @ b.T / WEIGHTS.control], [-full(WEIGHTS.state), -a.T]])
@@ -64,9 +59,7 @@ def test_euler_blows_up_where_the_accurate_solution_does_not():
     light = minimum_jerk(mass=2.0, length=0.12, duration=2.0)
     pendulums = pendulums_of([light], "hanging", knots=60)
     assert (determinant(cost_to_go(pendulums, WEIGHTS)) > 0).all()
-    with pytest.raises(
-        NumericalError, match=r"expert 23 kg, abdomen, flexion_extension.*not positive definite"
-    ):
+    with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, flexion_ext.*not positive definite"):
         cost_to_go_euler(pendulums, WEIGHTS)
 
 
@@ -88,9 +81,6 @@ def test_inadmissible_weights_are_named(state, control, terminal, message):
 @pytest.mark.parametrize("sign", ["hanging", "inverted"])
 def test_feedforward_keeps_the_reference(sign):
     """Driven by u0 alone, the pendulum of Eq. 4.1 stays on the reference it was computed from."""
-    from scipy.integrate import solve_ivp
-    from scipy.interpolate import CubicSpline
-
     item = minimum_jerk(duration=0.6)
     torque = CubicSpline(item.time, feedforward_torque(item, sign, 2.0, GRAVITY))
     direction = {"hanging": 1, "inverted": -1}[sign]

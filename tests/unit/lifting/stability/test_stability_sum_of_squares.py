@@ -21,7 +21,7 @@ from lumbar.lifting.stability.programme.polynomials import (
     growth_polynomial,
     monomials,
 )
-from lumbar.lifting.stability.programme.sum_of_squares import Certificate, SumOfSquares
+from lumbar.lifting.stability.programme.sum_of_squares import Certificate, CircleProgramme, SumOfSquares
 
 C = (np.sqrt(13) - 1) / 6
 """Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""
@@ -60,9 +60,10 @@ def test_certified_rate_is_the_maximum_on_the_circle(degree, terms, maximum):
     assert rate == pytest.approx(maximum, abs=1e-6)
 
 
-def test_status_other_than_solved_is_no_result():
+@pytest.mark.parametrize("solve", [Certificate(3).solve, CircleProgramme(3).rate])
+def test_status_other_than_solved_is_no_result(solve):
     with pytest.raises(NumericalError, match="somebody: the sum-of-squares programme ended as"):
-        Certificate(3).solve(np.full(len(monomials(4)), np.nan), "somebody")
+        solve(np.full(len(monomials(4)), np.nan), "somebody")
 
 
 SETTINGS = {"knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}

@@ -116,12 +116,6 @@ def centre_of_mass(bodies: Bodies, angle: np.ndarray, rate: np.ndarray) -> tuple
     )
 
 
-def energy(bodies: Bodies, angle: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Return kinetic and potential energy together in J, zero at the ankles' height, shape (bodies,)."""
-    kinetic = 0.5 * np.einsum("in,ijn,jn->n", rate, mass_matrix(bodies, angle), rate)
-    return kinetic + GRAVITY * (bodies.first_moment * np.cos(angle)).sum(axis=0)
-
-
 def ground_force(bodies: Bodies, angle, rate, acceleration, push=0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return the ground's horizontal and vertical force on the feet in N, each of shape (bodies,).
 
