@@ -1,13 +1,16 @@
 """The code that README and pages show: Python runs, commands and targets are understood."""
 
+import json
 import re
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from column_files import write_columns, write_records
 from generate.thesis_items import DOCS
-from lumbar.cli.command import COMMANDS, build_parser
+from lumbar.cli.command import COMMANDS, build_parser, main
 from lumbar.twin.examples import example_lift, example_records
 
 PROJECT = DOCS.parent
@@ -75,24 +78,15 @@ def test_targets_and_files_of_commands_are_there(program):
 def workplace(tmp_path, monkeypatch):
     """A folder with what the pages' Python names: recordings, a lift, ratings of groups, the project's configuration."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "recordings").mkdir()
     (tmp_path / "config").symlink_to(PROJECT / "config")
-    for record in example_records():
-        rows = np.column_stack([record.time, record["input"], record["output"]])
-        for name in ["multisine"] if record.name == "multisine" else ["chirp", "noise"]:
-            path = tmp_path / "recordings" / f"{name}.csv"
-            np.savetxt(path, rows, "%.8f", ",", header="time_s,position_mm,force_N", comments="")
+    multisine, other = example_records()
+    named = (multisine, *(replace(other, name=name) for name in ("chirp", "noise")))
+    write_records(tmp_path / "recordings", named, "%.8f")
     example_lift(tmp_path / "expert_23kg.c3d")
     example_lift(tmp_path / "trial.c3d")
-    counts = np.column_stack([np.arange(600) / 200, rows[:600, 1] * 100, rows[:600, 2] / 35.15])
-    np.savetxt(
-        tmp_path / "counts.csv",
-        counts,
-        "%.6f",
-        ",",
-        header="time [s],encoder [counts],torque transducer [V]",
-        comments="",
-    )
+    position, force = (other[role][:600] for role in ("input", "output"))
+    counts = {"time [s]": np.arange(600) / 200, "encoder [counts]": 100 * position}
+    write_columns(tmp_path / "counts.csv", "%.6f", **counts, **{"torque transducer [V]": force / 35.15})
     generator = np.random.default_rng(1)
     people = [
         f"p{number},{group},23,margin,all,{generator.normal():.4f},m,higher"
@@ -126,3 +120,27 @@ def test_python_of_every_page_is_python():
         for block in blocks(page, "python"):
             if not block.startswith("rule "):
                 compile(block, name, "exec")
+
+
+LOOP = ("compare", "locate", "refine", "export")
+LOOPS = [("docs/index.md", "FOLDER"), ("docs/tissue/tutorial.md", "results/thesis/twin/two_hidden_effects")]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("page", "folder"), LOOPS)
+def test_the_loop_of_a_page_runs_as_it_stands(page, folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_records(tmp_path / folder, example_records(), "%.8f")
+    loop = [shlex.split(line, comments=True)[1:] for name, line in LUMBAR if name == page]
+    loop = [command for command in loop if command[0] in LOOP]
+    assert {command[0] for command in loop} == set(LOOP)
+    for command in loop:
+        assert main([*command, *(["--target", "host"] if command[0] == "export" else [])]) == 0
+        told = capsys.readouterr().out
+        if command[0] == "refine":
+            assert f"+ {command[-3]}: " in told and "\nNoise floor: " in told and "\nVerdict: " in told
+        assert command[0] != "locate" or told.startswith("All 2 records: ")
+    assert (tmp_path / "out" / "ladder.svg").is_file()
+    models = json.loads((tmp_path / "out" / "refined.json").read_text(encoding="utf-8"))["models"]
+    made = {path.name for path in (tmp_path / "fmu").iterdir()}
+    assert made == {f"{models[-1]['name']}_fmi{version}.fmu" for version in (2, 3)}
