@@ -52,17 +52,21 @@ def test_a_path_is_meant_from_where_one_works(tmp_path, monkeypatch):
         assert read(Path("a")) == name
 
 
-def test_it_holds_its_forks_to_the_limits(tmp_path):
+@pytest.mark.parametrize("opens", [True, False])
+def test_it_holds_its_forks_to_the_limits(tmp_path, opens):
+    """One that opens its own file, and one that waits and opens none."""
     if not landlock.version():
         pytest.skip("this kernel has no Landlock")
     (tmp_path / "a").write_text("a")
     (tmp_path / "b").write_text("b")
-    with pytest.raises(InputError, match=r"b: broken: its reader stopped at PermissionError"):
-        confined.confined(partial(Path.read_text, tmp_path / "a"), tmp_path / "b", 5)
+    parsed = tmp_path / ("b" if opens else "a")
+    with pytest.raises(InputError, match=rf"{parsed.name}: broken: its reader stopped at PermissionError"):
+        confined.confined(partial(Path.read_text, tmp_path / "a"), parsed, 5, opens=opens)
     with pytest.raises(InputError, match="more memory than a reader has"):
-        confined.confined(partial(np.ones, 80_000_000), tmp_path / "a", 5)
+        confined.confined(partial(np.ones, 80_000_000), tmp_path / "a", 5, opens=opens)
     with pytest.raises(InputError, match="SIGABRT"):
-        confined.confined(os.abort, tmp_path / "a", 5)
+        confined.confined(os.abort, tmp_path / "a", 5, opens=opens)
+    assert confined.confined(partial(str, b"1 2", "utf-8"), tmp_path / "a", 5, opens=opens) == "1 2"
 
 
 def test_one_that_ended_is_replaced(tmp_path):
@@ -100,17 +104,6 @@ def test_it_ends_with_its_process(project):
 
 def asked_without_a_file(parse, path):
     return confined.confined(parse, path, 5, opens=False)
-
-
-def test_a_fork_that_waits_opens_no_file(tmp_path):
-    if not landlock.version():
-        pytest.skip("this kernel has no Landlock")
-    (tmp_path / "a").write_text("a")
-    assert asked_without_a_file(partial(str, b"1 2", "utf-8"), tmp_path / "a") == "1 2"
-    with pytest.raises(InputError, match=r"a: broken: its reader stopped at PermissionError"):
-        asked_without_a_file(partial(Path.read_text, tmp_path / "a"), tmp_path / "a")
-    with pytest.raises(InputError, match="more memory than a reader has"):
-        asked_without_a_file(partial(np.ones, 80_000_000), tmp_path / "a")
 
 
 def forks(template: int) -> list[int]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lumbar.base.errors import InputError, Problems, user_message
+from refusing import refusal
 
 
 def test_all_problems_stand_in_one_message():
@@ -15,9 +16,7 @@ def test_all_problems_stand_in_one_message():
     other = Problems("other.yaml")
     other.add("key", "wrong")
     problems.extend(other)
-    with pytest.raises(InputError) as caught:
-        problems.raise_if_any()
-    assert str(caught.value).splitlines() == [
+    assert refusal(problems.raise_if_any).splitlines() == [
         "trial.csv: 3 problems",
         "  - line 4: force is 'abc'; a number is needed",
         "  - no end",

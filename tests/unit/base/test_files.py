@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lumbar.base.errors import InputError, NumericalError, user_message
@@ -76,8 +77,6 @@ def test_broken_json_names_file_and_line(tmp_path):
 
 
 def test_csv_keeps_full_precision(tmp_path):
-    import pandas as pd
-
     path = tmp_path / "frame.csv"
     values = [0.1 + 0.2, 1e-300, -1 / 3]
     write_csv(path, pd.DataFrame({"x": values}))

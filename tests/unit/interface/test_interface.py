@@ -19,6 +19,7 @@ from lumbar.settings.signals import SignalsSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import BootstrapSettings, TissueSettings
 from lumbar.twin.examples import example_records
+from refusing import refusal
 from running import python
 
 
@@ -51,17 +52,10 @@ def test_import_loads_nothing_that_a_verb_needs_later():
     assert python("-c", script).strip() == ""
 
 
-@pytest.mark.parametrize("name", lumbar.__all__)
-def test_every_verb_is_there_with_its_parameters_and_result(name):
-    verb = getattr(lumbar, name)
-    assert verb.__name__ == name
-    assert verb.__doc__
-    assert name in dir(lumbar)
-
-
 def test_the_stub_offers_what_the_package_does(project):
     stub = (project / "workflow/lumbar/__init__.pyi").read_text()
     assert all(f"{name} as {name}" in stub for name in lumbar.__all__)
+    assert set(lumbar.__all__) <= set(dir(lumbar))
 
 
 def test_records_are_found_by_name_and_number(records):
@@ -145,12 +139,6 @@ def test_any_model_is_compared_with_records(diagnosis, records):
         identified["KBB"]
 
 
-def test_a_model_from_a_file_simulates_as_the_one_that_was_saved(diagnosis, records, tmp_path):
-    diagnosis.save(tmp_path, pictures=False)
-    loaded = lumbar.load_models(tmp_path / "refined.json")[-1]
-    assert np.allclose(loaded.simulate(records[1]), diagnosis.model.simulate(records[1]), rtol=1e-12)
-
-
 @pytest.mark.parametrize("lost", ["evidence", "page"])
 def test_the_verdict_is_written_before_what_may_fail_beside_it(diagnosis, tmp_path, monkeypatch, lost):
     def fails(*arguments, **keywords):
@@ -202,10 +190,7 @@ def test_settings_made_in_python_are_checked_as_those_of_a_file(records, given, 
 
 def test_one_model_is_compared_at_a_time(records):
     for verb in (lumbar.compare, lumbar.locate):
-        with pytest.raises(
-            InputError, match=r"an object of class list: give one model, e\.g\. identification"
-        ):
-            verb(records, [])
+        assert "an object of class list: give one model, e.g. identification" in refusal(verb, records, [])
 
 
 def test_data_are_called_after_their_files_where_nothing_is_said(records, folder, diagnosis, tmp_path):

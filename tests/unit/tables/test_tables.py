@@ -75,22 +75,19 @@ def test_page_needs_nothing_from_outside_and_escapes_text():
     assert "Data: synthetic twin" in page
 
 
-def test_columns_need_definitions():
-    with pytest.raises(ValueError, match="value_N"):
-        made(definitions={"model": "Name", "p": "p"})
-
-
-@pytest.mark.parametrize("bad", [math.nan, None])
-def test_missing_values_are_refused_where_not_announced(bad):
-    frame = pd.DataFrame({"model": ["A", "B"], "value_N": [1.0, bad], "p": [0.1, 0.2]})
-    with pytest.raises(NumericalError, match="value_N, row 2"):
-        made(frame=frame)
-
-
-def test_infinite_values_are_refused_everywhere():
-    frame = pd.DataFrame({"model": ["A", "B"], "value_N": [1.0, 2.0], "p": [0.1, math.inf]})
-    with pytest.raises(NumericalError, match="inf in column p, row 2"):
-        made(frame=frame)
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"definitions": {"model": "Name", "p": "p"}}, ValueError, "value_N"),
+        ({"value_N": [1.0, math.nan]}, NumericalError, "value_N, row 2"),
+        ({"value_N": [1.0, None]}, NumericalError, "value_N, row 2"),
+        ({"p": [0.1, math.inf]}, NumericalError, "inf in column p, row 2"),
+    ],
+)
+def test_columns_need_definitions_and_values_where_none_may_be_missing(change, error, words):
+    changes = change if "definitions" in change else {"frame": made().frame.assign(**change)}
+    with pytest.raises(error, match=words):
+        made(**changes)
 
 
 def test_an_empty_table_can_be_written(tmp_path):
