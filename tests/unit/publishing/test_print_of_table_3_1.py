@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from periodic_records import record
 
 from lumbar.publishing.reproduction.table_3_1_experiments import (
     EXPERIMENTS,
@@ -18,7 +19,6 @@ from lumbar.publishing.reproduction.table_cells import (
     impossible_mru,
     least_mru,
 )
-from lumbar.records.record import Channel, Record
 from lumbar.settings.plain import from_plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.twin import SyntheticTissueSettings
@@ -82,27 +82,14 @@ def test_noise_of_the_twin_has_its_size_its_correlation_and_its_delay():
 def experiments(project):
     settings = from_plain(StudySettings, {"study": "quick", **QUICK})
     played = design_excitation(5.0, settings.signals, settings.seed).signals
-    records = [
-        Record(
-            signal.name,
-            signal.time,
-            {
-                "input": Channel(signal.position, "position", "mm"),
-                "output": Channel(
-                    tissue_test(
-                        signal.time, signal.position, settings.twin.tissue, settings.twin.seed, number
-                    ),
-                    "force",
-                    "N",
-                ),
-            },
-        )
-        for number, signal in enumerate(played)
-    ]
+    records = []
+    for number, signal in enumerate(played):
+        force = tissue_test(signal.time, signal.position, settings.twin.tissue, settings.twin.seed, number)
+        records.append(record(signal.position, force, signal.name))
     models = []
-    for record in records:
-        tests = [other for other in records if other is not record]
-        models += identify(record, tests, settings.tissue, settings.seed)[0]
+    for one in records:
+        tests = [other for other in records if other is not one]
+        models += identify(one, tests, settings.tissue, settings.seed)[0]
     here = table_3_1(models, settings.tissue, "x").frame
     printed = pd.read_csv(project / "resources" / "thesis" / "table_3_1.csv")
     return table_3_1_experiments(printed, here, settings, 5.0, "synthetic twin")

@@ -8,12 +8,9 @@ import subprocess
 
 import numpy as np
 import pytest
-from bokeh.models import ColumnDataSource
-from bokeh.plotting import figure as empty_figure
 
 import lumbar
 from lumbar.base.templates import template
-from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
 from lumbar.publishing.explorer.push import pushed_models
 from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.twin.examples import example_records
@@ -73,18 +70,3 @@ def test_page_holds_what_is_played():
         token = re.search('instantiationToken="([^"]*)"', model["description"])[1]
         assert token.encode() in base64.b64decode(model["library"])
     assert 'id="push"' in text and 'id="push"' not in diagnosis.page(thesis=False).to_html()
-
-
-def test_numbering_leaves_data_alone():
-    # What base64 of a picture's numbers may hold by chance.
-    words = ["+p12345/", "a 01234567-0123-0123-0123-0123456789ab b"]
-
-    def fill(document):
-        picture = empty_figure()
-        picture.text("x", "y", "word", source=ColumnDataSource({"x": [0, 1], "y": [0, 1], "word": words}))
-        document.add_root(picture)
-
-    variables = {"title": "t", "data": "", "content": {}}
-    text = one_file(embedded_pictures(fill), "publishing/explorer/shell.html.jinja", variables)
-    assert all(word in text for word in words)
-    assert not re.search(r'"p\d{4,}"', text)
