@@ -29,17 +29,6 @@ EFFECTS = (
     "inertia", "disturbance", "thinning",
 )  # fmt: skip
 NOISES = ("white", "ar1", "pink", "hum", "spikes", "coarse")
-FAULTS = (
-    "noise",
-    "low_passed_noise",
-    "steps",
-    "jitter",
-    "shared_jitter",
-    "skew",
-    "dropped",
-    "held",
-    "held_force",
-)
 
 
 def _multisine(rng, time, period, highest):
@@ -152,7 +141,7 @@ def tissue_record(
     size: float = 0.0,
     quiet: float = 0.02,
 ) -> Record:
-    """One record, of `MOTIONS`, `EFFECTS`, `NOISES` and `FAULTS`; no fault where empty.
+    """One record, of `MOTIONS`, `EFFECTS` and `NOISES`; no fault where empty.
 
     `highest` frequency of the motion and `rate` are in Hz; `size` is the fault's: mm RMS, mm, s RMS, ratio of the clocks less
     one, or share of the samples; `quiet` the noise of the force, in its RMS.

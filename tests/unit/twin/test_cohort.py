@@ -29,13 +29,8 @@ SEED = 45
 
 
 @pytest.fixture(scope="module")
-def settings():
-    return study_settings("studies/cohort.yaml").twin.lifting
-
-
-@pytest.fixture(scope="module")
-def cohort(settings):
-    return settings.cohort
+def cohort():
+    return study_settings("studies/cohort.yaml").twin.lifting.cohort
 
 
 def with_persons(cohort, count, **changes):

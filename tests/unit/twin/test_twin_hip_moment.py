@@ -3,10 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from pendulum_experiments import records_of
 
 import lumbar
 from lumbar.settings.stability import PendulumSettings, StabilitySettings
 from lumbar.settings.study_settings import StudySettings
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.twin.lifting_recordings import write_lift, write_trials
 from study_settings import changed, study_settings
 
@@ -58,19 +61,20 @@ def test_other_effects_can_be_hidden(twin, tmp_path):
     assert found == pytest.approx([inertia, 8.0, -gravity, 5.0], rel=0.02)
 
 
+def trials_of(twin, names, folder, *gravity):
+    """Records of trials that are written as the default study does."""
+    tables = {}
+    for name in names:
+        write_trials(twin, [name], [folder / f"{name}.csv"], [45, 3], *gravity)
+        table = pd.read_csv(folder / f"{name}.csv")
+        tables[name] = {key: table[key].to_numpy() for key in table}
+    return records_of(tables)
+
+
 def test_the_default_study_weighs_the_box(twin, tmp_path):
     """Diagnosed as a study would: the twin's truth is read by the assertions only."""
-    from pendulum_experiments import records_of
-
-    from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-    from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-
-    trials = {}
-    for name in twin.hip_moment.trials:
-        write_trials(twin, [name], [tmp_path / f"{name}.csv"], [45, 3])
-        table = pd.read_csv(tmp_path / f"{name}.csv")
-        trials[name] = {key: table[key].to_numpy() for key in table}
-    diagnosis = diagnose(records_of(trials), DiagnosisSettings(base="pendulum"))
+    records = trials_of(twin, twin.hip_moment.trials, tmp_path)
+    diagnosis = diagnose(records, DiagnosisSettings(base="pendulum"))
     assert (diagnosis.verdict, diagnosis.selected) == ("named", ("hand_load",))
     assert diagnosis.complete
     assert diagnosis.experiment.training.name == "paced"
@@ -92,15 +96,8 @@ def test_the_default_study_weighs_the_box(twin, tmp_path):
 
 def test_a_study_elsewhere_weighs_the_box_by_its_own_gravity(twin, tmp_path):
     """On Mars: the effects, the file of the model and what is read from it have the study's gravity."""
-    from pendulum_experiments import records_of
-
-    names, mars = ["paced", "fast"], 3.71
-    trials = {}
-    for name in names:
-        write_trials(twin, [name], [tmp_path / f"{name}.csv"], [45, 3], mars)
-        table = pd.read_csv(tmp_path / f"{name}.csv")
-        trials[name] = {key: table[key].to_numpy() for key in table}
-    records = records_of(trials)
+    mars = 3.71
+    records = trials_of(twin, ["paced", "fast"], tmp_path, mars)
     there = StudySettings(stability=StabilitySettings(pendulum=PendulumSettings(gravity_m_s2=mars)))
     refined = lumbar.refine(records, ["hand_load"], base="pendulum", train="paced", settings=there)
     box = refined.model["hand_load.box_mass"]

@@ -10,10 +10,9 @@ from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
 from lumbar.settings.tissue import TissueSettings
 from lumbar.settings.twin import SyntheticTissueSettings, TwinSettings
-from lumbar.twin.kelvin_boltzmann import Tissue, kelvin_boltzmann_residual, maxwell_force
 from lumbar.twin.tissue_recordings import play, tissue_force
 from lumbar.twin.tool_motion import chirp_motion, draw_motions
-from lumbar.twin.two_hidden_effects import two_hidden_effects, write_records
+from lumbar.twin.two_hidden_effects import two_hidden_effects
 
 TISSUE = SyntheticTissueSettings(
     k1_N_per_mm=0.4, k2_N_per_mm=3.2, relaxation_s=0.035, cubic_N_per_mm3=0.01, noise_variance_share=0.14
@@ -73,7 +72,6 @@ def test_a_file_that_is_no_signal_is_refused(tmp_path):
         play(tmp_path / "signal.csv", tmp_path / "out.csv", TISSUE, seed=45, number=0)
 
 
-BARE = Tissue(0.5, 1.0, 0.15)
 TWIN = TwinSettings()
 
 
@@ -120,35 +118,3 @@ def test_chirp_sweeps_from_0_1_to_5_hz():
     motion = chirp_motion("chirp", 10.0, 1.0)
     # ∫f dt = 10 (0.1 + 5)/2 = 25.5 turns, so 51 half turns less the one at the very end.
     assert np.count_nonzero(np.diff(np.sign(motion.position[1:]))) == 50
-
-
-def test_maxwell_branch_has_the_complex_stiffness_of_spring_and_dashpot():
-    step, frequency = 0.0005, 5.0
-    time = step * np.arange(40000)
-    force = maxwell_force(np.sin(2 * np.pi * frequency * time), step, 2.0, 0.05)[20000:]
-    found = 2 * np.mean(force * np.exp(-2j * np.pi * frequency * time[20000:])) * 1j
-    s = 2j * np.pi * frequency * 0.05
-    assert found == pytest.approx(2.0 * s / (1 + s), rel=1e-3)
-
-
-def test_kelvin_boltzmann_residual_vanishes_for_such_a_tissue_and_is_orthogonal_otherwise():
-    motion = draw_motions(np.random.default_rng(3), 5.0, 0.0, schroeder=True, periods=2)["multisine"]
-    force = motion.sampled(BARE.force(motion))
-    clean = kelvin_boltzmann_residual(motion, force)
-    assert np.sqrt(np.mean(clean**2)) < 3e-4 * force.std()
-    extra = np.sin(7.31 * motion.sampled(motion.time))
-    left = kelvin_boltzmann_residual(motion, force + extra)
-    assert left @ motion.sampled(motion.position)[50:] == pytest.approx(0.0, abs=1e-6)
-    assert np.sqrt(np.mean(left**2)) == pytest.approx(np.sqrt(0.5), rel=0.02)
-
-
-RECORDED_RMS_N = {"multisine": 1.9992664, "chirp": 3.5947412, "noise": 1.4911021}
-
-
-def test_the_records_of_the_default_study_stay_what_they_are(tmp_path):
-    write_records(tmp_path, two_hidden_effects(TWIN.two_hidden_effects, TWIN.seed))
-    lines = (tmp_path / "multisine.csv").read_text().splitlines()
-    assert lines[0] == "time_s,position_mm,force_N"
-    assert len(lines) == 10001
-    made = {file.stem: np.loadtxt(file, delimiter=",", skiprows=1)[:, 2].std() for file in tmp_path.iterdir()}
-    assert made == pytest.approx(RECORDED_RMS_N, rel=1e-6)
