@@ -1,17 +1,13 @@
 """The judges of the acceptance suites: what is right, what is honest, and what is confidently wrong."""
 
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import acceptance_run
 from answers import Answer, surprise
 from hidden_effects_cases import diagnosis
-from lumbar.records.record import Channel, Record
 
 TESTS = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(TESTS / "hard_effects"), str(TESTS / "real_records")]
@@ -112,22 +108,6 @@ def test_real_records_are_judged_by_names_error_and_parameters(given, judgement)
     assert records.judge(TOOL, 1.0, given)[0] == judgement
 
 
-def test_published_errors_are_pooled_over_records():
-    """Shares of a standard deviation of 2 and 4, over 100 and 300 samples: √((100·0.2² + 300·0.8²)/400)."""
-    measured = [
-        Record(
-            name,
-            np.arange(samples),
-            {"output": Channel(size * np.tile([-1.0, 1.0], samples // 2), "force", "N")},
-        )
-        for name, samples, size in (("one", 100, 2.0), ("two", 300, 4.0))
-    ]
-    expected = replace(TOOL, best_nrmse_percent={"one": 10.0, "two": 20.0})
-    assert expected.published("best", measured) == pytest.approx(0.7)
-    expected = replace(TOOL, scale=1000.0, linear_rms={"one": 3.0})
-    assert expected.published("linear", measured) == pytest.approx(3000)
-
-
 @pytest.mark.parametrize(
     ("judgement", "recorded", "words"),
     [
@@ -144,21 +124,3 @@ def test_an_answer_that_is_not_as_recorded_is_told(judgement, recorded, words):
     told = surprise("case", judgement, "why", recorded)
     assert bool(told) == bool(words)
     assert words in told
-
-
-def started(monkeypatch, folder: Path, *options: str) -> acceptance_run.AcceptanceRun:
-    (folder / "records").mkdir(exist_ok=True)
-    monkeypatch.setattr(acceptance_run, "SHARED", folder)
-    monkeypatch.setattr(sys, "argv", ["run.py", *options])
-    return acceptance_run.AcceptanceRun("", "suite", "records")
-
-
-def test_a_run_keeps_every_answer_and_fails_where_one_is_not_as_recorded(monkeypatch, tmp_path, capsys):
-    run = started(monkeypatch, tmp_path, "--json", str(tmp_path / "answers.json"))
-    run.keep("one", answer("adequate"), "flagged", "weak", "flagged: weak")
-    assert run.end("", []) == 0
-    run.keep("two", Answer(crash="ZeroDivisionError"), "crash", "ZeroDivisionError", "")
-    assert run.end("", []) == 1
-    assert "two was right, and is crash now" in capsys.readouterr().out
-    kept = json.loads((tmp_path / "answers.json").read_text())
-    assert {name: item["judgement"] for name, item in kept.items()} == {"one": "flagged", "two": "crash"}
