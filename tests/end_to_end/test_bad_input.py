@@ -70,24 +70,16 @@ def test_wrong_keys_are_all_named(folder):
     assert nothing_written(folder, "wrong_keys")
 
 
-@pytest.mark.parametrize(
-    ("added", "words"),
-    [
-        ("study: twice\n", "lines 6 and {added}: key 'study' stands twice"),
-        ("survey: [\n", "config/config.yaml, line {after}: not valid YAML: while parsing a flow node"),
-    ],
-)
-def test_faults_of_the_default_files_are_named(folder, added, words):
+def test_faults_of_the_default_files_are_named(folder):
     path = folder / "config" / "config.yaml"
     before = path.read_bytes()
-    path.write_bytes(before + added.encode("latin-1"))
+    path.write_bytes(before + b"study: twice\n")
     try:
         run = snakemake(folder, "--cores", "1", "--dry-run")
     finally:
         path.write_bytes(before)
     assert run.status != 0 and "Traceback" not in run.text
-    line = len(before.splitlines()) + 1
-    assert words.format(added=line, after=line + 1) in run.text
+    assert f"lines 6 and {len(before.splitlines()) + 1}: key 'study' stands twice" in run.text
 
 
 def clip_at_median(rows):

@@ -8,6 +8,9 @@ from importlib.metadata import distributions
 
 import pytest
 import yaml
+from jsonschema import Draft202012Validator
+
+from generate.configuration_reference import SCHEMA, pages, schema
 
 
 def lock(project):
@@ -111,8 +114,6 @@ def test_derived_files_are_up_to_date(project):
 
 
 def test_reference_and_schema_say_what_the_settings_say(project):
-    from generate.configuration_reference import SCHEMA, pages, schema
-
     folder = project / "docs" / "config"
     assert {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.md")} == pages(), (
         "run: make docs"
@@ -121,8 +122,6 @@ def test_reference_and_schema_say_what_the_settings_say(project):
 
 
 def test_editors_find_the_schema_and_accept_every_study(project):
-    from jsonschema import Draft202012Validator
-
     files = [*project.glob("config/**/*.yaml"), *project.glob("examples/**/study.yaml")]
     assert len(files) > 10
     for path in files:
