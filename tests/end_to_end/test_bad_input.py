@@ -70,16 +70,24 @@ def test_wrong_keys_are_all_named(folder):
     assert nothing_written(folder, "wrong_keys")
 
 
-def test_faults_of_the_default_files_are_named(folder):
+FAULTS = {
+    "study: twice\n": "lines 6 and {0}: key 'study' stands twice",
+    "survey: [\n": "config/config.yaml, line {1}: not valid YAML: while parsing a flow node",
+}
+
+
+@pytest.mark.parametrize("added", FAULTS)
+def test_faults_of_the_default_files_are_named(folder, added):
     path = folder / "config" / "config.yaml"
-    before = path.read_bytes()
-    path.write_bytes(before + b"study: twice\n")
+    before = path.read_text(encoding="utf-8")
+    path.write_text(before + added, encoding="utf-8")
     try:
         run = snakemake(folder, "--cores", "1", "--dry-run")
     finally:
-        path.write_bytes(before)
+        path.write_text(before, encoding="utf-8")
+    line = len(before.splitlines()) + 1
     assert run.status != 0 and "Traceback" not in run.text
-    assert f"lines 6 and {len(before.splitlines()) + 1}: key 'study' stands twice" in run.text
+    assert FAULTS[added].format(line, line + 1) in run.text
 
 
 def clip_at_median(rows):

@@ -71,9 +71,8 @@ def test_trials_of_several_lengths_are_refused_until_one_is_chosen(tmp_path):
     trial = {"time_s": TIME, "position_mm": POSITION, "force_N": FORCE}
     short = {name: values[:300] for name, values in trial.items()}
     savemat(tmp_path / "a.mat", {"trial": np.array([trial, short], dtype=object)})
-    with pytest.raises(
-        InputError, match=r"trial\(2\).time_s, .* \(300 values\).*choose a part with --table VARIABLE"
-    ):
+    said = r"trial\(2\).time_s, .* \(300 values\).*choose a part with --table VARIABLE"
+    with pytest.raises(InputError, match=said):
         lumbar.import_recordings(tmp_path / "a.mat")
     check(lumbar.import_recordings(tmp_path / "a.mat", table="trial(1)"))
     with pytest.raises(InputError, match=r"no variable 'trial\(3\)'; there are trial\(1\).time_s"):

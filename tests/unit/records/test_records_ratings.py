@@ -33,10 +33,6 @@ def written(tmp_path, *lines):
     return path
 
 
-def message_of(path, layout=LAYOUT) -> str:
-    return refusal(read_ratings, path, layout)
-
-
 def test_answers_are_read_in_the_order_of_the_layout(tmp_path):
     ratings = read_ratings(written(tmp_path, *GOOD), LAYOUT)
     assert ratings.participants == ("a", "b", "c")
@@ -57,7 +53,7 @@ def test_all_problems_are_found_at_once(tmp_path):
         ",1,2,3,KB,1,<5",
         "d,1,2,six,IL,1,<5",
     ]
-    message = message_of(written(tmp_path, *lines))
+    message = refusal(read_ratings, written(tmp_path, *lines), LAYOUT)
     for entry in (
         "line 2: rating_IL is '0'; allowed: 1, 2, 3, 4, 5",
         "line 2: rating_KB is '2.5'",
@@ -77,7 +73,7 @@ def test_all_problems_are_found_at_once(tmp_path):
 def test_missing_columns_are_named_beside_wrong_cells(tmp_path):
     path = tmp_path / "survey.csv"
     path.write_text("who,rating_IL,best,years\na,9,IL,<5\nb,1,IL,<5\n")
-    message = message_of(path)
+    message = refusal(read_ratings, path, LAYOUT)
     assert "no column 'rating_KB'" in message
     assert "no column 'clinician'" in message
     assert "line 2: rating_IL is '9'" in message
@@ -97,15 +93,15 @@ def test_missing_columns_are_named_beside_wrong_cells(tmp_path):
 def test_files_that_are_no_answers(tmp_path, content, message):
     path = tmp_path / "survey.csv"
     path.write_bytes(content)
-    assert message in message_of(path)
+    assert message in refusal(read_ratings, path, LAYOUT)
 
 
 def test_contradictory_layouts(tmp_path):
     path = written(tmp_path, *GOOD)
     twice = replace(LAYOUT, models=LAYOUT.models[:1] * 3)
-    assert "IL stands twice" in message_of(path, twice)
-    assert "column 'rating_IL' is used twice" in message_of(path, twice)
-    assert "experience_levels" in message_of(path, replace(LAYOUT, experience_levels=()))
+    assert "IL stands twice" in refusal(read_ratings, path, twice)
+    assert "column 'rating_IL' is used twice" in refusal(read_ratings, path, twice)
+    assert "experience_levels" in refusal(read_ratings, path, replace(LAYOUT, experience_levels=()))
 
 
 def test_other_scales_delimiters_and_fewer_questions(tmp_path):

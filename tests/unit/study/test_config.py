@@ -39,10 +39,6 @@ def config() -> dict:
     return overlay({name: {} for name in ("survey", "runtime", "stability")}, study_config())
 
 
-def message_of(config, folder) -> str:
-    return refusal(load_study, config, folder)
-
-
 def recorded(config, root) -> dict:
     """Return the survey alone, with recordings in `root`."""
     source = {"name": "Survey of laboratory X", "licence": "CC BY 4.0", "obtain": "https://example.org/data"}
@@ -97,10 +93,12 @@ def test_a_record_set_names_its_base_and_with_it_its_layout(config, folder):
     force = plan["results/thesis/twin/two_hidden_effects/chirp.csv"]
     assert force["layout"] == plain(settings.tissue.layout)
     config["improvement"]["record_sets"][0]["base"] = "pendulum"
-    assert "tissue has the base pendulum and no records" in message_of(config, folder)
+    assert "tissue has the base pendulum and no records" in refusal(load_study, config, folder)
     config["improvement"]["record_sets"][2]["base"] = "HO"
     allowed = "auto, LE, Maxwell, KV, KB, KV-mass, KB-mass, LE-contact, KV-contact, KB-contact, pendulum"
-    assert f'improvement.record_sets.2.base: found "HO"; allowed: {allowed}' in message_of(config, folder)
+    assert f'improvement.record_sets.2.base: found "HO"; allowed: {allowed}' in refusal(
+        load_study, config, folder
+    )
 
 
 def test_all_wrong_keys_are_named_at_once(config, folder):
@@ -116,7 +114,7 @@ def test_all_wrong_keys_are_named_at_once(config, folder):
     config["tissue"]["training"] = ["chirp", "chirp"]
     config["tissue"]["layout"] = {"format": "excel"}
     config["lifting"]["subjects"] = ["nobody"]
-    message = message_of(config, folder)
+    message = refusal(load_study, config, folder)
     for words in (
         "seed: found -1; allowed: whole number ≥ 0 (Seed of",
         "survey.resmaples: unknown key; did you mean 'resamples'?; allowed: file, note,",
@@ -180,7 +178,7 @@ ALIAS = "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text
     ],
 )
 def test_what_keys_say_together_is_refused_where_it_cannot_be(config, folder, changes, words):
-    message = message_of(overlay(config, changes), folder)
+    message = refusal(load_study, overlay(config, changes), folder)
     for word in words:
         assert word in message
 
@@ -190,7 +188,7 @@ def test_record_sets_of_a_pendulum_need_gravity(config, folder):
     load_study(config, folder)
     config["stability"] = {"pendulum": {"gravity_m_s2": 0}}
     words = "stability.pendulum.gravity_m_s2: 0; record sets whose base is pendulum need gravity"
-    assert words in message_of(config, folder)
+    assert words in refusal(load_study, config, folder)
     config["improvement"]["record_sets"] = [{"name": "tissue"}]
     load_study(config, folder)
 
@@ -205,7 +203,7 @@ def test_effects_of_the_study_itself_count(config, folder, project):
     config["improvement"] |= {"effects": ["hertzian_contact"], "effect_files": ["own.py"]}
     assert load_study(config, folder).settings.improvement.effects == ("hertzian_contact",)
     config["improvement"]["effect_files"] = ["absent.py"]
-    assert "improvement.effect_files: " in message_of(config, folder)
+    assert "improvement.effect_files: " in refusal(load_study, config, folder)
 
 
 RUN = "from pathlib import Path\n\nPath('ran').touch()\n"
@@ -255,7 +253,7 @@ def test_python_of_one_s_own_project_is_run_and_nothing_of_no_project(stranger, 
 
 def test_an_absent_data_root_names_source_licence_and_where_to_get_it(config, folder, monkeypatch):
     monkeypatch.delenv("LUMBAR_DATA", raising=False)
-    message = message_of(recorded(config, folder / "nowhere"), folder)
+    message = refusal(load_study, recorded(config, folder / "nowhere"), folder)
     for words in (
         "Survey of laboratory X",
         "CC BY 4.0",
@@ -264,13 +262,15 @@ def test_an_absent_data_root_names_source_licence_and_where_to_get_it(config, fo
         "LUMBAR_DATA",
     ):
         assert words in message
-    assert "data_root: not set" in message_of(recorded(config, "x") | {"data_root": None}, folder)
-    assert "data_source: missing" in message_of(recorded(config, folder) | {"data_source": None}, folder)
+    assert "data_root: not set" in refusal(load_study, recorded(config, "x") | {"data_root": None}, folder)
+    assert "data_source: missing" in refusal(
+        load_study, recorded(config, folder) | {"data_source": None}, folder
+    )
 
 
 def test_an_absent_recording_names_its_source(config, folder):
     (folder / "data").mkdir()
-    message = message_of(recorded(config, "data"), folder)
+    message = refusal(load_study, recorded(config, "data"), folder)
     assert f"survey.csv is not in {folder / 'data'}" in message
     assert "CC BY 4.0" in message
 
@@ -306,8 +306,8 @@ def test_recordings_cannot_be_named_outside_the_root_or_with_braces(config, fold
     (folder / "data" / "{lift}.csv").write_text("x")
     (folder / "data" / "link.csv").symlink_to(__file__)
     config["survey"]["file"] = name
-    assert words in message_of(recorded(config, "data"), folder)
-    assert name == "link.csv" or words in message_of(config, folder)
+    assert words in refusal(load_study, recorded(config, "data"), folder)
+    assert name == "link.csv" or words in refusal(load_study, config, folder)
 
 
 def test_subject_files_are_checked_too(config, folder):
@@ -316,7 +316,7 @@ def test_subject_files_are_checked_too(config, folder):
     content["subject"] |= {"mass_kg": -70, "name": "someone"}
     subject.write_text(yaml.safe_dump(content), encoding="utf-8")
     config["lifting"]["subjects"] = ["expert", "novice", "nobody"]
-    message = message_of(config, folder)
+    message = refusal(load_study, config, folder)
     assert (
         "config/subjects/novice.yaml, line 4: subject.mass_kg: found -70; allowed: number > 0, ≤ 400 kg"
         in message
@@ -330,7 +330,9 @@ def test_a_person_of_a_study_has_trials(config, folder):
     lines = subject.read_text(encoding="utf-8").splitlines()
     kept = [line for line in lines if not line.lstrip().startswith(("- {", "trials:"))]
     subject.write_text("\n".join([*kept, "  trials: []"]), encoding="utf-8")
-    assert "novice has no trials; list its recordings in config/subjects" in message_of(config, folder)
+    assert "novice has no trials; list its recordings in config/subjects" in refusal(
+        load_study, config, folder
+    )
 
 
 def test_what_the_twin_cannot_lift_is_refused_with_file_and_line(config, folder):
@@ -345,7 +347,7 @@ def test_what_the_twin_cannot_lift_is_refused_with_file_and_line(config, folder)
     twin["lifts"]["novice_15kg"]["person"] = "robot"
     del twin["hip_moment"]["trials"]["paced"]
     twin["hip_moment"]["trials"]["fast"]["lift"] = "third_23kg"
-    message = message_of(config, folder)
+    message = refusal(load_study, config, folder)
     file = "config/subjects/third.yaml, line"
     for words in (
         "twin.lifting.lifts.novice_15kg.person: 'robot'; people: expert, novice",

@@ -50,12 +50,9 @@ def value(found, measure, plane=ALL):
 
 def test_the_lumbar_spine_bends_as_it_was_made_to(found):
     """Thorax 1, pelvis 0.45 of the flexion (`lumbar.twin.lifter`): 24° and 36° beyond the 4° of carrying."""
-    assert value(found["expert_23kg"], "lumbar_flexion_release", SAGITTAL) == pytest.approx(
-        0.55 * 28, abs=1.5
-    )
-    assert value(found["novice_23kg"], "lumbar_flexion_release", SAGITTAL) == pytest.approx(
-        0.55 * 40, abs=1.5
-    )
+    for name, flexion in (("expert_23kg", 28), ("novice_23kg", 40)):
+        bent = value(found[name], "lumbar_flexion_release", SAGITTAL)
+        assert bent == pytest.approx(0.55 * flexion, abs=1.5)
 
 
 def test_the_synthetic_novice_is_nearer_to_a_step_and_loads_the_back_more(found):

@@ -44,10 +44,8 @@ def lift_of(tmp_path):
 
 def test_a_wrong_unit_stops_the_trial_and_the_key_named_mends_it(points, lift_of):
     tenfold = {label: 10 * positions for label, positions in points.items()}
-    with pytest.raises(
-        InputError,
-        match=r"expert_23kg\.c3d: unit: .* 18\.\d m tall; height_m is 1\.75.*markers\.scale to 0\.1",
-    ):
+    said = r"expert_23kg\.c3d: unit: .* 18\.\d m tall; height_m is 1\.75.*markers\.scale to 0\.1"
+    with pytest.raises(InputError, match=said):
         lift_of(tenfold)
     mended, untouched = lift_of(tenfold, scale=0.1), lift_of(points)
     assert mended.quality.findings == untouched.quality.findings == ()
