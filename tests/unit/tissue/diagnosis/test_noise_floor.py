@@ -223,7 +223,7 @@ def test_a_period_that_cannot_be_is_refused():
     test = noisy_record(4, 0.1, 1)
     with pytest.raises(InputError, match="does not repeat after 3 s"):
         noise_floor(test, period=3.0)
-    with pytest.raises(InputError, match="hold 1.33 periods of 15 s; at least 2 are needed"):
+    with pytest.raises(InputError, match=r"hold 1\.33 periods of 15 s; at least 2 are needed"):
         noise_floor(test, period=15.0)
     with pytest.raises(InputError, match="less than two samples"):
         noise_floor(test, period=0.01)

@@ -98,8 +98,8 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
     return [
         paragraph(
-            f"Root mean square of the {error}. Fitted on {experiment.training.name}; unseen: {tests}. Noise floor: {noise}. Each set "
-            "of effects is refitted together with the base; the ranking is by the likelihood of all records."
+            f"Root mean square of the {error}. Fitted on {experiment.training.name}; unseen: {tests}. Noise floor: {noise}. Each "
+            "set of effects is refitted together with the base; the ranking is by the likelihood of all records."
         ),
         table(head, rows),
         *_on_every_record(evidence.remaining),

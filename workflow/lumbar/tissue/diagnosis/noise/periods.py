@@ -100,8 +100,8 @@ def fold_periods(record: Record, period: float) -> Folding:
     if periods < ONLY:
         raise InputError(
             f"{name}: {record.duration:g} s hold {size / length:.3g} periods of {period:g} s; at least "
-            f"{ONLY} are needed, and {FEWEST_PERIODS} are better, the first of them as transient: record for longer, or leave the "
-            "period out"
+            f"{ONLY} are needed, and {FEWEST_PERIODS} are better, the first of them as transient: record for longer, or leave "
+            "the period out"
         )
     samples = round(length)
     starts = size - np.round(length * np.arange(max(periods - 1, ONLY), 0, -1)).astype(int)

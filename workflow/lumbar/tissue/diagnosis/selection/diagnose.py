@@ -61,7 +61,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     if any(record.points for record in records):
         from lumbar.tissue.diagnosis.selection.static_points import diagnose_points
 
-        return diagnose_points(records, settings)
+        return diagnose_points(records, settings, _met_at_surface)
     experiment = prepare_for(records, settings)
     usable, not_tried = usable_effects(
         settings.candidates, experiment.training.motion.channels, experiment.training.scale
@@ -78,8 +78,9 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
         found = _search(experiment.without_whitening(), settings)
     found, zeros = _with_own_zeros(found, settings)
     found, linear = _beside_linear(found, settings)
+    found, leads = _beside_lead(found, settings)
     found, rates = whatever_the_speed(found, settings)
-    findings = (*experiment.faults, *offsets(found), *zeros, *linear, *rates)
+    findings = (*experiment.faults, *offsets(found), *zeros, *leads, *linear, *rates)
     return replace(found, not_tried=not_tried, findings=findings)
 
 
@@ -141,6 +142,18 @@ def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict
             return again, [finding]
         found = replace(again, linear=found.linear)
     return replace(found, verdict="unexplained", tied_with=[]), [finding]
+
+
+def _beside_lead(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
+    """Ask whether a force that leads explains more than the linear effects that were selected: it is no mechanism."""
+    from lumbar.tissue.diagnosis.linear.lead import force_leads
+
+    linear = {name for name in found.selected if settings.candidates[name].linear}
+    finding = None if settings.system != "tissue" else force_leads(found.model, found.experiment, linear)
+    if finding is None:
+        return found, []
+    stands = not linear and is_adequate(found.model, found.experiment)
+    return (found if stands else replace(found, verdict="unexplained", tied_with=[])), [finding]
 
 
 def _unexplained(experiment: Experiment, settings: DiagnosisSettings, turned: Finding) -> Verdict:
@@ -337,6 +350,11 @@ def at_surface(experiment: Experiment, names: tuple[str, ...]) -> tuple[Experime
     experiment, best = with_surface(experiment, best, start)
     found = [fit_base(BASES[name], experiment) for name in names if name != best.fit.structure.base.name]
     return experiment, min([best, *found], key=lambda item: item.score)
+
+
+def _met_at_surface(experiment: Experiment) -> tuple[Experiment, Candidate] | None:
+    """A spring that is met at a surface, for points of a static test; None where nothing is flat above one."""
+    return None if first_surface(experiment) is None else at_surface(experiment, ("LE-contact",))
 
 
 def _surface_of_refined(

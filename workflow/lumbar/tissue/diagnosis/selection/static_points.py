@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,6 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
-from lumbar.tissue.diagnosis.selection.diagnose import at_surface, first_surface
 from lumbar.tissue.diagnosis.selection.findings import offsets
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
@@ -30,11 +29,15 @@ _EVERY = 3
 _SPRINGS = ("LE", "LE-contact")
 
 
-def diagnose_points(records: Sequence[Record], settings: DiagnosisSettings) -> Verdict:
+Met = Callable[[Experiment], tuple[Experiment, Candidate] | None]
+
+
+def diagnose_points(records: Sequence[Record], settings: DiagnosisSettings, met_at_surface: Met) -> Verdict:
     """Diagnose which law of position alone a spring is missing.
 
     Neither rates nor delays, relaxation, hysteresis or drift can be seen in points without a clock, nor faults of one: none of
-    them is looked for, and nothing is filtered. Points count in the order of their positions.
+    them is looked for, and nothing is filtered. Points count in the order of their positions. `met_at_surface` fits a spring that
+    is met at a surface.
 
     Raises
     ------
@@ -44,7 +47,7 @@ def diagnose_points(records: Sequence[Record], settings: DiagnosisSettings) -> V
     experiment = _prepare(records, settings)
     catalogue = _laws(settings.candidates, experiment)
     settings = replace(settings, catalogue=catalogue, most_effects=1)
-    experiment, base = _spring(experiment, settings)
+    experiment, base = _spring(experiment, settings, met_at_surface)
     found = _StaticSelection(experiment, base, settings).diagnosis()
     if _bends(found.model, experiment):
         # Neighbours err alike: the points lie on a curve that no law tried has.
@@ -127,7 +130,9 @@ def _laws(candidates: dict[str, Effect], experiment: Experiment) -> dict[str, Ef
     return found
 
 
-def _spring(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experiment, Candidate]:
+def _spring(
+    experiment: Experiment, settings: DiagnosisSettings, met_at_surface: Met
+) -> tuple[Experiment, Candidate]:
     """The spring that is asked for, or the likelier one: met at a surface, if that beats every law beside the fastened one."""
     name = settings.base
     if isinstance(name, Base):
@@ -138,13 +143,11 @@ def _spring(experiment: Experiment, settings: DiagnosisSettings) -> tuple[Experi
         raise InputError(
             f"base {name}: points of a static test have no clock, and a spring alone can be fitted to them: {', '.join(_SPRINGS)}"
         )
-    if name == "LE-contact":
-        return at_surface(experiment, (name,))
     fastened = fit_base(BASES["LE"], experiment)
-    if name == "LE" or first_surface(experiment) is None:
-        return experiment, fastened
+    met = None if name == "LE" else met_at_surface(experiment)
+    if met is None or name == "LE-contact":
+        return met or (experiment, fastened)
     rivals = [fastened, *extend(fastened, settings.candidates, experiment)]
-    met = at_surface(experiment, ("LE-contact",))
     return met if met[1].score < min(item.score for item in rivals) else (experiment, fastened)
 
 

@@ -1,0 +1,73 @@
+"""A force that leads the position: no tissue answers before it is moved, so channels or sensors are not on one clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.diagnosis.selection.candidate import (
+    Candidate,
+    evaluate,
+    is_adequate,
+    refit,
+    with_forms,
+)
+from lumbar.tissue.diagnosis.selection.thresholds import TIED
+from lumbar.tissue.diagnosis.selection.verdict import effects_text
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.structure import Structure
+
+_BASES = ("LE", "KB")
+"""Tissues beside which a lead is looked for: the others make up for one by a dashpot of their own."""
+_SAMPLES = 5
+"""Longest lead that is looked for."""
+_STARTS = (0.8, 0.3)
+"""Shares of it that the search for the delay begins at."""
+
+
+def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> Finding | None:
+    """By how much the force leads, where that explains all records surely better than what was selected; else None.
+
+    The force is put `_SAMPLES` later, and what is then between it and the position is a delay like any other. The effects
+    `linear` are left out beside it: dashpots, masses and branches stand in for a lead.
+    """
+    base = model.fit.structure.base
+    replaced = linear & set(model.effects)
+    if base.contact or base.own or not (replaced or base.name == "KV" or not is_adequate(model, experiment)):
+        return None
+    kept = [form for form in model.fit.structure.forms if form.effect not in replaced | {"delay"}]
+    put_late = experiment.with_data(lambda data: _late(data, _SAMPLES))
+    (delay,) = TISSUE["delay"].forms
+    first = _SAMPLES * experiment.training.motion.sampling_time
+    acting = with_forms(model.fit, kept).nonlinear[len(base.nonlinear) :]
+    fits = (
+        fit_base(Structure(BASES[name], (*kept, delay)), put_late.training, [*acting, share * first])
+        for name in _BASES
+        for share in _STARTS
+    )
+    best = min((evaluate(fit, put_late) for fit in fits), key=lambda item: item.score)
+    same = experiment.with_data(lambda data: _late(data, 0))
+    rival = refit(model.fit.structure, model.fit.nonlinear, same)
+    units = experiment.input_unit, experiment.output_unit
+    late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")
+    likelier = best.score < rival.score - (TIED if best.parameters >= rival.parameters else 0)
+    if not (best.fit.converged and likelier and late.high < first):
+        return None
+    low, lead, high = (1e3 * (first - value) for value in (late.high, late.value, late.low))
+    words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "lead": lead}
+    words |= {"low": low, "high": high, "error": best.test_rms, "refined": rival.test_rms}
+    words["model"] = effects_text([best.fit.structure.base.name, *(form.effect for form in kept)])
+    return Finding.of("force_leads", lead / 1e3, "s", channel_unit=experiment.output_unit, **words)
+
+
+def _late(data: FitData, samples: int) -> FitData:
+    """The record with its force so many samples later; as many more at its start do not count, `_SAMPLES` always."""
+    force = np.concatenate([np.repeat(data.force[:1], samples), data.force[: len(data.force) - samples]])
+    return replace(data, force=force, settling=data.settling + _SAMPLES)
