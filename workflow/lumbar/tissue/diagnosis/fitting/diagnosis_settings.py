@@ -4,10 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
+import numpy as np
+
 from lumbar.records.record import Record
 from lumbar.settings.improvement import is_data, system_of
 from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.study_settings import StudySettings
+from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import CATALOGUES, MOTION_SENSOR, catalogue_with, read_base
@@ -95,4 +98,28 @@ def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experimen
         return replace(settings.prepare(seen), records=tuple(records))
     sound, faults = repair(records)
     experiment = settings.prepare(sound)
-    return replace(experiment, records=tuple(sound), faults=tuple(faults))
+    left = _force_of_noise(records, sound, faults)
+    return replace(experiment, records=tuple(sound), faults=tuple(faults), position_noise_force=left)
+
+
+_OF_STEP = {"position_noise": 1.0, "quantisation": 12**-0.5}
+"""RMS of the noise that a finding's value tells of."""
+
+
+def _force_of_noise(records: Sequence[Record], sound: Sequence[Record], faults: Sequence[Finding]) -> float:
+    """Largest RMS, over the records, of the force that position noise makes within the band, at the records' own stiffness.
+
+    The noise that was found, which is white, less what was taken off beyond the band.
+    """
+    largest = 0.0
+    for before, after in zip(records, sound, strict=True):
+        sizes = [
+            _OF_STEP[item.kind] * item.value
+            for item in faults
+            if item.record == before.name and item.kind in _OF_STEP
+        ]
+        if sizes and len(before) == len(after):
+            within = max(sizes) ** 2 - float(np.mean((before["input"] - after["input"]) ** 2))
+            stiffness = float(np.std(after["output"]) / np.std(after["input"]))
+            largest = max(largest, stiffness * float(np.sqrt(max(within, 0.0))))
+    return largest

@@ -161,11 +161,22 @@ class Experiment:
     """Seconds at the start of every record that no error counts; None follows the records (`settling_time`)."""
     points: bool = False
     """Whether these are points of a static test, without a clock."""
+    position_noise_force: float = 0.0
+    """RMS of the force that known noise of the position makes of a right model within the excitation's band, where no filter
+    takes it off."""
 
     @property
     def noise(self) -> float:
         """RMS of the noise floor; 0 where it is not known."""
         return 0.0 if self.floor is None else self.floor.rms
+
+    @property
+    def beside_floor(self) -> float:
+        """RMS that a right model leaves beside the floor: the force of known position noise, and drift that was taken out of the
+        floor and that a wandering zero may be."""
+        floor = self.floor
+        drift = 0.0 if floor is None or floor.surely_structured_rms else floor.structured_rms
+        return float(np.hypot(self.position_noise_force, drift))
 
     def with_origin(self, surface: float) -> Self:
         """The same records, their positions counted from here."""

@@ -206,7 +206,7 @@ def _improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
 
 
 def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
-    """Whether the errors are within this factor of the noise floor, or of what it may scatter to.
+    """Whether the errors are within this factor of the noise floor, and what a right model leaves beside it, or may scatter to.
 
     Without a floor: whether the model explains most of the response and leaves white noise.
     """
@@ -215,7 +215,8 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
     floor, training, tests = experiment.floor, experiment.training, experiment.tests
 
     def largest(records: list[FitData]) -> float:
-        return floor.rms * max(factor, floor.largest_ratio(sum(item.size for item in records)))
+        scatter = max(factor, floor.largest_ratio(sum(item.size for item in records)))
+        return scatter * float(np.hypot(floor.rms, experiment.beside_floor))
 
     if candidate.train_rms > largest([training]):
         return False

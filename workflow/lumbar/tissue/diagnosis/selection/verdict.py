@@ -25,6 +25,8 @@ _MOST = 7
 
 _FAR = 2.0
 """Error of an unseen record, in noise floors, that a model which leaves only noise in training should not have."""
+_NOTABLE = 0.1
+"""What a right model leaves beside the noise, in noise floors, from which on it is worth a word."""
 _APART = 1.5
 """Ratio of the errors of unseen records from which on they are told one by one."""
 
@@ -250,12 +252,18 @@ def noise_sentence(experiment: Experiment) -> str:
     only = ""
     if floor.settling is not None:
         only = (
-            f", all there are: of the first {floor.settling:.3g} s are left out as transient, and what changes from one to the other "
-            "may pass for noise"
+            f", all there are: of the first {floor.settling:.3g} s are left out as transient, and what changes from one to the "
+            "other may pass for noise"
+        )
+    beside = ""
+    if experiment.beside_floor > _NOTABLE * floor.rms:
+        beside = (
+            f" Beside it a right model would leave {experiment.beside_floor:.3g} {experiment.output_unit}: the force of the "
+            f"{experiment.input_quantity}'s noise within the band, or a drift that may be a wandering zero. It counts as noise."
         )
     return (
         f"Noise floor: {floor.rms:.3g} {experiment.output_unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} "
-        f"periods of {floor.period:g} s{alike}{only}."
+        f"periods of {floor.period:g} s{alike}{only}.{beside}"
     )
 
 
