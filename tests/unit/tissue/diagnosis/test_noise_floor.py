@@ -50,7 +50,9 @@ def test_fewer_than_two_periods_are_no_period(periods):
 @pytest.mark.parametrize("pole", [0.85, 0.98])
 def test_two_periods_give_a_floor_where_there_are_no_more(periods, pole):
     position = multisine(3, seed=5)[: int(periods * 500)] + 4.0
-    force = lfilter([1.5, pole - 2 + 0.45], [1.0, -pole], position)  # begins far from where its tool stands
+    force = lfilter(
+        [1.5, 0.7 * (1 - pole) - 1.5], [1.0, -pole], position
+    )  # begins far from where its tool stands
     found = noise_floor(record(position, force + 0.1 * noise(len(position), 3)))
     whole = noise_floor(record(position, force + 0.1 * noise(len(position), 3), period=5.0))
     assert found.rms == whole.rms

@@ -8,6 +8,7 @@ import pytest
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
+from lumbar.tissue.diagnosis.selection.verdict import CONDITIONAL
 
 POSITION = np.linspace(-2.0, 12.0, 25)
 STATIC = {"hardening_stiffness", "strain_softening", "quadratic_stiffness", "contact_loss", "saturation"}
@@ -103,6 +104,7 @@ def test_what_is_saved_speaks_of_no_time(tmp_path):
     found = diagnose(write(tmp_path / "a.csv"))
     found.save(tmp_path / "out", pictures=True)
     page = re.sub(r"<(svg|style).*?</\1>", "", (tmp_path / "out/diagnosis.html").read_text(), flags=re.S)
+    assert page.count(CONDITIONAL) == 1
     assert "cubic stiffness" in page and not re.search(r"\bHz\b|free-run|mm/s|period", page)
     assert {"diagnosis.json", "refined.json", "ladder.csv"} <= {
         item.name for item in (tmp_path / "out").iterdir()

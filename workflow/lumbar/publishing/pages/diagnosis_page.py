@@ -22,6 +22,7 @@ from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.diagnosis.selection.verdict import (
+    CONDITIONAL,
     Ranked,
     Verdict,
     details,
@@ -189,7 +190,7 @@ def _parameters(diagnosis: Verdict) -> list[Markup]:
             table(("part", "form", "equation"), equations),
             table(("of", "parameter", "value", "95 % interval", "unit"), rows),
         ]
-    return blocks
+    return [*blocks, paragraph(CONDITIONAL, "note")] if blocks else []
 
 
 def _equation(latex: str) -> Markup:

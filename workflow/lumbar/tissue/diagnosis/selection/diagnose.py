@@ -30,6 +30,7 @@ from lumbar.tissue.diagnosis.selection.findings import (
     zeros_moved,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
+from lumbar.tissue.diagnosis.selection.otherwise import falling_stiffness, trained_otherwise
 from lumbar.tissue.diagnosis.selection.rates import whatever_the_speed
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
@@ -80,8 +81,10 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     found, linear = _beside_linear(found, settings)
     found, leads = _beside_lead(found, settings)
     found, rates = whatever_the_speed(found, settings)
-    findings = (*experiment.faults, *offsets(found), *zeros, *leads, *linear, *rates)
-    return replace(found, not_tried=not_tried, findings=findings)
+    told = [*experiment.faults, *offsets(found), *zeros, *leads, *linear, *rates]
+    if settings.system == "tissue":
+        told += [*trained_otherwise(found, settings), *falling_stiffness(found.experiment)]
+    return replace(found, not_tried=not_tried, findings=tuple(told))
 
 
 def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:

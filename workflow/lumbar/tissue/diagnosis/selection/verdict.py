@@ -11,11 +11,10 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, contradictions, is_adequate
-from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, EXPLAINS, LEVEL
+from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, LEVEL
 from lumbar.tissue.effects.catalogue import CHANNELS
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter
-from lumbar.tissue.models.structure import ForwardStructure
 
 if TYPE_CHECKING:
     from lumbar.tissue.diagnosis.law.block_structure import BlockStructure
@@ -23,12 +22,15 @@ if TYPE_CHECKING:
 _MOST = 7
 """Digits: errors that differ by less are alike."""
 
-_FAR = 2.0
-"""Error of an unseen record, in noise floors, that a model which leaves only noise in training should not have."""
 _NOTABLE = 0.1
 """What a right model leaves beside the noise, in noise floors, from which on it is worth a word."""
 _APART = 1.5
 """Ratio of the errors of unseen records from which on they are told one by one."""
+
+
+CONDITIONAL = (
+    "Intervals hold if base and effects are the right ones: what another base would give is not in them."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,6 +273,8 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
     unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
     lines = [item.sentence for item in diagnosis.findings]
+    if any("interval" in line for line in lines):
+        lines.append(CONDITIONAL)
     if not diagnosis.model.fit.converged:
         named = f"{diagnosis.base.fit.structure.base.name} with {effects_text(diagnosis.selected)}"
         lines.append(
@@ -295,7 +299,6 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     if max(unseen.values()) > _APART * min(unseen.values()):
         told = ", ".join(f"{name} {rms:.3g}" for name, rms in unseen.items())
         lines.append(f"Error on unseen records, one by one: {told} {unit}.")
-    lines += _another_session(diagnosis)
     if diagnosis.verdict in ("named", "tied"):
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism} {catalogue[name].sensors}".rstrip()
@@ -310,24 +313,6 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     if diagnosis.tied_with:
         lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in diagnosis.selected]
     return lines + not_tried(diagnosis)
-
-
-def _another_session(diagnosis: Verdict) -> list[str]:
-    """What to try where only noise is left of the training records and far more of the others."""
-    experiment, model, structure = diagnosis.experiment, diagnosis.model, diagnosis.base.fit.structure
-    known = (
-        experiment.floor is not None
-        and not experiment.session
-        and model.train_rms <= COMPLETE * experiment.noise
-    )
-    left = [name for name, rms in model.unseen_rms.items() if rms > _FAR * experiment.noise]
-    if not known or not left or structure.base.system != "tissue" or isinstance(structure, ForwardStructure):
-        return []
-    return [
-        f"Of {experiment.training.name} noise alone is left, of {' and '.join(left)} more than {_FAR:g} times as much: what came "
-        "before a record may tell (softening, wear, slow recovery). Say --session if they were recorded one after another, in "
-        "the order of their names, or fit several together with --train."
-    ]
 
 
 def not_tried(diagnosis: Verdict) -> list[str]:
