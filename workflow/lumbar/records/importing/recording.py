@@ -21,7 +21,7 @@ from lumbar.records.importing.clock import (
     unrounded,
 )
 from lumbar.records.importing.raw_table import RawTable
-from lumbar.records.importing.roles import NONE, Choices, Role, find_roles, named_velocity, wished
+from lumbar.records.importing.roles import NONE, Choices, Role, find_roles, named_so, named_velocity, wished
 from lumbar.records.record import (
     FEWEST_SAMPLES,
     LARGEST,
@@ -281,7 +281,12 @@ def _motion(
 
 
 def _channel(name: str, role: Role, keep: np.ndarray) -> Channel:
-    quantity = _NAMES.get(role.unit.quantity, name)
+    quantity = _NAMES.get(role.unit.quantity, "")
+    if (
+        not quantity
+    ):  # what a sensor reads, in volts, say: called as in the file, unless that says position or force
+        own = role.column.own_name
+        quantity = name if named_so(own, name) >= 2 else as_name(own, CHANNELS[name])
     return Channel(role.column.values[keep] * role.unit.factor, quantity, role.unit.target)
 
 

@@ -2,12 +2,14 @@
 
 import shlex
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import as_name, read_json, write_csv, write_json, write_text
 from lumbar.base.yaml_file import quoted
 from lumbar.records.importing.recording import ImportedRecording
+from lumbar.records.record import Record, forced
 
 SCHEMA = "lumbar.import/1"
 STUDY, PROVENANCE = "study.yaml", "imported.json"
@@ -49,7 +51,10 @@ def write_folder(
     study = folder / STUDY
     if study.exists() and study.read_text(encoding="utf-8") != study_text(known, folder):
         raise InputError(f"{study}: was changed since it was made; move it away, or choose another folder")
-    new = [_entry(recording) for recording in recordings]
+    driven = (
+        [replace(item, record=_load_first(item.record)) for item in recordings] if forward else recordings
+    )
+    new = [_entry(recording) for recording in driven]
     replaced = {entry["name"] for entry in new}
     records = [*(entry for entry in known["records"] if entry["name"] not in replaced), *new]
     _check_columns(records, folder)
@@ -63,11 +68,19 @@ def write_folder(
         "forward": forward,
         "records": records,
     }
-    for recording in recordings:
+    for recording in driven:
         write_csv(folder / f"{recording.record.name}.csv", recording.frame())
     write_json(folder / PROVENANCE, content)
     write_text(study, study_text(content, folder))
     return study
+
+
+def _load_first(record: Record) -> Record:
+    """The record with its load as the input where no quantity says which that is; `forced` turns the others when they are read."""
+    if forced(record) is not record:
+        return record
+    one, other = (record.channels[role] for role in ("input", "output"))
+    return replace(record, channels={**record.channels, "input": other, "output": one})
 
 
 def _earlier(folder: Path) -> dict:
