@@ -36,6 +36,12 @@ def test_nothing_is_tried_where_unseen_records_are_explained_too():
     assert not told(springs({"a": 0.8, "b": 0.8}), "trained_otherwise")[1]
 
 
+def test_records_that_hardly_move_are_not_trained_on():
+    records = springs({"a": 0.8, "b": 0.9})
+    small = records[1].with_values(input=0.02 * records[1]["input"], output=0.04 * records[1]["output"])
+    assert not told([records[0], small], "trained_otherwise")[1]
+
+
 def test_one_session_is_suggested_where_the_stiffness_falls_cycle_by_cycle():
     worn = np.repeat(0.9 * 0.99 ** np.arange(8), 500)
     _, (finding,) = told(springs({"a": worn[:2000], "b": worn[2000:]}), "falling_stiffness")

@@ -76,7 +76,7 @@ def write_folder(
 
 
 def _load_first(record: Record) -> Record:
-    """The record with its load as the input where no quantity says which that is; `forced` turns the others when they are read."""
+    """The record with its load as the input where no quantity says which that is; `forced` turns the others as they are read."""
     if forced(record) is not record:
         return record
     one, other = (record.channels[role] for role in ("input", "output"))

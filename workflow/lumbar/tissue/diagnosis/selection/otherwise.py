@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -18,6 +19,8 @@ FAR = 2.0
 _STRETCHES = 4
 _FALLING = -0.9
 """Rank correlation of the stiffnesses of all stretches with their order, up to which they fall all along."""
+_MOVES = 0.2
+"""Share of a record's range that a stretch must move over."""
 _FALL = 0.01
 """Share of the stiffness by which it falls at least."""
 
@@ -46,7 +49,10 @@ def trained_otherwise(found: Verdict, settings: DiagnosisSettings) -> list[Findi
 
     first = [item.name for item in experiment.training.records]
     others = [item.name for item in experiment.tests]
-    turned, joint = fitted(others), fitted([*first, *others])
+    try:
+        turned, joint = fitted(others), fitted([*first, *others])
+    except InputError:
+        return []  # too little motion in the others, or another rate: they are no training records
     noise = experiment.noise or model.train_rms
     worst = max(joint.train_rms, joint.test_rms)
     words = {
@@ -72,7 +78,12 @@ def falling_stiffness(experiment: Experiment) -> list[Finding]:
     slopes = []
     for record in records:
         parts = zip(*(np.array_split(record[role], _STRETCHES) for role in ("input", "output")), strict=True)
-        slopes += [float(np.polyfit(position, force, 1)[0]) for position, force in parts]
+        least = _MOVES * float(np.ptp(record["input"]))
+        for position, force in parts:
+            if np.ptp(position) < least:
+                return []  # a hold tells no stiffness
+            moved = position - position.mean()
+            slopes.append(float(moved @ force / (moved @ moved)))
     ranks = np.argsort(np.argsort(slopes))
     order = float(np.corrcoef(ranks, np.arange(len(slopes)))[0, 1])
     falls = order <= _FALLING and slopes[-1] < (1 - _FALL) * slopes[0]
