@@ -13,6 +13,7 @@ from lumbar.publishing.figures.style import (
     new_figure,
     say_instead,
 )
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.law.block_structure import BlockStructure, Filter
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.law.surface import Coordinate, Surface
@@ -145,6 +146,61 @@ def _draw_errors(axis, proposal: Proposal) -> None:
 _LINES, _DECADES = 400, 3
 _DRAWN = 400
 _BARS = 40
+
+
+@house_style
+def linear_figure(found: Verdict) -> Figure:
+    """Draw a verdict's linear dynamics of higher order: gain and phase beside those of base and record, and its poles.
+
+    All three responses are cross spectra of force and motion over the motion's own spectrum (Welch's estimate), so that its bias
+    is the same, at the frequencies where the training record moves.
+    """
+    from scipy.signal import csd
+
+    part = max(found.experiment.training.records, key=lambda item: item.size)
+    rate, unit = 1 / part.motion.sampling_time, found.experiment.output_unit
+    drawn = {
+        "measured": part.force,
+        "base": found.base.fit.simulate(part.motion),
+        "linear dynamics": found.linear.fit.simulate(part.motion),
+    }
+    settings = {"fs": rate, "nperseg": len(part.own(part.force)) // _SEGMENTS}
+    position = part.own(part.motion.position)
+    frequency, power = csd(position, position, **settings)
+    moved = np.flatnonzero(np.abs(power) > _MOVED * np.abs(power).max())
+    moved = moved[moved > 0]
+    figure, (gain, phase, plane) = new_figure(DOUBLE_COLUMN, 2.4, ncols=3)
+    for (label, force), color in zip(drawn.items(), SERIES, strict=False):
+        response = csd(position, part.own(force), **settings)[1][moved] / power[moved].real
+        look = {"color": color, "label": label, "linestyle": "" if label == "measured" else "-"}
+        look["marker"], look["markersize"] = "." if label == "measured" else "", 2
+        gain.loglog(frequency[moved], np.abs(response), **look)
+        phase.semilogx(frequency[moved], np.degrees(np.unwrap(np.angle(response))), **look)
+    poles = poles_of(found.linear.fit)
+    plane.plot(poles.real, poles.imag, "x", color=SERIES[2])
+    for axis, words in ((gain, f"Gain ({unit}/{found.experiment.input_unit})"), (phase, "Phase (°)")):
+        axis.set_xlabel("Frequency (Hz)")
+        axis.set_ylabel(words)
+    plane.set_xlabel("Real part of the poles (1/s)")
+    plane.set_ylabel("Imaginary part (1/s)")
+    head_room(gain, 0.3)
+    gain.legend(loc="upper left", fontsize=6)
+    label_panels((gain, phase, plane))
+    return figure
+
+
+_SEGMENTS, _MOVED = 2, 1e-5
+"""Segments of a spectral estimate; power of the motion beside its largest, below which nothing is told."""
+
+
+def poles_of(fit: Fit) -> np.ndarray:
+    """Poles (1/s) of linear dynamics of higher order, from the rates and pairs that are its base's nonlinear parameters."""
+    values = dict(zip((item.name for item in fit.structure.base.nonlinear), fit.nonlinear, strict=False))
+    found = [complex(-value) for name, value in values.items() if name.startswith("relaxation_rate")]
+    for name, damping in values.items():
+        if name.startswith("pair_damping"):
+            found += [*np.roots([1.0, damping, values[name.replace("damping", "frequency_squared")]])]
+    return np.array(found, complex)
 
 
 @house_style

@@ -8,7 +8,7 @@ from lumbar.publishing.figures.comparison_figures import (
     ladder_rungs,
     signature_figure,
 )
-from lumbar.publishing.figures.law_figure import chain_figure, law_figure
+from lumbar.publishing.figures.law_figure import chain_figure, law_figure, linear_figure
 from lumbar.publishing.figures.location_figure import location_figure
 from lumbar.publishing.figures.style import save
 from lumbar.publishing.pages.html import LOCATION_CAPTION
@@ -56,6 +56,12 @@ def draw_pictures(
         captions["proposed_law"] = (
             "The missing force over the two coordinates that explain most of it, the proposed law beside it (lines), and the "
             "errors without and with it."
+        )
+    if diagnosis.linear is not None:
+        figures["linear_dynamics"] = linear_figure(diagnosis)
+        captions["linear_dynamics"] = (
+            "The linear dynamics of higher order beside base and record: gain and phase (Welch's estimate from the same motion), "
+            "and the poles."
         )
     if diagnosis.chain is not None:
         figures["chain"] = chain_figure(diagnosis)
