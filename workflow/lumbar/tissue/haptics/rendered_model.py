@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -304,6 +305,7 @@ class UnpackedFmu:
 
     def __init__(self, folder: Path):
         self.folder = folder
+        self._held: dict[tuple[float, int], tuple[Instance, list[float], Any]] = {}
 
     @cached_property
     def fmu(self) -> UnzippedFmu:
@@ -320,9 +322,20 @@ class UnpackedFmu:
             instance.free()
 
     def response(self, positions: np.ndarray) -> np.ndarray:
-        """Forces of an instance of its own to positions in its unit; shape (samples,)."""
-        with self.stepping() as step:
-            return np.array([step(float(position)) for position in positions])
+        """Forces of an instance from its start on to positions in its unit; shape (samples,).
+
+        A first position that is held is played once for all motions that begin with it so long, where a state can be kept.
+        """
+        held = int(np.flatnonzero(np.append(positions != positions[0], True))[0])
+        if not self.fmu.description.coSimulation.canGetAndSetFMUstate:
+            return np.array(Instance(self.fmu, event_mode=True).play(positions.tolist()))
+        begins = positions[:held].tolist()
+        if (begins[0], held) not in self._held:
+            instance = Instance(self.fmu, event_mode=True)
+            self._held[begins[0], held] = instance, instance.play(begins), instance.save()
+        instance, forces, state = self._held[begins[0], held]
+        instance.restore(state)
+        return np.array([*forces, *instance.play(positions[held:].tolist())])
 
     def answers(self, device: DeviceSettings) -> tuple[list[SampledModel], np.ndarray, float]:
         """What comes of playing it: linearisations in its units, forces at the start, the sign of `ExportModel.resistance`."""

@@ -36,7 +36,7 @@ class UnzippedFmu:
         self.variables = {item.name: item for item in self.description.modelVariables}
         self._signals: dict[str, list[float]] = {}
 
-    @property
+    @cached_property
     def version(self) -> int:
         """Of FMI: 2 or 3."""
         return int(self.description.fmiVersion[0])
