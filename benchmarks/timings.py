@@ -97,7 +97,39 @@ def diagnosis() -> None:
     )
 
 
+def strangers_file() -> None:
+    """What care costs: checking an FMU with effects and judging it on a device, against parsing it, in CPU of all processes."""
+    import lumbar
+    from lumbar.twin.examples import example_records
+
+    parse = "import sys, zipfile; from xml.etree import ElementTree; import numpy, fmpy; file = zipfile.ZipFile(sys.argv[1]); "
+    parse += "[file.read(name) for name in file.namelist()]; ElementTree.fromstring(file.read('modelDescription.xml'))"
+    command = [sys.executable, "-c", "import sys; from lumbar.cli import main; sys.exit(main())"]
+    with tempfile.TemporaryDirectory() as folder:
+        model = lumbar.refine(example_records(), ["coulomb_friction"]).models[-1]
+        file = next(path for path in lumbar.export_fmu(model, folder) if path.name.endswith("_fmi3.fmu"))
+        ways = {
+            "parsed": [sys.executable, "-c", parse, str(file)],
+            "checked": [*command, "check", str(file)],
+            "judged": [*command, "render", "--trust", str(file)],
+        }
+        spent = {way: min(cpu_time(arguments) for _ in range(5)) for way, arguments in ways.items()}
+    ratios = ", ".join(
+        f"{way} {spent[way] / spent['parsed']:.1f} times that" for way in ("checked", "judged")
+    )
+    print(f"FMU of a model with an effect: parsed in {spent['parsed']:.2f} s of CPU, {ratios}")
+
+
+def cpu_time(command: list[str]) -> float:
+    """Seconds of a processor that a command and its processes take."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
 if __name__ == "__main__":
     ridge_path()
+    strangers_file()
     diagnosis()
     default_study()

@@ -15,6 +15,7 @@ from tissue_fits import fitted
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.compiler import TARGETS
+from lumbar.tissue.fmu.check.instance import Instance
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
 from lumbar.tissue.haptics.judgement import analyse
 from lumbar.tissue.haptics.passivity import required_damping
@@ -210,3 +211,20 @@ def test_rates_without_a_common_period_are_judged_where_their_clocks_meet_worst(
 def test_a_servo_that_the_loader_refuses_is_refused():
     with pytest.raises(InputError, match=r"runtime\.device: at 3 Hz, .* more than 0\.25 s"):
         judged(3.0)
+
+
+def test_a_rest_that_motions_share_is_played_once_and_their_forces_are_those_of_a_fresh_instance(
+    fmu_folder, monkeypatch
+):
+    motions = [
+        np.r_[np.full(50, rest), rest + step * np.arange(1, 20)]
+        for rest in (0.0, 0.2)
+        for step in (0.1, -0.3)
+    ]
+    with unpacked(fmu_folder / "KB_fmi3.fmu") as fmu:
+        expected = [Instance(fmu.fmu, event_mode=True).play(motion.tolist()) for motion in motions]
+        assert max(np.ptp(forces) for forces in expected) > 0
+        sample, played = Instance.sample, []
+        monkeypatch.setattr(Instance, "sample", lambda self, at: played.append(at) or sample(self, at))
+        np.testing.assert_array_equal([fmu.response(motion) for motion in motions], expected)
+    assert len(played) == 2 * 50 + 4 * 19

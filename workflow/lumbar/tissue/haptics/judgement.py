@@ -305,9 +305,9 @@ def judge_exported(
     device = settings.device
     meets = render_model(exported, device)
     hands = stable_share(meets, exported.moving_average, fitted, device)
+    analysis = analyse(meets, device)
     guards = exported.guards
     if isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact):
-        analysis = analyse(meets, device)
         return Judgement(meets, analysis, run_loop(meets, device, gains=analysis.gains), fitted, hands)
     from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.build.package import export_fmus
@@ -316,7 +316,6 @@ def judge_exported(
         cache = cache_folder(settings.compiler_cache)
         made = file or export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])[0]
         with unpacked(made) as fmu:
-            analysis = analyse(meets, device)
             return Judgement(meets, analysis, worst_run(fmu, meets, analysis), fitted, hands)
 
 
@@ -327,8 +326,8 @@ def worst_run(fmu: UnpackedFmu, meets: RenderedModel, analysis: Analysis) -> Loo
     """
     from lumbar.tissue.fmu.check.playing import played
 
-    device = analysis.device
-    play = partial(_runs, fmu, meets, device, *_expected(meets, device, analysis.gains))
+    expected = _expected(meets, analysis.device, analysis.gains)
+    play = partial(_runs, fmu, meets, analysis.device, *expected)
     return max(played(play, fmu.folder, kinds=(LoopRun,)), key=lambda run: (not run.calm, run.peak_to_peak))
 
 
