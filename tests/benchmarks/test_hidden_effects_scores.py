@@ -1,28 +1,18 @@
-"""Scores against hand counts, closed forms and simulated power."""
-
-from pathlib import Path
+"""Scores against hand counts."""
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
-from scipy.special import expit
-from statsmodels.stats.proportion import proportion_confint
 
 from hidden_effects.catalogue import MECHANISMS, OUTSIDE_FORMS, SINGLE
-from hidden_effects.power_curve import fit_power_curve, strength_interval
-from hidden_effects.run import WHOLE, batches, publish
 from hidden_effects.scores import (
     accuracy_table,
     confusion,
     forms_table,
     outcome,
     scores,
-    share_with_interval,
 )
-from hidden_effects.settings import DRAWN, HiddenEffectsSettings
+from hidden_effects.settings import HiddenEffectsSettings
 from hidden_effects_cases import diagnosis, oracle
-from lumbar.base.errors import InputError
-from lumbar.base.files import write_json
 
 FRICTION, HARDENING = "coulomb_friction", "hardening_stiffness"
 
@@ -85,22 +75,6 @@ def labels(repeats: int = 3) -> dict[str, dict]:
     return made
 
 
-def test_an_oracle_scores_full_marks():
-    truth = labels()
-    frame = scores(truth, {name: oracle(label) for name, label in truth.items()})
-    assert frame["right"].all()
-    table = accuracy_table(frame, HiddenEffectsSettings()).frame
-    assert (table["share_percent"] == 100).all()
-    assert table["low_percent"].max() < 100
-    single = table[table["experiments"].str.startswith("one effect")]
-    assert single["test_over_noise"].tolist() == pytest.approx([1.0] * len(single))
-    matrix = confusion(frame, list(MECHANISMS)).set_index("hidden")
-    assert matrix.loc["nothing", "adequate"] == 20
-    assert matrix.loc["outside", "unexplained"] == len(OUTSIDE_FORMS)
-    assert np.trace(matrix.loc[list(MECHANISMS), list(MECHANISMS)]) == 3 * len(SINGLE)
-    assert matrix.to_numpy().sum() == 3 * len(SINGLE) + len(OUTSIDE_FORMS) + 20
-
-
 def test_mistakes_are_counted_where_they_belong():
     truth = labels()
     said = {name: oracle(label) for name, label in truth.items()}
@@ -128,81 +102,3 @@ def test_mistakes_are_counted_where_they_belong():
     delay = by_form[by_form["mechanism"] == "delay"]
     assert delay["count"].sum() - delay["right"].sum() == 2
     assert set(", ".join(delay["instead"]).split(", ")) <= {"inertia", "–"}
-
-
-def test_labels_and_diagnoses_must_belong_together():
-    truth = labels()
-    said = {name: oracle(label) for name, label in truth.items()}
-    said["extra"] = said.pop("null_0000")
-    said["null_0001"]["verdict"] = "perhaps"
-    with pytest.raises(InputError, match="3 problems") as caught:
-        scores(truth, said)
-    assert "null_0000: no diagnosis" in str(caught.value)
-    assert "extra: no label" in str(caught.value)
-    assert "null_0001: verdict 'perhaps'" in str(caught.value)
-
-
-@pytest.mark.parametrize(("successes", "trials"), [(0, 1000), (10, 1000), (30, 30), (7, 9)])
-def test_wilson_interval_is_that_of_statsmodels(successes, trials):
-    found = share_with_interval(successes, trials, 0.95)
-    low, high = proportion_confint(successes, trials, 0.05, method="wilson")
-    assert found["low_percent"] == pytest.approx(100 * low, abs=1e-9)
-    assert found["high_percent"] == pytest.approx(100 * high, abs=1e-9)
-
-
-def test_power_curve_recovers_the_curve_it_was_drawn_from():
-    rng = np.random.default_rng(8)
-    strength = np.exp(rng.uniform(np.log(1.2), np.log(26), 4000))
-    named = rng.random(4000) < expit(-3.0 + 4.0 * np.log(strength))
-    curve = fit_power_curve(strength, named)
-    truth = np.exp((np.log(19) + 3.0) / 4.0)
-    assert curve.strength_at(0.95) == pytest.approx(truth, rel=0.06)
-    assert curve.isotonic_strength_at(0.95) == pytest.approx(truth, rel=0.25)
-    low, high = strength_interval(curve, 0.95, 0.95, 60, seed=1)
-    assert low < truth < high
-
-
-def test_a_power_curve_needs_experiments_of_different_strength():
-    with pytest.raises(InputError, match="raise experiments_per_form"):
-        fit_power_curve([3.0, 3.0, 3.0], [True, False, True])
-
-
-def test_the_whole_benchmark_makes_the_same_experiments_and_more():
-    for key in DRAWN:
-        assert getattr(WHOLE, key) == getattr(HiddenEffectsSettings(), key)
-    assert len(batches(Path(), WHOLE)) == 4 * (12 + 5 + 10) + 20
-
-
-def test_publishing_writes_tables_and_pictures(tmp_path):
-    (batch,) = batches(
-        tmp_path, HiddenEffectsSettings(experiments_per_form=0, experiments_per_pair=0, nulls=0, slices=1)
-    )
-    truth = labels()
-    write_json(batch.labels, truth)
-    write_json(batch.diagnoses, {name: oracle(label) for name, label in truth.items()})
-    publish(tmp_path, [batch], HiddenEffectsSettings(bootstrap_resamples=20))
-    names = ["scores.csv", "confusion.csv", "power.json"]
-    names += [
-        f"tables/{table}.{ending}" for table in ("accuracy", "forms") for ending in ("csv", "tex", "html")
-    ]
-    names += [f"figures/{figure}.{ending}" for figure in ("confusion", "power") for ending in ("svg", "pdf")]
-    assert all((tmp_path / name).stat().st_size for name in names)
-
-
-def test_logistic_curve_is_the_maximum_that_a_general_optimiser_finds():
-    # One failure among many, at the strongest effect: plain Newton steps cycle here.
-    x = np.linspace(0.4, 3.2, 44)
-    y = np.ones(44)
-    y[-1] = 0.0
-    curve = fit_power_curve(np.exp(x), y > 0)
-
-    def penalised(weights):
-        share = expit(weights[0] + weights[1] * x)
-        design = np.column_stack([np.ones(44), x])
-        information = design.T @ (design * (share * (1 - share))[:, None])
-        likelihood = np.sum(np.log(np.where(y > 0, share, 1 - share)))
-        return -likelihood - 0.5 * np.log(np.linalg.det(information))
-
-    found = minimize(penalised, [4.0, -0.5], method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-12})
-    assert [curve.intercept, curve.slope] == pytest.approx(found.x, rel=1e-3)
-    assert curve.strength_at(0.95) is None

@@ -1,4 +1,4 @@
-"""Comparison of two runs' outputs, and the star of runs of `make test-portable`."""
+"""Comparison of two runs' outputs in `make test-portable`."""
 
 import io
 import json
@@ -6,7 +6,7 @@ import zipfile
 
 import pytest
 
-from portable import environments, outputs, runs
+from portable import outputs
 
 
 def archive(text: bytes) -> bytes:
@@ -41,32 +41,3 @@ def test_digits_are_counted_against_the_largest_of_a_kind():
 )
 def test_more_than_numbers_is_no_agreement(one, other, suffix):
     assert outputs.digits(one, other, suffix) == outputs.DIFFERENT
-
-
-def test_a_file_of_one_run_alone_is_no_agreement(tmp_path):
-    for name in ("one", "other"):
-        (tmp_path / name / "logs").mkdir(parents=True)
-        (tmp_path / name / "t.csv").write_bytes(CSV)
-        (tmp_path / name / "logs" / "t.log").write_text(name)
-    (tmp_path / "one" / "more.csv").write_bytes(CSV)
-    found = outputs.compare_folders(tmp_path / "one", tmp_path / "other")
-    assert found == {"t.csv": outputs.SAME_BYTES, "more.csv": outputs.DIFFERENT}
-
-
-def test_a_kernel_that_the_processor_cannot_execute_is_left_out_with_a_sentence(monkeypatch):
-    monkeypatch.setattr(runs.platform, "machine", lambda: "x86_64")
-    monkeypatch.setattr(runs, "processor_flags", lambda: {"pni", "avx2", "fma"})
-    obstacles = {run.name: run.obstacle for run in runs.star([])}
-    assert obstacles["Haswell"] == obstacles["Prescott"] == ""
-    assert obstacles["SkylakeX"].startswith("this processor cannot execute it: it has no avx512bw, avx512cd")
-    monkeypatch.setattr(runs.platform, "machine", lambda: "aarch64")
-    assert "kind aarch64" in {run.name: run.obstacle for run in runs.star([])}["Haswell"]
-
-
-def test_the_lowest_dependencies_are_the_bounds_of_the_package_description():
-    lowest = environments.requirements("lowest")
-    newest = environments.requirements("newest")
-    bounds = [requirement.split(">=") for requirement in newest if ">=" in requirement]
-    assert len(bounds) > 10
-    assert {"==".join(bound) for bound in bounds} <= set(lowest)
-    assert not any(">=" in requirement for requirement in lowest)

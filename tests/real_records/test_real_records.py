@@ -3,10 +3,16 @@
 from functools import partial
 
 import pytest
-from data_sets import READERS
+from data_sets import READERS, positioning_axis
 from record_judging import expectations, judge
 
 from answers import RIGHT, absent, ask, surprise
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
+from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.structure import Structure
 
 EXPECTATIONS = expectations()
 QUICK = ("coupled_drives_1",)
@@ -40,3 +46,18 @@ def test_what_is_known_is_found(shared, name):
 def name_of_folder(name: str) -> str:
     """An entry's name is that of its folder, and what is done with it."""
     return next(item for item in ("coupled_drives", "bouc_wen", name) if name.startswith(item))
+
+
+def test_intervals_hold_the_published_parameters_of_the_positioning_axis(shared):
+    """What friction leaves depends on the stroke: intervals as of white noise are a third as wide."""
+    if words := absent(shared / "real" / "positioning_axis", "real_records"):
+        pytest.skip(words)
+    records, keywords = positioning_axis(shared / "real")
+    prepared = prepare_for(list(records), DiagnosisSettings(**keywords)).without_whitening()
+    fit = fit_base(Structure(BASES["KV"]), prepared.training)
+    for effect in ("inertia", "coulomb_friction"):
+        fit = add(fit, TISSUE[effect].forms[0], prepared.training)
+    found = {item.name: item for item in estimates(fit, prepared.training, "mm", "N")}
+    for name, value in EXPECTATIONS["positioning_axis"].parameters.items():
+        assert found[name].low < value < found[name].high, name
+        assert found[name].high - found[name].low < 0.2 * found[name].value, name
