@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from periodic_records import record
-from scipy.integrate import solve_ivp
 
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
@@ -39,72 +38,6 @@ def test_reversals_skip_rests():
     motion = Motion(np.arange(8) * STEP, np.array([0.0, 1, 1, 2, 2, 1, 0, 1]), STEP, smooth=False)
     assert motion.reversals.tolist() == [0, 4, 6, 7]
     assert motion.stretch.tolist() == [0, 0, 0, 0, 1, 1, 2, 2]
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("gap", [0.01, 0.5, 50.0])
-def test_play_against_sample_by_sample(seed, gap):
-    motion = wandering(seed)
-    expected = [motion.position[0]]
-    for value in motion.position[1:]:
-        expected.append(min(max(expected[-1], value - gap), value + gap))
-    assert np.abs(play(motion, gap) - expected).max() < 1e-12
-
-
-def integrated(motion, slope):
-    """Solve dr/dx = slope(r, sign of motion) along the path, finely between samples."""
-    share, found = 0.0, [0.0]
-    for before, after in zip(motion.position, motion.position[1:], strict=False):
-        sign = np.sign(after - before)
-        steps = 50
-        width = abs(after - before) / steps
-        for _ in range(steps):  # classical Runge-Kutta along the path
-            first = slope(share, sign)
-            second = slope(share + 0.5 * width * first, sign)
-            third = slope(share + 0.5 * width * second, sign)
-            share += width / 6 * (first + 2 * second + 2 * third + slope(share + width * third, sign))
-        found.append(share)
-    return np.array(found)
-
-
-@pytest.mark.parametrize(
-    ("operator", "slope", "error"),
-    [
-        (presliding, lambda share, sign: sign * (1 - share * sign) / 0.3, 1e-6),
-        (bouc_wen, lambda share, sign: sign * (1 - share**2 * (share * sign > 0)) / 0.3, 1e-3),
-    ],
-)
-def test_loops_against_their_differential_equations(operator, slope, error):
-    motion = wandering(6, 300)
-    assert np.abs(operator(motion, 0.3) - integrated(motion, slope)).max() < error
-
-
-@pytest.mark.parametrize("unloading", [0.01, 0.5, 1.0, 1.1875, 2.5])
-def test_general_bouc_wen_against_its_differential_equation(unloading):
-    """In Bouc and Wen's own numbers: ṙ = αv − β(γ|v|r + δv|r|), divided by |v|."""
-    motion, alpha, beta, gamma = wandering(6, 200), 5.0, 1.7, 0.8
-    delta = gamma * (1 - 2 * unloading)
-    expected = integrated(
-        motion, lambda force, sign: alpha * sign - beta * (gamma * force + delta * sign * abs(force))
-    )
-    largest = alpha / (2 * beta * gamma)
-    found = largest * bouc_wen_general(motion, 1 / (2 * beta * gamma), unloading)
-    assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
-
-
-@pytest.mark.parametrize("time_constant", [0.004, 0.02, 0.2, 5.0, 300.0])
-def test_relaxation_against_an_ode_solver(time_constant):
-    time = np.arange(600) * STEP
-    rate = 2 * np.pi * 3
-    motion = Motion(time, np.sin(rate * time) + 0.3 * np.cos(0.7 * rate * time), STEP)
-
-    def slope(now, value):
-        return rate * np.cos(rate * now) - 0.21 * rate * np.sin(0.7 * rate * now) - value / time_constant
-
-    expected = solve_ivp(slope, (0, time[-1]), [0.0], t_eval=time, rtol=1e-10, atol=1e-12, method="LSODA").y[
-        0
-    ]
-    assert np.abs(relaxation(motion, time_constant) - expected).max() < 3e-4 * np.abs(expected).max()
 
 
 FINE = 50

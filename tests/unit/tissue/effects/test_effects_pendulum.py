@@ -5,7 +5,7 @@ import pytest
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.effects.catalogue import PENDULUM, TISSUE, catalogue_with
-from lumbar.tissue.effects.hooks import interval_starts, modulation_starts
+from lumbar.tissue.effects.hooks import interval_starts
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
@@ -185,11 +185,3 @@ def test_the_interval_of_a_load_is_found_at_once(grasp, release):
     added = (grasp < TIME) * (release > TIME) * (3 * carriers[0] + 60 * carriers[1])
     (found,) = interval_starts(MOTION, residual_of(added), carriers)
     assert found == pytest.approx([max(grasp, 0.01), release], abs=0.13)
-
-
-@pytest.mark.parametrize("frequency", [0.21, 0.9, 2.3])
-def test_the_frequency_of_a_modulation_is_among_the_starts(frequency):
-    carrier = np.cos(MOTION.position)
-    added = np.sin(2 * np.pi * frequency * TIME) * carrier
-    found = [start[0] for start in modulation_starts(MOTION, residual_of(added), [carrier])]
-    assert min(abs(value - frequency) for value in found) < 0.3 / TIME[-1]

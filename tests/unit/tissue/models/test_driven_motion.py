@@ -53,6 +53,8 @@ def left(time, position, speed):
     return force(time) - STIFFNESS * position - VISCOSITY * speed
 
 
+ALPHA, BETA, GAMMA, DELTA = 5.0, 1.7, 0.8, -1.1
+"""Bouc and Wen's own numbers: ṙ = αv − β(γ|v|r + δv|r|)."""
 REFERENCES = {
     "coulomb_friction/coulomb": (
         (0.5, 1.0),
@@ -66,6 +68,16 @@ REFERENCES = {
             y[1],
             (left(t, *y[:2]) - 0.8 * y[2]) / MASS,
             y[1] / 0.3 * (1 - max(y[2] * np.sign(y[1]), 0) ** 2),
+        ],
+        3,
+        1e-3,
+    ),
+    "hysteresis/bouc_wen_general": (
+        (ALPHA / (2 * BETA * GAMMA), 1 / (2 * BETA * GAMMA), (GAMMA - DELTA) / (2 * GAMMA)),
+        lambda t, y: [
+            y[1],
+            (left(t, *y[:2]) - y[2]) / MASS,
+            ALPHA * y[1] - BETA * (GAMMA * abs(y[1]) * y[2] + DELTA * y[1] * abs(y[2])),
         ],
         3,
         1e-3,

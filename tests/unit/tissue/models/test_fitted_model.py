@@ -102,6 +102,8 @@ def test_a_discrete_model_is_the_same_in_all_its_forms():
     np.testing.assert_allclose(late.to_control()(z), 0.3 / z / (1 - 0.35 / z), rtol=1e-12)
     gain = replace(DISCRETE, structure=TransferFunction((-0.125,)))
     assert gain.to_state_space().nstates == 0
+    zeros = replace(DISCRETE, structure=TransferFunction((1.0, 0.0, 0.0), (1.0, -0.5, 0.0)))
+    assert zeros.to_state_space().nstates == 1
     assert gain.to_control()(z[3]) == -0.125
 
 
