@@ -1,8 +1,7 @@
 #!/bin/sh
-# Fetches importers of FMUs that have nothing in common with fmpy: libcosim and Ecos (C++), FMI4j (Java) and fmi-sim
-# (Rust, built here with libclang's help, which takes some minutes). Needs pip; without mvn or cargo FMI4j or fmi-sim is
-# left out. fmusim, the FMI project's own simulator (Rust), is built where LUMBAR_SHARED/importers/fmusim holds its
-# sources, those of https://github.com/modelica/fmusim.
+# Fetches importers of FMUs that have nothing in common with fmpy: libcosim and Ecos (C++) and FMI4j (Java). Needs pip;
+# without mvn FMI4j is left out. fmusim, the FMI project's own simulator (Rust), is built with cargo where
+# LUMBAR_SHARED/importers/fmusim holds its sources, those of https://github.com/modelica/fmusim.
 #   tests/get_importers.sh FOLDER && LUMBAR_IMPORTERS=FOLDER python -m pytest tests/unit/tissue/fmu/test_runtime_importers.py
 set -eu
 mkdir -p "$1"
@@ -22,11 +21,9 @@ if command -v mvn > /dev/null; then
 END
     mvn --quiet --batch-mode dependency:copy-dependencies -DoutputDirectory=jars
 fi
-if command -v cargo > /dev/null; then
-    cargo install --quiet --root "$folder" --version 0.7.0 fmi-sim
-    if [ -d "${LUMBAR_SHARED:-}/importers/fmusim" ]; then
-        cp -R "$LUMBAR_SHARED/importers/fmusim" fmusim-sources
-        (cd fmusim-sources && cargo build --quiet --release -p fmusim)
-        cp fmusim-sources/target/release/fmusim bin/
-    fi
+if command -v cargo > /dev/null && [ -d "${LUMBAR_SHARED:-}/importers/fmusim" ]; then
+    mkdir -p bin
+    cp -R "$LUMBAR_SHARED/importers/fmusim" fmusim-sources
+    (cd fmusim-sources && cargo build --quiet --release -p fmusim)
+    cp fmusim-sources/target/release/fmusim bin/
 fi

@@ -1,6 +1,5 @@
-"""The dynamics of an FMU: state space against scipy's filters, discretised anew against its first-order hold, and refusals."""
+"""The dynamics of an FMU: discretised anew against its first-order hold, and refusals."""
 
-import control
 import numpy as np
 import pytest
 from runtime_models import SETTINGS, entry, models_json, selected
@@ -8,7 +7,6 @@ from scipy.signal import dlsim, lfilter
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
-from lumbar.tissue.models.transfer_function import TransferFunction, observer_form
 from study_settings import changed
 
 pytestmark = pytest.mark.filterwarnings("ignore::scipy.signal.BadCoefficients")  # numerators begin with zeros
@@ -113,27 +111,3 @@ def test_rate_of_the_configuration_is_that_of_the_fmu():
     assert kb.dynamics.largest_pole == pytest.approx(0.45**0.1)
     assert gain.dynamics.numerator == (-0.125,)
     assert sum(kb.dynamics.numerator) / sum(kb.dynamics.denominator) == pytest.approx(0.7 / 0.55)
-
-
-def simulate(system, inputs):
-    return control.forced_response(control.StateSpace(*system, True), inputs=inputs).outputs
-
-
-@pytest.mark.parametrize(
-    ("numerator", "denominator", "states"),
-    [
-        ([2.5], [1.0], 0),
-        ([1.9, -1.2], [1.0, -0.45], 1),
-        ([0.0, 0.3], [1.0, -0.35], 1),
-        ([1.9, -2.9, 1.1], [1.0, -1.5, 0.57], 2),
-        ([0.1, 0.2, 0.3, 0.4, 0.5], [1.0, -0.5], 4),
-        ([1.0], [1.0, -0.5, 0.2, -0.1], 3),
-        ([1.0, 0.0, 0.0], [1.0, -0.5, 0.0], 1),
-        ([0.0], [1.0], 0),
-    ],
-)
-def test_output_is_that_of_the_transfer_function(numerator, denominator, states):
-    inputs = np.random.default_rng(1).standard_normal(300)
-    system = observer_form(TransferFunction(tuple(numerator), tuple(denominator)))
-    assert system.nstates == states
-    np.testing.assert_allclose(simulate(system, inputs), lfilter(numerator, denominator, inputs), atol=1e-12)

@@ -1,4 +1,4 @@
-"""Models with effects, of the catalogue and of users: every form in C, finished FMUs, closed forms, what cannot be exported."""
+"""Models with effects, of the catalogue and of users: every form sample by sample, finished FMUs, what cannot be exported."""
 
 import math
 import re
@@ -13,7 +13,6 @@ from runtime_models import (
     exported,
     held_to_its_simulation,
     models_json,
-    random_motion,
     selected,
 )
 
@@ -71,65 +70,6 @@ def test_elementary_functions_are_those_of_the_c_library(functions):
 def response(structure, inputs, sampling_time=0.01):
     model = FittedModel.from_json(effect_entry(*structure), CATALOGUES)
     return effect_model(model, sampling_time).response(np.asarray(inputs, dtype=float))
-
-
-def test_relaxation_after_a_ramp_has_its_closed_form():
-    rate, time = 3.0, np.arange(300) * 0.01
-    ramp = np.minimum(time, 1.0) * rate
-    (stiffness,), (tau,) = BASE_NUMBERS["Maxwell"]
-    rising = stiffness * rate * tau * -np.expm1(-time / tau)
-    falling = stiffness * rate * tau * -math.expm1(-1 / tau) * np.exp(-(time - 1.0) / tau)
-    np.testing.assert_allclose(
-        response(("Maxwell",), ramp), np.where(time <= 1.0, rising, falling), atol=1e-12
-    )
-
-
-@pytest.mark.parametrize(
-    ("form", "shape"),
-    [
-        ("dahl", lambda travel: -np.expm1(-travel)),
-        ("bouc_wen", np.tanh),
-        ("bouc_wen_general", lambda travel: np.expm1(0.2 * travel) / 0.2),
-        ("elastoplastic", lambda travel: np.minimum(travel, 1.0)),
-    ],
-)
-def test_first_loading_of_hysteresis_has_its_closed_form_at_any_speed(form, shape):
-    (limit,), (distance, *_) = FORM_NUMBERS[f"hysteresis/{form}"]
-    positions = np.sort(np.random.default_rng(2).uniform(0, 3.0, 200))
-    positions -= positions[0]
-    added = response(("LE", f"hysteresis/{form}"), positions) - response(("LE",), positions)
-    np.testing.assert_allclose(added, limit * shape(positions / distance), atol=1e-12)
-
-
-def test_delay_of_whole_samples_shifts_and_play_rests():
-    positions = random_motion(400, seed=1)
-    entry = entry_of_effects("LE", {"delay/pure": ([], [0.03])}, TISSUE)
-    late = effect_model(FittedModel.from_json(entry, CATALOGUES), 0.01).response(positions)
-    np.testing.assert_allclose(late[3:], response(("LE",), positions)[:-3], atol=1e-13)
-    np.testing.assert_array_equal(late[:3], late[0])
-    small = 0.19 * np.sin(np.arange(200))
-    small -= small[0]
-    held = response(("LE", "backlash/play"), small * 0.5)
-    np.testing.assert_array_equal(held, np.zeros(200))
-
-
-def test_velocity_is_a_backward_difference():
-    positions = random_motion(300, seed=3)
-    stiffness, viscosity = BASE_NUMBERS["KV"][0]
-    velocity = np.diff(positions, prepend=positions[0]) / 0.01
-    np.testing.assert_allclose(
-        response(("KV",), positions), stiffness * positions + viscosity * velocity, atol=1e-12
-    )
-
-
-def test_another_rate_needs_no_other_numbers():
-    """A relaxation is exact for positions in straight lines: at the common instants the forces are the same."""
-    slow, ratio = random_motion(100, seed=5), 10
-    fast = np.interp(np.arange(100 * ratio) / ratio, np.arange(100), slow)
-    structure = ("KB", "hysteresis/dahl", "second_relaxation/maxwell_branch", "softening/time")
-    np.testing.assert_allclose(
-        response(structure, fast, 0.001)[::ratio], response(structure, slow, 0.01), atol=1e-11
-    )
 
 
 def with_effect(effect: str, form: str) -> dict:

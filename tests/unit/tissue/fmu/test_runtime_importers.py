@@ -2,7 +2,6 @@
 
 import csv
 import os
-import re
 import shutil
 import subprocess
 import zipfile
@@ -20,7 +19,6 @@ FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
 """Made by tests/get_importers.sh."""
 GET_IMPORTERS = "tests/get_importers.sh FOLDER and set LUMBAR_IMPORTERS=FOLDER"
 PYTHON = FOLDER / "python" / "bin" / "python"
-FMI_SIM = FOLDER / "bin" / "fmi-sim"
 FMUSIM = FOLDER / "bin" / "fmusim"
 HERE = Path(__file__).parents[3] / "importers"
 EFFECTS = effect_entry(*COMBINATIONS[1])
@@ -31,9 +29,6 @@ with_python = pytest.mark.skipif(not PYTHON.exists(), reason=f"no libcosim and E
 with_java = pytest.mark.skipif(
     not (FOLDER / "jars").is_dir() or shutil.which("java") is None,
     reason=f"no FMI4j: apt-get install default-jre maven, then {GET_IMPORTERS}",
-)
-with_fmi_sim = pytest.mark.skipif(
-    not FMI_SIM.exists(), reason=f"no fmi-sim: apt-get install cargo libclang-dev, then {GET_IMPORTERS}"
 )
 with_fmusim = pytest.mark.skipif(
     not FMUSIM.exists(),
@@ -102,62 +97,6 @@ def test_another_importer_reads_the_forces(name, player, version, folder, positi
     command = [*player, folder / f"{name}_fmi{version}.fmu", positions_file, STEP]
     libraries = {"LD_LIBRARY_PATH": str(FOLDER / "python" / "lib")} if "play_ecos" in str(player[-1]) else {}
     assert printed(command, **libraries) == expected(name, version)
-
-
-def fmi_sim(fmu: Path, positions_file: Path, folder: Path, *options: str) -> dict[float, list[float]]:
-    """Forces that fmi-sim records, by time; at an event it records those before and after."""
-    written = folder / "forces.csv"
-    end = f"{199 * float(STEP)!r}"
-    command = [
-        FMI_SIM,
-        "--model",
-        fmu,
-        "-i",
-        positions_file,
-        "-o",
-        written,
-        "co-simulation",
-        "-s",
-        "0",
-        "-f",
-        end,
-    ]
-    done = subprocess.run(
-        [*map(str, command), "--output-interval", STEP, *options], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    forces: dict[float, list[float]] = {}
-    with written.open() as file:
-        for row in csv.DictReader(file):
-            forces.setdefault(float(row["time"]), []).append(float(row["force"]))
-    return forces
-
-
-def without_attributes(fmu: Path, folder: Path) -> Path:
-    """Copy of an FMU without units and nominals of variables: fmi-schema 0.8.0 knows neither, though FMI 3.0 has both."""
-    copy = folder / fmu.name
-    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(copy, "w") as new:
-        for name in old.namelist():
-            content = old.read(name)
-            if name == "modelDescription.xml":
-                lines = content.decode().split("\n")
-                content = "\n".join(
-                    re.sub(r' (unit|nominal)="[^"]*"', "", line) if "<Float64" in line else line
-                    for line in lines
-                ).encode()
-            new.writestr(name, content)
-    return copy
-
-
-@with_fmi_sim
-@pytest.mark.parametrize("name", NAMES)
-def test_fmi_sim_reads_the_forces_of_fmi3_without_event_mode(
-    name, folder, positions_file, expected, tmp_path
-):
-    """In event mode it sets a discrete input only at events between its output instants, so hardly ever."""
-    fmu = without_attributes(folder / f"{name}_fmi3.fmu", tmp_path)
-    read = [values[-1] for values in fmi_sim(fmu, positions_file, tmp_path).values()]
-    assert read[1:200] == pytest.approx(expected(name, 3)[:199], rel=0, abs=1e-12)
 
 
 def fmusim(fmu: Path, folder: Path, *options: str) -> list[float]:

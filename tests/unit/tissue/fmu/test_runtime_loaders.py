@@ -124,16 +124,6 @@ def test_the_embedded_reference_is_played(name, unzipped, player):
     assert np.abs(expected).max() > 0.1
 
 
-def test_parameters_are_those_of_the_fmu(unzipped, player):
-    folder = unzipped / "KB"
-    reference = folder / "resources" / "reference_input.csv"
-    plain = player(folder, reference)
-    np.testing.assert_allclose(
-        player(folder, reference, "gain=0.5", "force_offset=1"), 0.5 * plain + 1, atol=1e-12
-    )
-    assert np.abs(player(folder, reference, "force_limit=2")).max() == 2.0
-
-
 @pytest.mark.parametrize("name", ["KB", "effects"])
 @pytest.mark.parametrize(
     "other",
