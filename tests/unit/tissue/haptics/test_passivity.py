@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn_loops import drawn_device, drawn_model, largest_pole
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 from tissue_fits import COEFFICIENTS
@@ -23,8 +22,7 @@ from lumbar.tissue.haptics.passive_fit import (
     unit_branch,
 )
 from lumbar.tissue.haptics.passive_models import takes_energy
-from lumbar.tissue.haptics.passivity import damping_at, required_damping
-from lumbar.tissue.haptics.simulation import TissueForce, difference_equation, encoder_ripple, simulate
+from lumbar.tissue.haptics.passivity import required_damping
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction, undiscretise
 
@@ -47,33 +45,6 @@ def test_a_virtual_wall_needs_the_published_damping(stiffness, viscosity):
     if viscosity < 0:  # negative damping acts at low frequencies, where it adds to the spring's
         expected = max(stiffness * PERIOD / 2 - viscosity, expected)
     assert required_damping(wall) == pytest.approx(expected, rel=1e-4)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_no_passive_hand_closes_the_gap_above_the_damping_and_one_does_below(seed):
-    """Written out: discs of the admittance at 4000 aliases; a hand may choose a point of each."""
-    rng = np.random.default_rng([seed, 2])
-    model = drawn_model(rng)
-    angle = float(rng.uniform(0.2, 3.0))
-    needed = float(damping_at(model, np.array([angle]))[0])
-    period = model.sampling_time
-    aliases = angle / period + 2 * np.pi / period * np.arange(-2000, 2001)
-    held = (
-        model.response(np.array([angle]))[0]
-        * (1 - np.exp(-1j * angle))
-        / period
-        * np.exp(-1j * aliases * model.delay)
-        / aliases**2
-    )
-
-    def closest(damping: float) -> float:
-        """Smallest |1 − Σ cₙ Yₙ| that points Yₙ of the discs of centre and radius 1/(2b) reach."""
-        centre, radius = 1 - held.sum() / (2 * damping), np.abs(held).sum() / (2 * damping)
-        return abs(centre) - radius
-
-    if needed > 1e-6:
-        assert closest(1.01 * needed) > 0
-        assert closest(0.99 * needed) < 0
 
 
 def data_of(structure: TransferFunction, noise: float = 0.0) -> IdentificationData:
@@ -168,35 +139,6 @@ def test_device_and_hand_move_as_integrated():
 
 def test_an_unstable_model_has_no_stable_gain():
     assert largest_stable_gain(SampledModel("", np.ones(1), np.array([1, -1.1]), 0.01), STYLUS) == (0.0, 0.0)
-
-
-@pytest.mark.statistical
-def test_simulations_agree_with_the_analysis_and_the_stable_side_never_oscillates():
-    """100 draws of model, device, hand and rate on both sides of the largest gain, encoder and force limit included."""
-    rng = np.random.default_rng(5)
-    wrong, stable_ones, draws = [], 0, 0
-    while draws < 100:
-        model, device = drawn_model(rng), drawn_device(rng)
-        share = np.exp(rng.uniform(np.log(0.25), np.log(4.0)))
-        model = replace(model, numerator=share * largest_stable_gain(model, device)[0] * model.numerator)
-        growth = abs(np.log(abs(largest_pole(model, device))))
-        if growth * 500 < np.log(1e4):
-            continue  # within 500 samples it neither grows nor decays
-        stable = largest_stable_gain(model, device)[0] > 1
-        draws, stable_ones = draws + 1, stable_ones + stable
-        run = simulate(
-            TissueForce(difference_equation(replace(model, delay=0.0)), model.sampling_time),
-            [model.sampling_time],
-            device,
-            15.0,
-            delay=model.delay,
-            ripple=encoder_ripple(model, device) if stable else 0.0,
-            duration=0.5 + 2 * np.log(1e4) / growth * model.sampling_time,
-        )
-        if run.oscillates == stable:
-            wrong.append((model, device, run.peak_to_peak, run.ripple))
-    assert wrong == []
-    assert 30 < stable_ones < 70
 
 
 def test_a_resonance_narrower_than_the_angles_between_asks_for_its_damping():
