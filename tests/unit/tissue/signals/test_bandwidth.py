@@ -68,14 +68,6 @@ def test_power_beyond_the_analysis_band_and_at_zero_does_not_count():
         assert rule(FREQUENCY, with_tremor, setting, 50) > 9
 
 
-def test_tone_through_welch_has_its_bandwidth_within_two_lines():
-    time = np.arange(6000) / 100
-    frequency, psd = position_psd(np.sin(2 * np.pi * 2.5 * time), 100.0, WelchSettings(10.24))
-    spacing = frequency[1]
-    assert power_share_frequency(frequency, psd, 0.95, 6) == pytest.approx(2.5, abs=2 * spacing)
-    assert level_frequency(frequency, psd, -20, 6) == pytest.approx(2.5, abs=2 * spacing)
-
-
 @pytest.mark.parametrize("maximum", [0.005, 51.0, -1.0, float("nan")])
 def test_analysis_band_outside_the_spectrum_is_refused(maximum):
     with pytest.raises(InputError, match="maximum_Hz"):
@@ -159,28 +151,6 @@ def test_trials_of_one_surgeon_are_no_independent_evidence():
 
     assert width(three) == pytest.approx(width(one), rel=0.2)
     assert width(apart) < 0.75 * width(three)
-
-
-@pytest.mark.statistical
-def test_coverage_of_the_interval_over_many_surgeons():
-    """Spectra of 12 surgeons from a population: the interval holds its value in about 95 % of cases."""
-    rng = np.random.default_rng(8)
-
-    def draw(count):
-        centre = np.exp(np.log(2.5) + 0.25 * rng.standard_normal(count))
-        return np.repeat(centre, 2) * np.exp(0.1 * rng.standard_normal(2 * count))
-
-    population = flat_spectra(draw(4000), np.repeat(np.arange(4000).astype(str), 2).tolist())
-    settings = BandwidthSettings(0.95, -20, 19, 0.95, 100)
-    pooled = population.psd["velocity"].mean(axis=0)
-    power = np.cumsum(pooled[1:])
-    truth = TO_20_HZ[1:][np.searchsorted(power, 0.95 * power[-1])]
-    inside = 0
-    for index in range(40):
-        spectra = flat_spectra(draw(12), np.repeat(np.arange(12).astype(str), 2).tolist())
-        entry = share(motion_bandwidths(spectra, settings, index))
-        inside += entry["low_Hz"] <= truth <= entry["high_Hz"]
-    assert inside >= 33  # 38 expected
 
 
 def test_one_surgeon_resamples_trials_and_one_trial_has_no_interval():
@@ -278,23 +248,6 @@ def test_power_of_a_sinusoid_in_position_and_velocity(rate, frequency):
     assert power(*position_psd(sine, rate, WELCH)) == pytest.approx(amplitude**2 / 2, rel=0.01)
     expected = (2 * np.pi * frequency * amplitude) ** 2 / 2
     assert power(*velocity_psd(sine, rate, WELCH)) == pytest.approx(expected, rel=0.02)
-
-
-def test_autoregressive_process_has_its_textbook_spectrum_in_position_and_velocity():
-    from scipy.signal import lfilter
-
-    rate, pole = 100.0, 0.9
-    noise = lfilter([1], [1, -pole], np.random.default_rng(2).standard_normal(600_000))
-    frequency, psd = position_psd(noise, rate, WELCH)
-    band = (frequency > 0.3) & (frequency < 20)
-    z = np.exp(2j * np.pi * frequency / rate)
-    expected = 2 / rate / np.abs(1 - pole / z) ** 2
-    assert np.mean(psd[band] / expected[band]) == pytest.approx(1, abs=0.01)
-    assert np.std(psd[band] / expected[band]) < 0.08
-    frequency, psd = velocity_psd(noise, rate, WELCH)
-    ratio = psd[band] / ((2 * np.pi * frequency[band]) ** 2 * expected[band])
-    assert np.mean(ratio) == pytest.approx(1, abs=0.01)
-    assert np.std(ratio) < 0.08
 
 
 def test_steady_advance_does_not_leak_into_the_velocity_spectrum():

@@ -18,7 +18,6 @@ from lumbar.tissue.survey.paired_analysis import (
     friedman,
     resampled_counts,
     signed_rank_test,
-    superiority_interval,
     vargha_delaney,
 )
 from lumbar.tissue.survey.survey_analysis import (
@@ -163,8 +162,6 @@ def test_superiority_counts_all_pairs_of_ratings(ratings):
     brute = np.mean([(x > y) + 0.5 * (x == y) for x in a for y in b])
     counts = dict(zip(ratings.models, ratings.counts(), strict=True))
     assert vargha_delaney(counts["IL"], counts["KB"]) == pytest.approx(brute, rel=1e-12)
-    u = stats.mannwhitneyu(a, b).statistic
-    assert vargha_delaney(counts["IL"], counts["KB"]) == pytest.approx(u / len(a) / len(b), rel=1e-12)
 
 
 def test_bootstrap_interval_agrees_with_resampling_rows_one_by_one(ratings):
@@ -186,13 +183,6 @@ def test_bootstrap_keeps_every_participants_answers_together():
     assert counts[:, 0, 0].std() == pytest.approx(math.sqrt(20 / 4), rel=0.1)
 
 
-def test_equal_models_are_shown_equivalent_only_with_enough_participants():
-    random = np.random.default_rng(4)
-    for number, equivalent in ((20, False), (6000, True)):
-        scores = random.integers(1, 6, (number, 3))
-        assert compare_pairs(made(scores), 0.95, 2000, 1)[0].equivalent(0.06) is equivalent
-
-
 def test_equivalence_is_two_one_sided_tests():
     # Both tests at 0.05 pass where the interval of 90 % lies inside; that of 95 % may reach out.
     result = compare_pairs(made([[1, 2, 3], [3, 2, 1]]), 0.95, 1000, 1)[0]
@@ -200,18 +190,6 @@ def test_equivalence_is_two_one_sided_tests():
     assert inside.equivalent(0.06)
     assert not replace(inside, narrow_high=0.57).equivalent(0.06)
     assert not replace(inside, narrow_low=0.43).equivalent(0.06)
-
-
-@pytest.mark.statistical
-def test_confidence_interval_covers_the_true_superiority():
-    # Independent uniform ratings: A = 1/2. The bootstrap interval of 95 % should cover it about as often.
-    random = np.random.default_rng(12)
-    inside = 0
-    for trial in range(400):
-        drawn = resampled_counts(made(random.integers(1, 6, (45, 2))), 500, [trial])
-        low, _, _, high = superiority_interval(drawn[:, 0], drawn[:, 1], 0.95)
-        inside += low <= 0.5 <= high
-    assert 0.90 <= inside / 400 <= 0.98
 
 
 def test_intervals_of_the_picks_are_the_closed_forms(ratings):
