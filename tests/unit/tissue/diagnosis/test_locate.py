@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from scipy.stats import kendalltau, spearmanr
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
+from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.residuals.locate import (
@@ -294,20 +295,18 @@ def test_hidden_effects(shared):
     """On all records together what comes first is what the hidden effect depends on; on a chirp alone it often is not."""
     labels = json.loads((shared / "hidden_effects" / "labels.json").read_text())
     for case, label in labels.items():
-        records = {
-            name: np.loadtxt(shared / "hidden_effects" / case / f"{name}.csv", delimiter=",", skiprows=1).T
-            for name in ("multisine", "noise", "chirp")
-        }
-        step = records["multisine"][0][1] - records["multisine"][0][0]
+        seen = read(shared / "hidden_effects" / case)
+        tests = [seen[name] for name in ("multisine", "noise", "chirp")]
+        step = tests[0].sampling_time
         # The base model with its true time constant, stiffnesses by least squares.
         decay = np.exp(-step / label["tau_s"])
         held = label["tau_s"] * (1 - decay) / step
-        columns = {
-            name: np.column_stack([position, lfilter([held, -held], [1, -decay], position - position[0])])
-            for name, (_, position, _) in records.items()
-        }
-        stiffness = np.linalg.lstsq(columns["multisine"][50:], records["multisine"][2][50:], rcond=None)[0]
-        tests = [record(position, force, name=name) for name, (_, position, force) in records.items()]
+        columns = {}
+        for test in tests:
+            position = test["input"]
+            branch = lfilter([held, -held], [1, -decay], position - position[0])
+            columns[test.name] = np.column_stack([position, branch])
+        stiffness = np.linalg.lstsq(columns["multisine"][50:], tests[0]["output"][50:], rcond=None)[0]
         experiment = prepare(tests, "multisine")
         residuals = [residual_of(test, columns[test.name] @ stiffness, experiment) for test in tests]
         first = locate(tests[0], columns["multisine"] @ stiffness, experiment.floor, start=0.5)

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from lumbar.base.errors import InputError
+from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.noise.noise_floor import find_period, noise_floor
 from lumbar.tissue.diagnosis.noise.periods import ONLY
 
@@ -237,12 +238,7 @@ def test_hidden_effects(shared):
     kinds = {"drift": "drift", "softening": "amplitude change", "periodic_disturbance": "off-grid line"}
     ratios = []
     for case, label in labels.items():
-        time, position, force = np.loadtxt(
-            shared / "hidden_effects" / case / "multisine.csv", delimiter=",", skiprows=1, unpack=True
-        )
-        test = record(position, force)
-        assert np.allclose(test.time, time)
-        floor = noise_floor(test)
+        floor = noise_floor(read(shared / "hidden_effects" / case)["multisine"])
         ratios.append(floor.rms / label["noise_rms_N"])
         expected = [kinds[effect] for effect in label["effects"] if effect in kinds]
         assert [words.split(":")[0].split(" at ")[0] for words, _ in floor.structured] == expected, case

@@ -4,7 +4,6 @@ Three things cannot be turned round, by convention: a contact pushes and does no
 position does, and a sensor that gives the absolute value gives no negative one.
 """
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from force_driven import FORCE_IN, forward_records
 from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 
 import lumbar
-from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.effects.catalogue import catalogues_with
@@ -82,16 +80,3 @@ def test_a_pendulum_is_the_same_in_other_units_of_moment(effect, columns):
     experiment = make_pendulum_experiment(effect, 0, columns=columns)
     units = Units(force=1e6, turned=effect != "passive_stiffness", otherwise=True)
     check_alike(of_pendulum, records_of(experiment.records), units)
-
-
-@pytest.mark.statistical
-@pytest.mark.parametrize("case", range(36))
-def test_every_verdict_is_the_same_in_other_units(shared, case):
-    random = np.random.default_rng(case)
-    effects = json.loads((shared / "hidden_effects" / "labels.json").read_text())[f"case_{case:02}"][
-        "effects"
-    ]
-    clock, motion, force = 10.0 ** random.uniform([-4, -6, -6], [4, 6, 6])
-    turned = "contact_loss" not in effects and bool(random.integers(2))
-    units = Units(clock, motion, force, turned, otherwise=True)
-    check_alike(of_tissue, read(shared / "hidden_effects" / f"case_{case:02}"), units)
