@@ -23,7 +23,7 @@ def test_lines_are_the_forces_to_scale(effect, system):
     drawn = [np.reshape(line.get("d")[1:].split(), (-1, 2)).astype(float) for line in (base, force)]
     slow, _ = signatures(effect, system=system)
     whole = np.concatenate([item[:, 1] for item in drawn])
-    assert 0 <= min(item.min() for item in drawn)
+    assert min(item.min() for item in drawn) >= 0
     assert whole.max() <= 115
     simulated = np.concatenate([values[slow.last_cycle] for values in (slow.base, slow.force)])
     upwards = (whole.max() - whole) / np.ptp(whole)
