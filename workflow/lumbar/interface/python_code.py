@@ -1,37 +1,43 @@
 """The Python that fits what a page of a diagnosis shows, to copy: how the records are read, what settings say, the verbs."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Sequence
 from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from lumbar.records.record import Record
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.study_settings import StudySettings
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.verdict import Verdict
 
-if TYPE_CHECKING:
-    from lumbar.interface.diagnosis import Diagnosis
 
-
-def fitting_code(diagnosis: Diagnosis, reading: str = "") -> str:
+def fitting_code(
+    verdict: Verdict,
+    records: Sequence[Record],
+    study: StudySettings,
+    chosen: DiagnosisSettings,
+    reading: str = "",
+) -> str:
     """Return Python that reads the records of a diagnosis and fits the base with effects, for which EFFECTS stands; or nothing.
 
     Parameters
     ----------
+    verdict, records, study, chosen
+        A diagnosis, the records as they were read, all settings, and those that the diagnosis was made with.
     reading : str, optional
         Lines that make ``records``; default those that read the files which the records come from. Files below the working
         directory are named from there, others with their folder alone: a page that is sent tells nothing of the machine.
     """
-    used = _used(diagnosis)
-    base_is_file = not isinstance(diagnosis.settings.base, str)
-    readable = reading or all(record.source for record in diagnosis.records)
+    used = _used(study, chosen)
+    base_is_file = not isinstance(chosen.base, str)
+    readable = reading or all(record.source for record in records)
     if not readable or (base_is_file and not used.improvement.base_files.get("base")):
         return ""
-    training = diagnosis.verdict.experiment.training
+    training = verdict.experiment.training
     names = [item.name for item in getattr(training, "parts", (training,))]
-    given = [] if base_is_file else [f"base={diagnosis.verdict.base.fit.structure.base.name!r}"]
+    given = [] if base_is_file else [f"base={verdict.base.fit.structure.base.name!r}"]
     given.append(f"train={(names if len(names) > 1 else names[0])!r}")
     imports, lines = {"import lumbar"}, []
     if used != StudySettings():
@@ -39,7 +45,7 @@ def fitting_code(diagnosis: Diagnosis, reading: str = "") -> str:
         given.append("settings=settings")
     own_layout = used.tissue.layout != StudySettings().tissue.layout
     lines += [
-        reading or f"records = {_call('lumbar.read', _files(diagnosis, own_layout))}",
+        reading or f"records = {_call('lumbar.read', _files(records, study, chosen, own_layout))}",
         f"refined = {_call('lumbar.refine', ['records', 'EFFECTS', *given])}",
         "print(refined)  # the error ladder",
         "print(refined.compare())  # how well the model agrees with every record",
@@ -48,33 +54,34 @@ def fitting_code(diagnosis: Diagnosis, reading: str = "") -> str:
     return "\n".join([*sorted(imports, reverse=True), "", *lines, ""])
 
 
-def _used(diagnosis: Diagnosis) -> StudySettings:
+def _used(study: StudySettings, chosen: DiagnosisSettings) -> StudySettings:
     """Return the settings that reading and a fit with named effects depend on; all others are the defaults."""
-    study, default = diagnosis.study, StudySettings()
-    chosen, tissue = study.improvement, study.tissue
-    moments = diagnosis.settings.system == "pendulum" and tissue.layout == default.tissue.layout
+    default, own, tissue = StudySettings(), study.improvement, study.tissue
+    moments = chosen.system == "pendulum" and tissue.layout == default.tissue.layout
     layout = study.lifting.moment_layout if moments else tissue.layout
     improvement = replace(
         default.improvement,
-        base=_named(chosen.base) if chosen.base_files.get("base") else default.improvement.base,
-        forward=chosen.forward,
-        session=chosen.session,
-        effect_files=tuple(map(_named, chosen.effect_files)),
+        base=_named(own.base) if own.base_files.get("base") else default.improvement.base,
+        forward=own.forward,
+        session=own.session,
+        effect_files=tuple(map(_named, own.effect_files)),
     )
     gravity = replace(default.stability.pendulum, gravity_m_s2=study.stability.pendulum.gravity_m_s2)
-    own = replace(default.tissue, layout=layout, settling_s=tissue.settling_s)
+    tests = replace(default.tissue, layout=layout, settling_s=tissue.settling_s)
     stability = replace(default.stability, pendulum=gravity)
-    return StudySettings(seed=study.seed, tissue=own, improvement=improvement, stability=stability)
+    return StudySettings(seed=study.seed, tissue=tests, improvement=improvement, stability=stability)
 
 
-def _files(diagnosis: Diagnosis, own_layout: bool) -> list[str]:
+def _files(
+    records: Sequence[Record], study: StudySettings, chosen: DiagnosisSettings, own_layout: bool
+) -> list[str]:
     """Arguments of `lumbar.read`."""
-    records, rate = diagnosis.records, diagnosis.study.tissue.rate_Hz
+    rate = study.tissue.rate_Hz
     names = [record.name for record in records]
     stems = [stem_of(Path(record.source)) for record in records]
     given = {
         "layout": "settings.tissue.layout" if own_layout else None,
-        "rate": rate if own_layout or diagnosis.settings.system == "tissue" else None,
+        "rate": rate if own_layout or chosen.system == "tissue" else None,
         "names": names if names != stems else None,
         "periods": {record.name: record.period for record in records if record.period is not None},
         "trims": {record.name: record.trim for record in records if record.trim is not None},
