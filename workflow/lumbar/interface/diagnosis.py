@@ -301,7 +301,7 @@ class Diagnosis:
             [*own, *beside.models],
             beside.remark,
             self.pushed if thesis else None,
-            fitting_code(self.verdict, self.records, self.study, self.settings, reading),
+            fitting_code(self.records, self.verdict, self.settings, self.study, reading),
         )
 
     def save(

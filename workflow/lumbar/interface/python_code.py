@@ -1,36 +1,39 @@
 """The Python that fits what a page of a diagnosis shows, to copy: how the records are read, what settings say, the verbs."""
 
+from __future__ import annotations
+
 import textwrap
 from collections.abc import Sequence
 from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lumbar.records.record import Record
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.study_settings import StudySettings
-from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+
+if TYPE_CHECKING:
+    from lumbar.records.record import Record
+    from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+    from lumbar.tissue.diagnosis.selection.verdict import Verdict
 
 
 def fitting_code(
-    verdict: Verdict,
     records: Sequence[Record],
-    study: StudySettings,
+    verdict: Verdict,
     chosen: DiagnosisSettings,
+    study: StudySettings,
     reading: str = "",
 ) -> str:
     """Return Python that reads the records of a diagnosis and fits the base with effects, for which EFFECTS stands; or nothing.
 
     Parameters
     ----------
-    verdict, records, study, chosen
-        A diagnosis, the records as they were read, all settings, and those that the diagnosis was made with.
+    records, verdict, chosen, study : of a `lumbar.interface.diagnosis.Diagnosis`
     reading : str, optional
         Lines that make ``records``; default those that read the files which the records come from. Files below the working
         directory are named from there, others with their folder alone: a page that is sent tells nothing of the machine.
     """
-    used = _used(study, chosen)
+    used = _used(study, chosen.system)
     base_is_file = not isinstance(chosen.base, str)
     readable = reading or all(record.source for record in records)
     if not readable or (base_is_file and not used.improvement.base_files.get("base")):
@@ -44,8 +47,9 @@ def fitting_code(
         lines.append(f"settings = {as_code(used, imports)}")
         given.append("settings=settings")
     own_layout = used.tissue.layout != StudySettings().tissue.layout
+    rate = study.tissue.rate_Hz if own_layout or chosen.system == "tissue" else None
     lines += [
-        reading or f"records = {_call('lumbar.read', _files(records, study, chosen, own_layout))}",
+        reading or f"records = {_call('lumbar.read', _files(records, own_layout, rate))}",
         f"refined = {_call('lumbar.refine', ['records', 'EFFECTS', *given])}",
         "print(refined)  # the error ladder",
         "print(refined.compare())  # how well the model agrees with every record",
@@ -54,34 +58,31 @@ def fitting_code(
     return "\n".join([*sorted(imports, reverse=True), "", *lines, ""])
 
 
-def _used(study: StudySettings, chosen: DiagnosisSettings) -> StudySettings:
+def _used(study: StudySettings, system: str) -> StudySettings:
     """Return the settings that reading and a fit with named effects depend on; all others are the defaults."""
-    default, own, tissue = StudySettings(), study.improvement, study.tissue
-    moments = chosen.system == "pendulum" and tissue.layout == default.tissue.layout
+    default, chosen, tissue = StudySettings(), study.improvement, study.tissue
+    moments = system == "pendulum" and tissue.layout == default.tissue.layout
     layout = study.lifting.moment_layout if moments else tissue.layout
     improvement = replace(
         default.improvement,
-        base=_named(own.base) if own.base_files.get("base") else default.improvement.base,
-        forward=own.forward,
-        session=own.session,
-        effect_files=tuple(map(_named, own.effect_files)),
+        base=_named(chosen.base) if chosen.base_files.get("base") else default.improvement.base,
+        forward=chosen.forward,
+        session=chosen.session,
+        effect_files=tuple(map(_named, chosen.effect_files)),
     )
     gravity = replace(default.stability.pendulum, gravity_m_s2=study.stability.pendulum.gravity_m_s2)
-    tests = replace(default.tissue, layout=layout, settling_s=tissue.settling_s)
+    own = replace(default.tissue, layout=layout, settling_s=tissue.settling_s)
     stability = replace(default.stability, pendulum=gravity)
-    return StudySettings(seed=study.seed, tissue=tests, improvement=improvement, stability=stability)
+    return StudySettings(seed=study.seed, tissue=own, improvement=improvement, stability=stability)
 
 
-def _files(
-    records: Sequence[Record], study: StudySettings, chosen: DiagnosisSettings, own_layout: bool
-) -> list[str]:
+def _files(records: Sequence[Record], own_layout: bool, rate: float | None) -> list[str]:
     """Arguments of `lumbar.read`."""
-    rate = study.tissue.rate_Hz
     names = [record.name for record in records]
     stems = [stem_of(Path(record.source)) for record in records]
     given = {
         "layout": "settings.tissue.layout" if own_layout else None,
-        "rate": rate if own_layout or chosen.system == "tissue" else None,
+        "rate": rate,
         "names": names if names != stems else None,
         "periods": {record.name: record.period for record in records if record.period is not None},
         "trims": {record.name: record.trim for record in records if record.trim is not None},

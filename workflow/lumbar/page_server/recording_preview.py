@@ -150,11 +150,6 @@ def drawn(values: np.ndarray, stretches: int) -> np.ndarray:
     -------
     numpy.ndarray
         Shape (points, 2): time and value, both from 0 to 1.
-
-    Examples
-    --------
-    >>> drawn(np.array([0.0, 2.0, 1.0]), 300).tolist()
-    [[0.0, 0.0], [0.5, 1.0], [1.0, 0.5]]
     """
     places = np.arange(len(values))
     if len(values) > 2 * stretches:
