@@ -111,8 +111,8 @@ def _example(options) -> ExploredSet:
     make = partial(diagnose, example_records(), settings=fit_settings(options), data="synthetic example")
     output = (options.output or EXPLORED) / "example"
     reading = "from lumbar.twin.examples import example_records\n\nrecords = example_records()"
-    words = {"title": "an example to try", "reading": reading}
-    return ExploredSet("_example", make, output, read=example_records, **words)
+    title = "an example to try"
+    return ExploredSet("_example", make, output, title=title, read=example_records, reading=reading)
 
 
 def _of_results(options) -> list[ExploredSet]:
