@@ -138,9 +138,9 @@ def _tell(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSo
     digits = CustomJSHover(code="return Number.isFinite(value) ? value.toPrecision(4) : '–'")
     words = {name: name.replace("_", " ").replace("aside", "set aside") for name in (across, *ups)}
     tooltips = [(word, f"@{name}{{custom}}") for name, word in words.items()]
-    formatters = {f"@{name}": digits for name in words}
-    mode = "mouse" if picture.name == "loop" else "vline"  # a loop comes by a depth more than once
-    picture.add_tools(HoverTool(renderers=[unseen], mode=mode, tooltips=tooltips, formatters=formatters))
+    told: dict = {"tooltips": tooltips, "formatters": {f"@{name}": digits for name in words}}
+    told["mode"] = "mouse" if picture.name == "loop" else "vline"  # a loop comes by a depth more than once
+    picture.add_tools(HoverTool(renderers=[unseen], **told))
 
 
 def _figure(name: str, across: str, up: str, **more) -> figure:
