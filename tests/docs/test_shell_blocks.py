@@ -1,0 +1,122 @@
+"""The shell blocks of README and pages run, page by page and in order, in a folder that holds what a reader has."""
+
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from test_code_blocks import PAGES, blocks
+
+import lumbar
+from column_files import write_columns, write_records
+from lumbar.settings.plain import plain
+from lumbar.twin.examples import example_lift, example_records
+from running import PROJECT, copy_project
+
+pytestmark = pytest.mark.nightly
+
+NOT_RUN = {
+    "docs/citing.md": "compares the archive of a run of the default study, which takes long",
+    "docs/cluster.md": "needs a cluster with SLURM",
+    "docs/index.md": "eight fits and diagnoses of one folder, whose commands stand on other pages too: minutes",
+    "docs/storage.md": "needs a store in the net",
+    "docs/tissue/haptic_runtime.md": "needs a C compiler, unzip and a key of OpenSSH",
+    "docs/tissue/pendulum_moment.md": "needs the default study's records of a moment",
+    "docs/tissue/proposed_law.md": "looks for laws: minutes",
+    "docs/tissue/tutorial.md": "needs the default study's records, and diagnoses them several times: minutes",
+}
+"""Pages whose blocks need what a test has not, and the reason."""
+REFUSED = {"lumbar import counts.csv --dry-run\n"}
+"""Blocks that show a refusal."""
+COMMAND = re.compile(r"^ *(lumbar|python|snakemake|make|source|sed|unzip) ", flags=re.M)
+SHELL = {
+    name: [block for block in blocks(page, "", "sh") if COMMAND.search(block)] for name, page in PAGES.items()
+}
+ABRIDGED = r"""
+set -eu
+make() { command make --dry-run "$@"; }
+snakemake() { command snakemake --dry-run --quiet all "$@"; }
+lumbar() {
+  case "$1" in
+    explore)  # until it says that it serves
+      : > served
+      python -m lumbar "$@" --no-browser --port "$PORT" > served 2>&1 &
+      until grep -q Ctrl-C served; do kill -0 $! || { cat served; return 1; }; sleep 0.1; done
+      kill -TERM $!; wait $! || true;;
+    doctor) python -m lumbar "$@" --no-faults $EFFECTS;;
+    new-study)
+      python -m lumbar "$@"
+      sed -i -E 's/(mass_kg: )FILL_IN/\170/; s/(height_m: )FILL_IN/\11.75/; s/(sex: )FILL_IN/\1unknown/;
+        s/FILL_IN/anyone/' config/studies/*.yaml config/subjects/*.yaml;;
+    *) python -m lumbar "$@";;
+  esac
+}
+"""
+"""What takes long is only planned, a page is served until it stands, few effects are tried, and what a person fills in is."""
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    """A project, with recordings under the names that the pages use and what the default study leaves of them."""
+    project = copy_project(tmp_path_factory.mktemp("pages"))
+    for name in ("Makefile", "pyproject.toml", "README.md", "examples", "tests", "docs"):
+        (project / name).symlink_to(PROJECT / name)
+    (project / ".venv").symlink_to(sys.prefix)
+    records = write_records(project / "FOLDER", example_records())
+    for number, file in enumerate(sorted(records.iterdir()), 1):
+        for name in (f"trial_{number}.txt", f"trial_{number}.lvm"):
+            shutil.copy(file, project / name)
+    write_bench(project)
+    subject = example_lift(project / "trial.c3d")
+    (project / "ann.yaml").write_text(yaml.safe_dump({"subject": plain(subject)}), encoding="utf-8")
+    for folder in ("folder", "recordings/my_lab"):
+        (project / folder).mkdir(parents=True)
+        shutil.copy(project / "trial.c3d", project / folder)
+    lumbar.lift(project / "trial.c3d", subject).save(project / "results/thesis/lifting/expert_23kg")
+    return project
+
+
+def write_bench(project: Path) -> None:
+    """Two minutes of a bench with the number of the trial, and counts of an encoder."""
+    time = np.arange(0, 120, 0.02)
+    position = sum(np.sin(2 * np.pi * f * time + f) for f in (0.31, 0.77, 1.3))
+    force = 1.8 * position + 0.1 * np.gradient(position, time)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(len(time))
+    write_columns(
+        project / "bench.csv", time_s=time, position_mm=position, force_N=force + noise, trial=time // 60 + 1
+    )
+    columns = {"time [s]": time, "encoder [counts]": 100 * position, "torque transducer [V]": force / 35.15}
+    write_columns(project / "counts.csv", "%.6f", **columns)
+
+
+@pytest.mark.parametrize("page", [name for name, found in SHELL.items() if found and name not in NOT_RUN])
+def test_shell_blocks_of_a_page_run(page, prepared, shared, tmp_path):
+    (tmp_path / "shared").symlink_to(shared)  # where the studies of recordings of others look for them
+    project = shutil.copytree(prepared, tmp_path / "project", symlinks=True)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = os.environ | {
+        "PATH": path, "HOME": str(tmp_path), "PORT": port, "EFFECTS": "--effects coulomb_friction",
+        "PYTHONPATH": str(PROJECT / "workflow"),
+    }  # fmt: skip
+    failed = []
+    for block in SHELL[page]:
+        command = ["bash", "-c", ABRIDGED + block]
+        ran = subprocess.run(
+            command, cwd=project, env=environment, capture_output=True, text=True, check=False
+        )
+        if ran.returncode != (block in REFUSED):
+            failed.append(f"{block}{ran.stdout[-1000:]}{ran.stderr[-1000:]}")
+    assert not failed, "\n".join(failed)
+
+
+def test_pages_that_are_not_run_are_there():
+    assert set(NOT_RUN) <= {name for name, found in SHELL.items() if found}
