@@ -6,7 +6,7 @@ from pathlib import Path
 
 @cache
 def template(name: str):
-    """Return a `jinja2.Template` that refuses names it does not know, and escapes what it is given but in YAML.
+    """Return a `jinja2.Template` that refuses names it does not know, and escapes what it is given but in YAML and plain text.
 
     Parameters
     ----------
@@ -17,7 +17,7 @@ def template(name: str):
 
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parents[1]),
-        autoescape=lambda name: not name.endswith(".yaml.jinja"),
+        autoescape=lambda name: not name.endswith((".yaml.jinja", ".txt.jinja")),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -6,13 +6,10 @@ from lumbar import __version__
 from lumbar.base.templates import template
 from lumbar.tissue.fmu.build.description import (
     AUTHOR,
-    feedthrough_text,
     gain_text,
     guards_text,
     model_version,
-    range_text,
-    rate_text,
-    sign_text,
+    told,
     variables,
 )
 from lumbar.tissue.fmu.build.effect_model import Term
@@ -59,10 +56,10 @@ def documentation_html(model: ExportModel, version: str, data: str, drawn: Seque
         stable=model.stable,
         largest_pole=f"{model.dynamics.largest_pole:.6g}",
         sampling=f"{model.sampling_time:g}",
-        feedthrough=feedthrough_text(model, version),
-        sign=sign_text(model),
-        valid=range_text(model),
-        rate=rate_text(model),
+        feedthrough=told("feedthrough", model, version=version),
+        sign=told("sign", model),
+        valid=told("range", model),
+        rate=told("rate", model),
         made_by=f"lumbar {__version__}",
         model_version=model_version(model),
         author=AUTHOR,
