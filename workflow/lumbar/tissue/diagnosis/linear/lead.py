@@ -11,13 +11,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
-from lumbar.tissue.diagnosis.selection.candidate import (
-    Candidate,
-    evaluate,
-    is_adequate,
-    refit,
-    with_forms,
-)
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, refit, with_forms
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import effects_text
 from lumbar.tissue.effects.catalogue import TISSUE
