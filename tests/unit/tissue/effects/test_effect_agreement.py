@@ -174,8 +174,8 @@ def _states(state, motion, values, functions) -> dict[str, np.ndarray]:
         "v": motion.velocity[1:],
         "dz": motion.increments[1:],
     }
-    found = state.in_steps(known, len(motion) - 1, functions)
-    return dict(zip(state.names, found, strict=True))
+    steps = len(motion) - 1
+    return {part.names[0]: part.in_steps(known, steps, functions)[0] for part in state.apart}
 
 
 @ON_LINUX

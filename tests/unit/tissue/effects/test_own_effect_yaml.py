@@ -225,6 +225,21 @@ parameters:
   tau: {name: creep_time, unit: s, start: [0.05, 0.5], scale: time}
 """
 """Two states, one of which is not linear."""
+LADDER = """
+name: own_ladder
+mechanism: Six branches in a row, as many states as a form may have.
+equation: k*(z - r_0)
+state:
+  r_0: "(r_1 - r_0)/tau"
+  r_1: "(r_0 + r_2 - 2*r_1)/tau"
+  r_2: "(r_1 + r_3 - 2*r_2)/tau"
+  r_3: "(r_2 + r_4 - 2*r_3)/tau"
+  r_4: "(r_3 + r_5 - 2*r_4)/tau"
+  r_5: "(r_4 + z - 2*r_5)/tau"
+parameters:
+  k: {name: stiffness, unit: "{y}/{x}"}
+  tau: {name: creep_time, unit: s, start: [0.05, 0.5], scale: time}
+"""
 
 
 @pytest.mark.parametrize(
@@ -255,8 +270,9 @@ def test_a_state_in_yaml_is_the_catalogues_own(text, effect, number, tmp_path):
         (SENSOR, [], [20.0]),
         (CREEP, [0.6], [0.3]),
         (FOLLOWED, [0.6], [0.3]),
+        (LADDER, [0.6], [0.3]),
     ],
-    ids=["ribs", "dahl", "sensor", "creep", "chain"],
+    ids=["ribs", "dahl", "sensor", "creep", "chain", "ladder"],
 )
 def test_an_equation_in_yaml_becomes_an_fmu(text, linear, nonlinear, zig_cache, tmp_path):
     catalogue, name = catalogue_with([written(tmp_path, text)]), text.split()[1]

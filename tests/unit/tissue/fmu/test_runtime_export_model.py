@@ -14,7 +14,7 @@ from runtime_models import RANGE, SETTINGS, about, entry, exported, models_json,
 import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.effects.catalogue import CATALOGUES
-from lumbar.tissue.fmu.build.description import told
+from lumbar.tissue.fmu.build.description import sentence
 from lumbar.tissue.fmu.conventions import told_meaning
 from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
 from lumbar.tissue.models.model_data import MotionRange, identifier
@@ -118,8 +118,8 @@ IL = entry("IL", [-0.125], [1.0], trained_on=None, estimator="given", alpha=None
 def test_il_is_inverted_and_says_why():
     model = exported(IL)
     assert model.resisting_sign == -1
-    assert "INVERTED on purpose" in told("sign", model)
-    assert told("range", model) == "Valid range: not known, prescribed, not fitted to data."
+    assert "INVERTED on purpose" in sentence("sign", model)
+    assert sentence("range", model) == "Valid range: not known, prescribed, not fitted to data."
 
 
 @pytest.mark.parametrize(
@@ -128,16 +128,16 @@ def test_il_is_inverted_and_says_why():
 def test_tissue_with_effects_resists_a_push(key):
     model = exported(effect_entry("KB", key, valid_for=RANGE))
     assert model.resisting_sign == 1
-    assert "a positive force resists" in told("sign", model)
-    assert "-2.4 to 2.5 mm, to 41 mm/s, 0.1 to 5 Hz" in told("range", model)
+    assert "a positive force resists" in sentence("sign", model)
+    assert "-2.4 to 2.5 mm, to 41 mm/s, 0.1 to 5 Hz" in sentence("range", model)
 
 
 def test_data_with_the_other_sign_are_no_purpose():
     model = exported(entry("KB", [-1.9, 1.2], [1.0, -0.45]))
-    assert told("sign", model).startswith(
+    assert sentence("sign", model).startswith(
         "INVERTED, as the data it was identified from: a growing position gives"
     )
-    assert "its file does not say" in told("range", model)
+    assert "its file does not say" in sentence("range", model)
 
 
 @ON_LINUX

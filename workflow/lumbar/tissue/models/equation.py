@@ -363,9 +363,12 @@ class Equation:
             for name in state.names
         ]
         then = {symbol: begun.get(name, name) for symbol, name in names.items()} | before
-        if state.is_scalar:
-            shared, (value,) = _c_lines("begun", [portable(substitute(state.scalar_step, given))], then)
-            return [*shared, f"next[0] = first ? {starts[0]} : {value};"]
+        if all(part.is_scalar for part in state.apart):
+            alone = {part.names[0]: part.scalar_step for part in state.apart}
+            trees = [portable(substitute(alone[name], given)) for name in state.names]
+            shared, values = _c_lines("begun", trees, then)
+            pairs = enumerate(zip(starts, values, strict=True))
+            return [*shared, *(f"next[{row}] = first ? {start} : {value};" for row, (start, value) in pairs)]
         size, count = len(state.increments), len(state.names)
         cells = [*state.increments, *(cell for row in state.matrix for cell in row)]
         shared, values = _c_lines("begun", [portable(substitute(cell, given)) for cell in cells], then)

@@ -37,7 +37,7 @@ from lumbar.tissue.models.motion import LINEAR, POSITIONS, SIGNALS, STEADY, Moti
 from lumbar.tissue.models.printing import portable
 
 MOST_STATES = 6
-"""States of one form."""
+"""States of one form; with a clock, ``LARGEST_SYSTEM`` of ``effect_forms.h``."""
 STEP_SYMBOL = "sampling_time"
 """Symbol of the time from sample to sample in the equations of a step."""
 _MOST_ITERATIONS = 40

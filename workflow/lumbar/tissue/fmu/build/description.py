@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 
-def told(name: str, model: ExportModel, **known) -> str:
+def sentence(name: str, model: ExportModel, **known) -> str:
     """Return a macro of ``description.txt.jinja`` for a model, as one line."""
     macro = getattr(template("tissue/fmu/build/description.txt.jinja").module, name)
     return " ".join(macro(model, **known).split())
@@ -53,12 +53,12 @@ def guards_text(model: ExportModel) -> list[str]:
     """Say what is done to the force before the device receives it, a sentence or two for each guard."""
     guards = model.guards
     there = {"contact": guards.contact, "rate": guards.rate_limit > 0, "passive": guards.passive}
-    return [told(f"{name}_guard", model) for name, guard in there.items() if guard]
+    return [sentence(f"{name}_guard", model) for name, guard in there.items() if guard]
 
 
 def gain_text(model: ExportModel) -> str:
     """Say what a change of the gain does while the model runs: switched or scaled as a layer is passed."""
-    return told("gain", model, switched=None if model.guards.passive else switched_on(model), push=PUSH)
+    return sentence("gain", model, switched=None if model.guards.passive else switched_on(model), push=PUSH)
 
 
 def switched_on(model: ExportModel) -> tuple[float, float, float] | None:
@@ -121,7 +121,7 @@ def variables(model: ExportModel) -> list[Variable]:
         * guards.passive,
     ]
     return [
-        Variable(name, number, kind, told("variable", model, number=number), *values)
+        Variable(name, number, kind, sentence("variable", model, number=number), *values)
         for name, number, kind, *values in listed
     ]
 
@@ -141,9 +141,9 @@ def model_description(model: ExportModel, version: str, data: str) -> str:
     told = meaning(model)
     words = (
         description_text(model, data),
-        told("sign", model),
-        told("range", model),
-        told("feedthrough", model, version=version),
+        sentence("sign", model),
+        sentence("range", model),
+        sentence("feedthrough", model, version=version),
     )
     return template(f"tissue/fmu/build/modelDescription_fmi{version[0]}.xml.jinja").render(
         model=model,

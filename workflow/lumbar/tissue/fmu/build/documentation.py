@@ -9,7 +9,7 @@ from lumbar.tissue.fmu.build.description import (
     gain_text,
     guards_text,
     model_version,
-    told,
+    sentence,
     variables,
 )
 from lumbar.tissue.fmu.build.effect_model import Term
@@ -56,10 +56,10 @@ def documentation_html(model: ExportModel, version: str, data: str, drawn: Seque
         stable=model.stable,
         largest_pole=f"{model.dynamics.largest_pole:.6g}",
         sampling=f"{model.sampling_time:g}",
-        feedthrough=told("feedthrough", model, version=version),
-        sign=told("sign", model),
-        valid=told("range", model),
-        rate=told("rate", model),
+        feedthrough=sentence("feedthrough", model, version=version),
+        sign=sentence("sign", model),
+        valid=sentence("range", model),
+        rate=sentence("rate", model),
         made_by=f"lumbar {__version__}",
         model_version=model_version(model),
         author=AUTHOR,

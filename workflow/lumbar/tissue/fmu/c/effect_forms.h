@@ -53,7 +53,7 @@ static inline double phi1(double x) { return x == 0 ? 1.0 : portable_expm1(x) / 
  *
  * `matrix` has `size` rows; of the sum the first `states` count, for a clock may be among the unknowns. The series is that
  * of a matrix whose norm is at most 1/2, which is then doubled. */
-enum { LARGEST_SYSTEM = 5, SERIES_TERMS = 14 };
+enum { LARGEST_SYSTEM = 7, SERIES_TERMS = 14 }; /* six states and a clock */
 static inline void linearised_step(int states, int size, const double increments[], const double matrix[],
                                    const double memory[], double next[]) {
     double small[LARGEST_SYSTEM * LARGEST_SYSTEM], stretch[LARGEST_SYSTEM * LARGEST_SYSTEM] = {0};
