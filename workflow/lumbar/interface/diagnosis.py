@@ -177,11 +177,8 @@ class Diagnosis:
         """Models that name no mechanism: linear dynamics of higher order, a surface in the place of a formula."""
         from lumbar.tissue.diagnosis.law.proposal import surface_model
 
-        return [
-            item
-            for item in (self.verdict.linear, surface_model(self.proposal, self.data))
-            if item is not None
-        ]
+        found = self.verdict.linear, surface_model(self.proposal, self.data)
+        return [item for item in found if item is not None]
 
     @property
     def sentences(self) -> list[str]:

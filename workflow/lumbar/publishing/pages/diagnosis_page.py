@@ -18,7 +18,6 @@ from lumbar.publishing.pages.html import (
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import ALIKE, Evidence, limitations
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
@@ -98,20 +97,16 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     errors = (f"training ({unit})", f"unseen ({unit})", "unseen / noise")
     head = ("effects added", "role", "form", *errors, "p", "converged")
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
-    return [
+    blocks = [
         paragraph(
             f"Root mean square of the {error}. Fitted on {experiment.training.name}; unseen: {tests}. Noise floor: {noise}. Each "
             "set of effects is refitted together with the base; the ranking is by the likelihood of all records."
         ),
         table(head, rows),
-        *_on_every_record(evidence.remaining),
     ]
-
-
-def _on_every_record(remaining: list[ResidualReport]) -> list[Markup]:
-    return (
-        [heading("The selected model on every record", 3), *comparison_blocks(remaining)] if remaining else []
-    )
+    if evidence.remaining:  # none of points without a clock
+        blocks += [heading("The selected model on every record", 3), *comparison_blocks(evidence.remaining)]
+    return blocks
 
 
 def role_of(item: Ranked, diagnosis: Verdict) -> str:
