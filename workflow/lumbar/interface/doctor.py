@@ -70,7 +70,6 @@ def doctor(
     from lumbar.tissue.effects.catalogue import choose
 
     records = list(records)
-    require_clock(records)
     # What is asked is whether an effect of the catalogue would be named: no law is looked for in hundreds of records.
     settings = settings_or_default(settings)
     settings = replace(settings, improvement=replace(settings.improvement, propose_law=False))
@@ -88,6 +87,7 @@ def doctor(
         return diagnose(seen, base=base, train=train, settings=chosen).verdict
 
     own = diagnose(records, base=base, train=train, settings=settings, data=data)
+    require_clock(own.records)
     examination = examine(
         records,
         own.verdict,

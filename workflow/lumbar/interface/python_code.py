@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.records.unpacking import stem_of
+from lumbar.settings.improvement import is_data
 from lumbar.settings.study_settings import StudySettings
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def _used(study: StudySettings, system: str) -> StudySettings:
     layout = study.lifting.moment_layout if moments else tissue.layout
     improvement = replace(
         default.improvement,
-        base=_named(chosen.base) if chosen.base_files.get("base") else default.improvement.base,
+        base=_named(chosen.base) if chosen.base and is_data(chosen.base) else default.improvement.base,
         forward=chosen.forward,
         session=chosen.session,
         effect_files=tuple(map(_named, chosen.effect_files)),
