@@ -27,7 +27,7 @@ from lumbar.tissue.models.parameter import SCALES, Constant, LinearParameter, No
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
-_EFFECT_FLAGS = ("accumulates", "unrepeated", "linear", "rate_independent")
+_EFFECT_FLAGS = ("accumulates", "unrepeated", "linear")
 _EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "sensors", *_EFFECT_FLAGS, "forms")
 _FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "essential")
 _BASE_KEYS = ("name", "mechanism", "source", "equation", "state", "parameters", "constants")
@@ -524,7 +524,6 @@ def _numerical_problems(form: Form) -> list[tuple[str, str]]:
                 said = "is {} at t = {:.3g}, z = {:.3g}, v = {:.3g}".format(values[wrong[0]], *at)
                 said += f", {given}" if given else ""
                 return [(said, "it must be finite for every position and velocity")]
-            placed = any("{x}" in constant.unit for constant in form.constants)  # where, a sine may not come
-            if item and not values.any() and not placed:
+            if item and not values.any():
                 return [(f"{item.name} has no influence on a sine of amplitude 1", "it must have one")]
     return []

@@ -31,7 +31,6 @@ from lumbar.tissue.diagnosis.selection.findings import (
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
 from lumbar.tissue.diagnosis.selection.otherwise import falling_stiffness, trained_otherwise
-from lumbar.tissue.diagnosis.selection.rates import whatever_the_speed
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import usable_effects
@@ -80,8 +79,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     found, zeros = _with_own_zeros(found, settings)
     found, linear = _beside_linear(found, settings)
     found, leads = _beside_lead(found, settings)
-    found, rates = whatever_the_speed(found, settings)
-    told = [*experiment.faults, *offsets(found), *zeros, *leads, *linear, *rates]
+    told = [*experiment.faults, *offsets(found), *zeros, *leads, *linear]
     if settings.system == "tissue":
         told += [*trained_otherwise(found, settings), *falling_stiffness(found.experiment)]
     return replace(found, not_tried=not_tried, findings=tuple(told))
