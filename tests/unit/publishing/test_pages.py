@@ -125,7 +125,7 @@ def test_pictures_of_a_diagnosis(hardening, tmp_path):
 
 
 def test_limits_name_what_is_missing_in_the_records():
-    (one, _) = records(periods=2)
+    (one, _) = records(periods=1)
     diagnosis = diagnose([one])
     page = text_of(diagnosis_page(diagnosis, gather_evidence(diagnosis, DiagnosisSettings(), 1), TISSUE, "x"))
     assert "there is one record only" in page

@@ -12,7 +12,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, refit, with_forms
-from lumbar.tissue.diagnosis.selection.thresholds import TIED
+from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, TIED
 from lumbar.tissue.diagnosis.selection.verdict import effects_text
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
@@ -52,7 +52,11 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     units = experiment.input_unit, experiment.output_unit
     late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")
     likelier = best.score < rival.score - (TIED if best.parameters >= rival.parameters else 0)
-    if not (best.fit.converged and likelier and late.high < first):
+    # Beside another effect that is missing a lead may help a little: it is told where nothing is left.
+    whole = (
+        is_adequate(best, put_late) if experiment.floor else best.test_rms < (1 - EXPLAINS) * rival.test_rms
+    )
+    if not (best.fit.converged and likelier and whole and late.high < first):
         return None
     low, lead, high = (1e3 * (first - value) for value in (late.high, late.value, late.low))
     words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "lead": lead}
