@@ -12,7 +12,6 @@ from lumbar.records.record import Record, require_clock, same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
-from lumbar.tissue.diagnosis.noise.periods import ONLY
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.motion import Motion
 
@@ -346,8 +345,8 @@ def check_response(training: Record, floor: NoiseFloor | None) -> None:
 def _noise_floor_of(chosen: list[Record]) -> tuple[Record, NoiseFloor | None]:
     """First record that repeats, with its noise floor; the first of all and None where none does."""
     for record in chosen:
-        # A period of which a record holds fewer than two says nothing about noise.
-        known = record.period if record.period and record.duration >= ONLY * record.period else None
+        # A period of which a record holds fewer than three says nothing about noise.
+        known = record.period if record.period and record.duration >= 3 * record.period else None
         floor = noise_floor(replace(record, period=known))
         if floor is not None:
             return record, floor

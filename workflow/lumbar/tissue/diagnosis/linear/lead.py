@@ -54,7 +54,9 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     likelier = best.score < rival.score - (TIED if best.parameters >= rival.parameters else 0)
     # Beside another effect that is missing a lead may help a little: it is told where nothing is left.
     whole = (
-        is_adequate(best, put_late) if experiment.floor else best.test_rms**2 < (1 - EXPLAINS) * rival.test_rms**2
+        is_adequate(best, put_late)
+        if experiment.floor
+        else best.test_rms**2 < (1 - EXPLAINS) * rival.test_rms**2
     )
     if not (best.fit.converged and likelier and whole and late.high < first):
         return None

@@ -24,17 +24,13 @@ from lumbar.tissue.diagnosis.noise.nonrepeating import (
     remove_structure,
     smooth_power,
 )
-from lumbar.tissue.diagnosis.noise.periods import ONLY, Folding, find_period, fold_periods, repeats
+from lumbar.tissue.diagnosis.noise.periods import Folding, find_period, fold_periods, repeats
 
 _CERTAIN = 6.0
 """Standard errors by which sizes must be related beyond what noise of any colour and distribution gives."""
 _LASTING = 0.25
 """Share of what neighbouring samples lack of a correlation of 1 where deviations are smallest that they lack less where they are
 large. A sensor's noise that grows with the force, and a clock that trembles, make samples that differ but do not last."""
-_STRETCHES, _SETTLED = 40, 1.5
-"""Stretches of a period, and the mean square in one, relative to a usual one, up to which a transient is over."""
-_SHORT = 0.02
-"""Share of a period that may lack at the end of a record."""
 _FEWEST = 4
 """Periods whose differences, two by two, are independent of each other at the same phase."""
 _QUIET = 0.25
@@ -80,8 +76,6 @@ class NoiseFloor:
     """`period`, `sampling_time`: seconds."""
     periods: int
     """Periods used, the transient left out."""
-    settling: float | None = None
-    """Where there are only two periods, the seconds at the start of the first that are left out as its transient; else None."""
     exact: bool = False
     """Whether the periods are alike to the last digit: `rms` is then what the digits leave open."""
 
@@ -136,7 +130,7 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
     InputError
         If a period is given that the record is too short for, or with which its input does not repeat.
     """
-    period = period or record.period or find_period(record) or find_period(record, ONLY)
+    period = period or record.period or find_period(record)
     if period is None:
         return None
     folding = fold_periods(record, period)
@@ -149,14 +143,9 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
     scale = np.abs(folded).max()
     if np.abs(deviations).max() <= 1e-12 * scale:
         deviations = np.zeros_like(deviations)
-    only = len(record) < (ONLY + 1 - _SHORT) * folding.samples
-    transient = _transient(deviations) if only else 0
-    deviations[:, :transient] = 0.0
     noise, parts, degrees = remove_structure(
         deviations, mean_period, folding.fold(record["input"]).mean(axis=0)
     )
-    noise[:, :transient] = 0.0
-    degrees *= 1 - transient / folding.samples
     exact = not np.any(noise)
     variance = _resolution(mean_period) ** 2 if exact else float(np.sum(noise**2)) / degrees
     noise, parts, degrees, bursts = _bursts_beside(noise, parts, degrees)
@@ -183,19 +172,8 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
         period=float(period),
         sampling_time=record.sampling_time,
         periods=len(folded),
-        settling=transient * record.sampling_time if only else None,
         exact=exact,
     )
-
-
-def _transient(deviations: np.ndarray) -> int:
-    """Samples at the start of a first period, up to half of it, in which it differs from the second by more than later on."""
-    samples = deviations.shape[1]
-    width = max(samples // _STRETCHES, 1)
-    stretches = np.square(deviations[0, : samples // width * width]).reshape(-1, width).mean(axis=1)
-    usual = float(np.median(stretches[len(stretches) // 2 :]))
-    settled = np.flatnonzero(stretches[: len(stretches) // 2] <= _SETTLED * usual)
-    return width * int(settled[0] if settled.size else len(stretches) // 2)
 
 
 def _without_input_deviations(deviations: np.ndarray, excitation: np.ndarray, folding: Folding) -> np.ndarray:

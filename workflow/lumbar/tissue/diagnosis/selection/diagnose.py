@@ -153,7 +153,8 @@ def _beside_lead(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, 
     finding = None if settings.system != "tissue" else force_leads(found.model, found.experiment, linear)
     if finding is None:
         return found, []
-    stands = not linear and is_adequate(found.model, found.experiment)
+    # What was selected and is not linear stands beside the lead as well.
+    stands = found.selected and not linear
     return (found if stands else replace(found, verdict="unexplained", tied_with=[])), [finding]
 
 

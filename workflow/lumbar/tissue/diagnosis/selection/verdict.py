@@ -251,12 +251,6 @@ def noise_sentence(experiment: Experiment) -> str:
             "down, read the part that repeats alone: --trim of 'lumbar import', or trim_s in a study."
         )
     alike = "; they are alike to the last digit, and so much the digits leave open" if floor.exact else ""
-    only = ""
-    if floor.settling is not None:
-        only = (
-            f", all there are: of the first {floor.settling:.3g} s are left out as transient, and what changes from one to the "
-            "other may pass for noise"
-        )
     beside = ""
     if experiment.beside_floor > _NOTABLE * floor.rms:
         beside = (
@@ -265,7 +259,7 @@ def noise_sentence(experiment: Experiment) -> str:
         )
     return (
         f"Noise floor: {floor.rms:.3g} {experiment.output_unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} "
-        f"periods of {floor.period:g} s{alike}{only}.{beside}"
+        f"periods of {floor.period:g} s{alike}.{beside}"
     )
 
 
