@@ -153,8 +153,7 @@ def _beside_lead(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, 
     finding = None if settings.system != "tissue" else force_leads(found.model, found.experiment, linear)
     if finding is None:
         return found, []
-    # What was selected and is not linear stands beside the lead as well.
-    stands = found.selected and not linear
+    stands = not linear and is_adequate(found.model, found.experiment)
     return (found if stands else replace(found, verdict="unexplained", tied_with=[])), [finding]
 
 
