@@ -31,7 +31,7 @@ NOT_RUN = {
     "docs/tissue/proposed_law.md": "looks for laws: minutes",
     "docs/tissue/tutorial.md": "needs the default study's records, and diagnoses them several times: minutes",
 }
-"""Pages whose blocks need what a test has not, and the reason."""
+"""Pages whose blocks are not run, and what they would need: for those that take minutes this is judged, not measured."""
 REFUSED = {"lumbar import counts.csv --dry-run\n"}
 """Blocks that show a refusal."""
 COMMAND = re.compile(r"^ *(lumbar|python|snakemake|make|source|sed|unzip) ", flags=re.M)

@@ -58,7 +58,8 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
         if experiment.floor
         else best.test_rms**2 < (1 - EXPLAINS) * rival.test_rms**2
     )
-    if not (best.fit.converged and likelier and whole and late.high < first):
+    # A lead that may be longer than what is looked for has no size that could be told.
+    if not (best.fit.converged and likelier and whole and late.low > 0 and late.high < first):
         return None
     low, lead, high = (1e3 * (first - value) for value in (late.high, late.value, late.low))
     words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "lead": lead}
