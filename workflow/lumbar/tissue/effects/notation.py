@@ -505,6 +505,8 @@ def _numerical_problems(form: Form) -> list[tuple[str, str]]:
     if form.channels:
         return []
     motion = standard_motion(_FREQUENCY)
+    # such a constant says where a parameter acts, which may be nowhere within the sine
+    may_lie_beyond = any("{x}" in constant.unit for constant in form.constants)
     force = 2 * motion.position
     ends = [item.grid(1.0)[[0, -1]] for item in form.nonlinear]
     for point in islice(product(*ends), _MOST_CORNERS):
@@ -524,6 +526,6 @@ def _numerical_problems(form: Form) -> list[tuple[str, str]]:
                 said = "is {} at t = {:.3g}, z = {:.3g}, v = {:.3g}".format(values[wrong[0]], *at)
                 said += f", {given}" if given else ""
                 return [(said, "it must be finite for every position and velocity")]
-            if item and not values.any():
+            if item and not values.any() and not may_lie_beyond:
                 return [(f"{item.name} has no influence on a sine of amplitude 1", "it must have one")]
     return []
