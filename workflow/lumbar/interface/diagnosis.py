@@ -77,8 +77,6 @@ def diagnose(
     The KB model is missing coulomb friction: with it the error on unseen records falls by 96 %, from 0.225 to 0.0099 N.
     """
     from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
-    from lumbar.tissue.diagnosis.law.chain import with_chain
-    from lumbar.tissue.diagnosis.law.proposal import law_beside, with_law
     from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 
     settings = settings_or_default(settings)
@@ -89,10 +87,22 @@ def diagnose(
         return Diagnosis(driven, chosen, search(driven, chosen), settings, data)
     used, changed = limit_samples(driven, chosen.session)
     verdict = search(used, chosen)
-    verdict = with_chain(replace(verdict, findings=(*changed, *verdict.findings)))
+    verdict = replace(verdict, findings=(*changed, *verdict.findings))
     proposing = settings.improvement.propose_law and chosen.system == "tissue" and not chosen.forward
-    proposal = law_beside(verdict) if proposing else None
-    return Diagnosis(used, chosen, with_law(verdict, proposal), settings, data, proposal)
+    verdict, proposal = (
+        _beyond_catalogue(verdict, proposing) if verdict.goes_beyond_catalogue else (verdict, None)
+    )
+    return Diagnosis(used, chosen, verdict, settings, data, proposal)
+
+
+def _beyond_catalogue(verdict: Verdict, proposing: bool) -> tuple[Verdict, Proposal | None]:
+    """Look for a chain of a curve and filters, and for a law, in what no effect explains."""
+    from lumbar.tissue.diagnosis.law.chain import with_chain
+    from lumbar.tissue.diagnosis.law.proposal import propose, with_law
+
+    verdict = with_chain(verdict)
+    proposal = propose(verdict.experiment, verdict.base, verdict.model) if proposing else None
+    return with_law(verdict, proposal), proposal
 
 
 def propose(
@@ -175,9 +185,11 @@ class Diagnosis:
     @cached_property
     def _without_names(self) -> list[Candidate]:
         """Models that name no mechanism: linear dynamics of higher order, a surface in the place of a formula."""
-        from lumbar.tissue.diagnosis.law.proposal import surface_model
+        found = [self.verdict.linear]
+        if self.proposal is not None and self.proposal.is_surface:
+            from lumbar.tissue.diagnosis.law.proposal import surface_model
 
-        found = self.verdict.linear, surface_model(self.proposal, self.data)
+            found.append(surface_model(self.proposal, self.data))
         return [item for item in found if item is not None]
 
     @property

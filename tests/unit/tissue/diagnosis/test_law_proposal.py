@@ -22,13 +22,13 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.law.law_form import form_of
-from lumbar.tissue.diagnosis.law.proposal import effect_text, law_beside, propose, with_law
+from lumbar.tissue.diagnosis.law.proposal import effect_text, propose, with_law
 from lumbar.tissue.diagnosis.law.search import Search
 from lumbar.tissue.diagnosis.law.terms import library
 from lumbar.tissue.diagnosis.law.validation import alternate, is_dissipative, least_work, stays_bounded, thin
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
-from lumbar.tissue.diagnosis.selection.verdict import headline
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, headline
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.notation import load_effects
 from lumbar.tissue.models.bases import BASES
@@ -275,7 +275,9 @@ def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
     assert diagnosed.verdict == "named"
     assert not diagnosed.complete
     # A search ends at a number of effects: that one more would pass does not make the first ones right.
-    law = law_beside(replace(diagnosed, further=diagnosed.model))
+    further = replace(diagnosed, further=diagnosed.model)
+    assert further.goes_beyond_catalogue
+    law = propose(further.experiment, further.base, further.model)
     beside = with_law(diagnosed, law)
     assert law.start is law.base
     assert beside.verdict == "unexplained"
@@ -289,7 +291,7 @@ def test_no_law_is_looked_for_where_the_catalogue_goes_on_or_records_are_turned(
     noise = diagnosed.experiment.floor.rms
     whole = replace(diagnosed.model, train_rms=noise, test_rms=noise)
     for verdict in (replace(diagnosed, further=whole), replace(diagnosed, findings=(turned,))):
-        assert law_beside(verdict) is None
+        assert not verdict.goes_beyond_catalogue
         assert with_law(verdict, None) is verdict
 
 
@@ -327,7 +329,8 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
 @pytest.mark.parametrize("wanted", [True, False])
 def test_the_settings_say_whether_a_law_is_looked_for(monkeypatch, wanted):
     asked = []
-    monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.law_beside", asked.append)
+    monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.propose", lambda *_: asked.append(1))
+    monkeypatch.setattr(Verdict, "goes_beyond_catalogue", True)
     lumbar.diagnose(
         records(nothing),
         base="KB",

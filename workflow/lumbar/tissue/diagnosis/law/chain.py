@@ -28,7 +28,7 @@ def with_chain(found: Verdict) -> Verdict:
     """The verdict with the chain that explains the records where no effect does; as it was where there is none."""
     experiment = found.experiment
     tissue = found.base.fit.structure.base
-    if found.verdict != "unexplained" or found.orientation or tissue.contact or tissue.system != "tissue":
+    if found.verdict != "unexplained" or tissue.contact or tissue.system != "tissue":
         return found
     chain = block_structure(experiment, min(found.model.test_rms, found.base.test_rms))
     if chain is None:

@@ -385,29 +385,16 @@ def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
     )
 
 
-def surface_model(proposal: Proposal | None, data: str = "") -> Candidate | None:
+def surface_model(proposal: Proposal, data: str = "") -> Candidate | None:
     """The model with the surface as an effect of its own, which files of models carry; None where none is proposed."""
     import yaml
 
-    if proposal is None or proposal.law is None or not proposal.is_surface:
+    if proposal.law is None or not proposal.is_surface:
         return None
     definition = yaml.safe_load(effect_text(proposal, SURFACE, data))
     (form,) = carried_effects({"effects": {SURFACE: definition}}, {})[SURFACE].forms
     law = proposal.law
     return replace(law.candidate, fit=replace(law.fit, structure=law.start.fit.structure.with_form(form)))
-
-
-def law_beside(verdict: Verdict) -> Proposal | None:
-    """Look for a law for what a verdict leaves.
-
-    None where nothing is known to be left, where the effects named go on with one more that passes and leaves but
-    noise, and where records are the wrong way round, so that whatever fits them is no force law.
-    """
-    goes_on = verdict.further is not None and is_adequate(verdict.further, verdict.experiment, COMPLETE)
-    named_on = verdict.complete is False and not goes_on
-    if verdict.orientation is not None or not (verdict.verdict == "unexplained" or named_on):
-        return None
-    return propose(verdict.experiment, verdict.base, verdict.model)
 
 
 def with_law(verdict: Verdict, proposal: Proposal | None) -> Verdict:

@@ -11,7 +11,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, contradictions, is_adequate
-from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, LEVEL
+from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, EXPLAINS, LEVEL
 from lumbar.tissue.effects.catalogue import CHANNELS
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter
@@ -102,6 +102,17 @@ class Verdict:
     def complete(self) -> bool | None:
         """Whether the verdict on the refined model is ``adequate``; None where the noise floor is unknown."""
         return None if self.experiment.floor is None else self.verdict_after == "adequate"
+
+    @property
+    def goes_beyond_catalogue(self) -> bool:
+        """Whether a law that no effect holds may be what is left.
+
+        Not where nothing is known to be left, where the effects named go on with one more that passes and leaves but
+        noise, nor where records are the wrong way round, so that whatever fits them is no force law.
+        """
+        goes_on = self.further is not None and is_adequate(self.further, self.experiment, COMPLETE)
+        named_on = self.complete is False and not goes_on
+        return self.orientation is None and (self.verdict == "unexplained" or named_on)
 
     def to_json(self) -> dict:
         """Return the content of ``diagnosis.json`` (schema ``lumbar.diagnosis/1``)."""
