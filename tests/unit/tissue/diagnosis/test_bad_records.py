@@ -95,7 +95,7 @@ def test_an_unsound_training_record_is_refused(run, tmp_path, command, fault):
 def test_a_record_too_short_for_its_period(run, tmp_path):
     write(tmp_path / "in", a=(motion(15.0), force_of(motion(15.0))), b=(OTHER, force_of(OTHER)))
     err = run.refused("diagnose", tmp_path / "in", "--period", "a=10", "--output", tmp_path / "out")
-    assert "15 s hold 1.5 periods of 10 s; at least 3 are needed" in err
+    assert "15 s hold 1.5 periods of 10 s; at least 2 are needed" in err
     assert not (tmp_path / "out").exists()
 
 

@@ -5,11 +5,14 @@ import json
 import numpy as np
 import pytest
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
+from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from lumbar.base.errors import InputError
 from lumbar.interface.reading import read
+from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.noise.noise_floor import find_period, noise_floor
+from lumbar.tissue.diagnosis.noise.periods import ONLY
 
 REPEATED, SECONDS = multisine(4, seed=3), np.arange(4000) * STEP
 
@@ -38,11 +41,38 @@ def test_a_sine_whose_period_is_no_whole_number_of_samples():
     assert found == pytest.approx(round(found * 0.3) / 0.3, abs=STEP)
 
 
-@pytest.mark.parametrize("periods", [1.5, 2.0, 2.9])
-def test_fewer_than_three_periods_are_no_period(periods):
+@pytest.mark.parametrize("periods", [1.5, 1.9])
+def test_fewer_than_two_periods_are_no_period(periods):
     position = multisine(3, seed=5)[: int(periods * 500)]
-    assert find_period(record(position, position)) is None
+    assert find_period(record(position, position), ONLY) is None
     assert noise_floor(record(position, position)) is None
+
+
+@pytest.mark.parametrize("periods", [2.0, 2.5, 2.9])
+@pytest.mark.parametrize("pole", [0.85, 0.95])
+def test_two_periods_give_a_floor_where_there_are_no_more(periods, pole):
+    position = multisine(3, seed=5)[: int(periods * 500)] + 4.0
+    force = lfilter([1.5, pole - 2 + 0.45], [1.0, -pole], position)  # begins far from where its tool stands
+    found = noise_floor(record(position, force + 0.1 * noise(len(position), 3)))
+    assert found.halves and found.period == pytest.approx(5.0)
+    assert found.low < 0.1 < found.high and found.structured == ()
+
+
+@pytest.mark.parametrize("lasting", [lambda time: 2 * np.exp(-time / 6), lambda time: 0.05 * time])
+def test_of_two_periods_a_transient_or_a_drift_is_no_noise(lasting):
+    position = multisine(2, seed=5)
+    force = 1.5 * position + lasting(STEP * np.arange(len(position))) + 0.02 * noise(len(position), 3)
+    assert noise_floor(record(position, force)) is None
+
+
+def test_two_periods_serve_only_where_no_record_holds_more():
+    short, long = (multisine(periods, seed=periods) for periods in (2, 4))
+    records = [
+        record(position, 1.5 * position + size * noise(len(position), 3), name)
+        for position, size, name in ((short, 0.2, "short"), (long, 0.1, "long"))
+    ]
+    assert prepare(records, ["short"]).floor.halves
+    assert not prepare(records, ["short", "long"]).floor.halves
 
 
 @pytest.mark.parametrize("kind", ["chirp", "noise", "ramp", "steps", "constant"])
@@ -209,8 +239,8 @@ def test_a_period_that_cannot_be_is_refused():
     test = noisy_record(4, 0.1, 1)
     with pytest.raises(InputError, match="does not repeat after 3 s"):
         noise_floor(test, period=3.0)
-    with pytest.raises(InputError, match="hold 2 periods of 10 s; at least 3 are needed"):
-        noise_floor(test, period=10.0)
+    with pytest.raises(InputError, match=r"hold 1\.33 periods of 15 s; at least 2 are needed"):
+        noise_floor(test, period=15.0)
     with pytest.raises(InputError, match="less than two samples"):
         noise_floor(test, period=0.01)
 

@@ -12,6 +12,7 @@ from lumbar.records.record import Record, require_clock, same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
+from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, ONLY
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.motion import Motion
 
@@ -343,13 +344,17 @@ def check_response(training: Record, floor: NoiseFloor | None) -> None:
 
 
 def _noise_floor_of(chosen: list[Record]) -> tuple[Record, NoiseFloor | None]:
-    """First record that repeats, with its noise floor; the first of all and None where none does."""
-    for record in chosen:
-        # A period of which a record holds fewer than three says nothing about noise.
-        known = record.period if record.period and record.duration >= 3 * record.period else None
-        floor = noise_floor(replace(record, period=known))
-        if floor is not None:
-            return record, floor
+    """First record that repeats, with its noise floor; the first of all and None where none does.
+
+    Of two periods what changes from one to the other passes for noise: they serve only where no record holds more.
+    """
+    for fewest in (FEWEST_PERIODS, ONLY):
+        for record in chosen:
+            # A period of which a record holds fewer says nothing about noise.
+            known = record.period if record.period and record.duration >= fewest * record.period else None
+            floor = noise_floor(replace(record, period=known), fewest=fewest)
+            if floor is not None:
+                return record, floor
     return chosen[0], None
 
 

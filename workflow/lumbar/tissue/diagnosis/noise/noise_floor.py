@@ -24,13 +24,18 @@ from lumbar.tissue.diagnosis.noise.nonrepeating import (
     remove_structure,
     smooth_power,
 )
-from lumbar.tissue.diagnosis.noise.periods import Folding, find_period, fold_periods, repeats
+from lumbar.tissue.diagnosis.noise.periods import ONLY, Folding, find_period, fold_periods, repeats
 
 _CERTAIN = 6.0
 """Standard errors by which sizes must be related beyond what noise of any colour and distribution gives."""
 _LASTING = 0.25
 """Share of what neighbouring samples lack of a correlation of 1 where deviations are smallest that they lack less where they are
 large. A sensor's noise that grows with the force, and a clock that trembles, make samples that differ but do not last."""
+_STRETCHES = 10
+"""Of the second halves of two periods, in whose means white noise differs by chance alone."""
+_BY_CHANCE = 0.001
+_SHORT = 0.02
+"""Share of a period that may lack at the end of a record."""
 _FEWEST = 4
 """Periods whose differences, two by two, are independent of each other at the same phase."""
 _QUIET = 0.25
@@ -76,6 +81,8 @@ class NoiseFloor:
     """`period`, `sampling_time`: seconds."""
     periods: int
     """Periods used, the transient left out."""
+    halves: bool = False
+    """Whether a record holds but two periods, of which the second halves count."""
     exact: bool = False
     """Whether the periods are alike to the last digit: `rms` is then what the digits leave open."""
 
@@ -120,17 +127,17 @@ class NoiseFloor:
         return np.interp(frequency, lines[1:], level[1:])
 
 
-def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | None:
+def noise_floor(record: Record, period: float | None = None, fewest: int = ONLY) -> NoiseFloor | None:
     """Return the noise floor of a periodic record, or None where its input, or another input beside it, does not repeat.
 
-    The period, in seconds, is by default the record's own, else found by `find_period`.
+    The period, in seconds, is by default the record's own, else one of which the record holds at least `fewest`.
 
     Raises
     ------
     InputError
         If a period is given that the record is too short for, or with which its input does not repeat.
     """
-    period = period or record.period or find_period(record)
+    period = period or record.period or find_period(record) or find_period(record, fewest)
     if period is None:
         return None
     folding = fold_periods(record, period)
@@ -143,9 +150,15 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
     scale = np.abs(folded).max()
     if np.abs(deviations).max() <= 1e-12 * scale:
         deviations = np.zeros_like(deviations)
-    noise, parts, degrees = remove_structure(
-        deviations, mean_period, folding.fold(record["input"]).mean(axis=0)
-    )
+    halves = len(record) < (ONLY + 1 - _SHORT) * folding.samples
+    if halves:
+        noise, parts, degrees = _of_second_halves(deviations)
+        if not _is_white(noise[0, folding.samples - degrees :]):
+            return None  # a transient that lasts, a drift: two periods do not tell it from noise
+    else:
+        noise, parts, degrees = remove_structure(
+            deviations, mean_period, folding.fold(record["input"]).mean(axis=0)
+        )
     exact = not np.any(noise)
     variance = _resolution(mean_period) ** 2 if exact else float(np.sum(noise**2)) / degrees
     noise, parts, degrees, bursts = _bursts_beside(noise, parts, degrees)
@@ -172,8 +185,26 @@ def noise_floor(record: Record, period: float | None = None) -> NoiseFloor | Non
         period=float(period),
         sampling_time=record.sampling_time,
         periods=len(folded),
+        halves=halves,
         exact=exact,
     )
+
+
+def _of_second_halves(deviations: np.ndarray) -> tuple[np.ndarray, list[Part], int]:
+    """What differs between two periods once the transient at the start of the first is over; all of it passes for noise."""
+    degrees = deviations.shape[1] // 2
+    noise = deviations.copy()
+    noise[:, :-degrees] = 0.0
+    return noise, [], degrees
+
+
+def _is_white(values: np.ndarray) -> bool:
+    """Whether the means of stretches differ by no more than those of white noise."""
+    from scipy.stats import chi2
+
+    width = max(len(values) // _STRETCHES, 1)
+    means = values[: len(values) // width * width].reshape(-1, width).mean(axis=1)
+    return chi2.sf(np.sum(means**2) * width / max(np.mean(values**2), 1e-300), len(means)) > _BY_CHANCE
 
 
 def _without_input_deviations(deviations: np.ndarray, excitation: np.ndarray, folding: Folding) -> np.ndarray:

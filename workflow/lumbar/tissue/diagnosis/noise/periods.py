@@ -11,6 +11,8 @@ REPEATS_WITHIN = 0.02
 """An input repeats if one period differs from another by less than this share of its RMS about the mean."""
 FEWEST_PERIODS = 3
 """The first is the transient; two are the least that show what does not repeat."""
+ONLY = 2
+"""Periods that do where there are no more: the start of the first is then the transient."""
 
 _MISSING_END = 0.02
 """Share of a period by which a record may end early (a sample is often lost at an end)."""
@@ -55,15 +57,15 @@ def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
     return np.maximum(overlapping - 2.0 * products, 0.0) / (2.0 * variance * (size - lag))
 
 
-def find_period(record: Record) -> float | None:
+def find_period(record: Record, fewest: int = FEWEST_PERIODS) -> float | None:
     """Return the period of the input in seconds, or None where it does not repeat.
 
     The shortest lag at which the input agrees with itself as well as at any other, within
     `REPEATS_WITHIN`. Noise in a measured position is allowed for: it limits the agreement at every multiple
-    of the period alike. A record has to hold `FEWEST_PERIODS` periods.
+    of the period alike. A record has to hold so many periods, `fewest`.
     """
     values = record["input"]
-    lags = int(len(values) * (1 + _MISSING_END) / FEWEST_PERIODS)
+    lags = int(len(values) * (1 + _MISSING_END) / fewest)
     if lags < 3:
         return None
     difference = mismatch(values, lags + 1)
@@ -83,27 +85,27 @@ def find_period(record: Record) -> float | None:
 
 
 def fold_periods(record: Record, period: float) -> Folding:
-    """Cut a record into the whole periods (`period` in seconds) after its first one.
+    """Cut a record into the whole periods (`period` in seconds) after its first one; into the last `ONLY` where it holds no more.
 
     Raises
     ------
     InputError
-        If the record holds fewer than `FEWEST_PERIODS` periods, or its input does not repeat with `period`.
+        If the record holds fewer than `ONLY` periods, or its input does not repeat with `period`.
     """
     name, size = record.source or record.name, len(record)
     length = period / record.sampling_time
     if not length >= 2:
         raise InputError(f"{name}: a period of {period:g} s is less than two samples")
     periods = int(size / length + _MISSING_END)
-    if periods < FEWEST_PERIODS:
+    if periods < ONLY:
         raise InputError(
             f"{name}: {record.duration:g} s hold {size / length:.3g} periods of {period:g} s; at least "
-            f"{FEWEST_PERIODS} are needed, the first of them as transient: record for longer, or leave the "
+            f"{ONLY} are needed, better {FEWEST_PERIODS}, of which the first is the transient: record for longer, or leave the "
             "period out"
         )
     samples = round(length)
-    starts = size - np.round(length * np.arange(periods - 1, 0, -1)).astype(int)
-    starts = np.minimum(starts, size - samples)
+    starts = size - np.round(length * np.arange(max(periods - 1, ONLY), 0, -1)).astype(int)
+    starts = np.clip(starts, 0, size - samples)
     folding = Folding(period, samples, starts[:, None] + np.arange(samples))
     unlike = _unlike(folding.fold(record["input"]))
     # A period that is no whole number of samples is cut up to half a sample beside its place.

@@ -262,6 +262,7 @@ def noise_sentence(experiment: Experiment) -> str:
             "down, read the part that repeats alone: --trim of 'lumbar import', or trim_s in a study."
         )
     alike = "; they are alike to the last digit, and so much the digits leave open" if floor.exact else ""
+    two = ", all there are: what differs between their second halves passes for noise" if floor.halves else ""
     beside = ""
     if experiment.beside_floor > _NOTABLE * floor.rms:
         beside = (
@@ -270,7 +271,7 @@ def noise_sentence(experiment: Experiment) -> str:
         )
     return (
         f"Noise floor: {floor.rms:.3g} {experiment.output_unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} "
-        f"periods of {floor.period:g} s{alike}.{beside}"
+        f"periods of {floor.period:g} s{alike}{two}.{beside}"
     )
 
 
