@@ -36,7 +36,7 @@ STEP, PERIOD = 0.01, 10.0
 
 def forms_of(base: str) -> list:
     """Every candidate form of a base's catalogue."""
-    return [form for effect in catalogue_of(base).values() for form in effect.forms]
+    return [form for effect in catalogue_of(base).values() if not effect.rival for form in effect.forms]
 
 
 def sines(time: np.ndarray, lines: np.ndarray, random: np.random.Generator) -> np.ndarray:

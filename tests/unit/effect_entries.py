@@ -42,6 +42,7 @@ FORM_NUMBERS = {
     "quadratic_damping/sinh": ([0.1], [20.0]),
     "inertia/mass": ([2e-4], []),
     "second_relaxation/maxwell_branch": ([0.5], [0.7]),
+    "relaxation_spectrum/power_law": ([0.1], [5.0, 0.4]),
     "delay/pure": ([], [0.0234]),
     "saturation/sharp": ([], [2.0]),
     "saturation/soft": ([], [3.0]),

@@ -62,6 +62,7 @@ CASES = {
     "hysteresis/bouc_wen": ((1.0,), (0.7,)),
     "hysteresis/bouc_wen_general": ((1.0,), (0.7, 1.2)),
     "second_relaxation/maxwell_branch": ((0.5,), (2.0,)),
+    "relaxation_spectrum/power_law": ((0.1,), (20.0, 0.4)),
     "delay/pure": ((), (0.013,)),
     "backlash/play": ((), (0.6,)),
     "contact_loss/sharp": ((), (3.0,)),

@@ -47,8 +47,8 @@ class Catalogue(Mapping[str, Effect]):
 TISSUE = Catalogue(
     "tissue",
     """hardening_stiffness strain_softening quadratic_stiffness coulomb_friction hysteresis contact_loss
-    depth_dependent_damping viscous_damping quadratic_damping inertia second_relaxation delay saturation drift softening
-    periodic_disturbance backlash""",
+    depth_dependent_damping viscous_damping quadratic_damping inertia second_relaxation relaxation_spectrum delay saturation
+    drift softening periodic_disturbance backlash""",
 )
 """The tissue catalogue, in the order in which reports list it."""
 

@@ -54,8 +54,14 @@ const double left = larger(until_zero - travel, 0.0), beyond = larger(travel - u
 const double exponent = (unloading_share - 1.0) * beyond;
 const double passed = beyond * phi1(exponent) - left * phi1(unloading_share * left);
 next[0] = direction == 0 ? memory[0] : direction * (aiding * (1.0 + portable_expm1(exponent)) + passed);"""
+_BRANCHES = 6
+"""Of a relaxation spectrum; each four times as fast as the one before."""
 _SOLUTIONS = {
     "maxwell_branch": (elongation, ""),
+    "spectrum": (
+        lambda motion, nonlinear: tuple(relaxation(motion, nonlinear[0] / 4**n) for n in range(_BRANCHES)),
+        "",
+    ),
     "dahl": (lambda motion, nonlinear: (presliding(motion, nonlinear[0]),), ""),
     "bouc_wen": (lambda motion, nonlinear: (bouc_wen(motion, nonlinear[0]),), _BOUC_WEN_STEP),
     "bouc_wen_general": (

@@ -27,7 +27,7 @@ from lumbar.tissue.models.parameter import SCALES, Constant, LinearParameter, No
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
-_EFFECT_FLAGS = ("accumulates", "unrepeated", "linear")
+_EFFECT_FLAGS = ("accumulates", "unrepeated", "linear", "rate_independent", "rival")
 _EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "sensors", *_EFFECT_FLAGS, "forms")
 _FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "essential")
 _BASE_KEYS = ("name", "mechanism", "source", "equation", "state", "parameters", "constants")

@@ -241,6 +241,10 @@ class Effect:
     """Whether it acts on a clock of its own, apart from the excitation's."""
     linear: bool = False
     """Whether a linear time-invariant model stays one with it."""
+    rate_independent: bool = False
+    """Whether its force is the same however fast a path is travelled."""
+    rival: bool = False
+    """Whether it is asked only where it would look like what is named, and not searched for by itself."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """Content of the user's file that it was read from, for files of models to carry; None of others."""
 

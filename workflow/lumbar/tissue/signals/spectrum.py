@@ -122,7 +122,9 @@ def spectral_edge(signal: np.ndarray, share: float) -> float:
     return max(float(np.searchsorted(power, share * power[-1])), 1.0) / len(signal)
 
 
-def occupied_band(position: np.ndarray, sampling_time: float) -> tuple[float, float]:
+def occupied_band(
+    position: np.ndarray, sampling_time: float, occupied: float = _OCCUPIED
+) -> tuple[float, float]:
     """Return the lowest and the highest frequency (Hz) that bound 99 % of the power of a position, as much beyond either.
 
     Not tapered as `spectral_edge`: the lines of a periodic motion stay single lines, so that the edges are lines of it. Of
@@ -133,11 +135,13 @@ def occupied_band(position: np.ndarray, sampling_time: float) -> tuple[float, fl
     position : numpy.ndarray, shape (samples,)
     sampling_time : float
         Seconds.
+    occupied : float
+        Another share of the power.
     """
     power = np.abs(np.fft.rfft(position - position.mean())) ** 2
     share = np.cumsum(power) / power.sum()
     frequency = np.fft.rfftfreq(len(position), sampling_time)
-    tail = (1 - _OCCUPIED) / 2
+    tail = (1 - occupied) / 2
     low, high = np.searchsorted(share, [tail, 1 - tail])
     return float(max(frequency[low], frequency[1])), float(frequency[high])
 

@@ -100,7 +100,8 @@ def examine(
         raise InputError(f"nothing can be put into these records: {verdict.orientation.sentence}")
     truth = Truth.of(verdict, records, seed)
     usable, _ = usable_effects(catalogue, truth.training.motion.channels, truth.training.scale)
-    wanted = usable if effects is None else _choice(effects, catalogue, usable)
+    searched = {name: effect for name, effect in usable.items() if not effect.rival}
+    wanted = searched if effects is None else _choice(effects, catalogue, usable)
     unchanged = diagnosis_or_refusal(truth.records(truth.fit), len(verdict.selected) + 1, diagnose)
     base = truth.fit.structure.base
     nothing = judge_effect(unchanged, "", verdict.selected, base.name)

@@ -226,7 +226,7 @@ def gather_evidence(
     experiment = diagnosis.experiment
     null = null_distribution(diagnosis.base.fit.structure.base.system)
     catalogue, _ = usable_effects(
-        settings.candidates, experiment.training.motion.channels, experiment.training.scale
+        settings.searched, experiment.training.motion.channels, experiment.training.scale
     )
     threshold = null.threshold(number_of_forms(catalogue))
     remaining = [] if experiment.points else compare_and_locate(experiment, diagnosis.model.fit, seed)

@@ -54,6 +54,11 @@ class DiagnosisSettings:
         found = CATALOGUES[self.system] if self.catalogue is None else self.catalogue
         return {**found, **MOTION_SENSOR} if self.forward else found
 
+    @property
+    def searched(self) -> dict[str, Effect]:
+        """The candidates without those that are asked only in the place of what is named."""
+        return {name: effect for name, effect in self.candidates.items() if not effect.rival}
+
     @classmethod
     def from_study(
         cls, settings: StudySettings, base: str | None = None, train: str | Sequence[str] | None = None

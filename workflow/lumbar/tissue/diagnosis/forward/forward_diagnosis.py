@@ -122,7 +122,7 @@ def _diagnose_with_base(
 ) -> tuple[Verdict, Experiment]:
     """A diagnosis with one base, and the turned-round records that it was searched on."""
     model = base.fit.structure.base
-    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, model, experiment.training))
+    usable = replace(settings, catalogue=forward_catalogue(settings.searched, model, experiment.training))
     response = response_of(model, base.fit.linear, base.fit.nonlinear)
     seen = turn_round(experiment, response)
     named = Selection(seen, fit_base(model, seen), usable).diagnosis()
@@ -137,7 +137,7 @@ def _on_all(found: Verdict, experiment: Experiment, settings: DiagnosisSettings)
     """The same models fitted to all of long records and judged there, with the best rival."""
     base = resume_fit(experiment, found.base, _POLISHED)
     model, data = base.fit.structure.base, experiment.training
-    usable = replace(settings, catalogue=forward_catalogue(settings.candidates, model, data))
+    usable = replace(settings, catalogue=forward_catalogue(settings.searched, model, data))
     rivals = [item.candidate for item in found.ranking if set(item.candidate.effects) != set(found.selected)]
     named = [*found.path[1:], *found.tied_with, *rivals[:1]]
     return Confirmation(experiment, base, usable, named, evaluations=_POLISHED).diagnosis()

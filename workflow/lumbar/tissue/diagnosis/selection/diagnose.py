@@ -31,6 +31,7 @@ from lumbar.tissue.diagnosis.selection.findings import (
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
 from lumbar.tissue.diagnosis.selection.otherwise import falling_stiffness, trained_otherwise
+from lumbar.tissue.diagnosis.selection.rates import whatever_the_speed
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import usable_effects
@@ -63,8 +64,9 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
 
         return diagnose_points(records, settings, _met_at_surface)
     experiment = prepare_for(records, settings)
+    known = settings.candidates
     usable, not_tried = usable_effects(
-        settings.candidates, experiment.training.motion.channels, experiment.training.scale
+        settings.searched, experiment.training.motion.channels, experiment.training.scale
     )
     settings = replace(settings, catalogue=usable)
     if settings.system == "tissue" and not isinstance(settings.base, Base):
@@ -81,7 +83,8 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     found, leads = _beside_lead(found, settings)
     told = [*experiment.faults, *offsets(found), *zeros, *leads, *linear]
     if settings.system == "tissue":
-        told += [*trained_otherwise(found, settings), *falling_stiffness(found.experiment)]
+        found, rates = whatever_the_speed(found, {**known, **usable})
+        told += [*rates, *trained_otherwise(found, settings), *falling_stiffness(found.experiment)]
     return replace(found, not_tried=not_tried, findings=tuple(told))
 
 

@@ -84,8 +84,8 @@ class NullDistribution:
 
 
 def number_of_forms(catalogue: dict[str, Effect]) -> int:
-    """Number of candidate forms of a catalogue."""
-    return sum(len(effect.forms) for effect in catalogue.values())
+    """Number of forms of a catalogue that are searched for."""
+    return sum(len(effect.forms) for effect in catalogue.values() if not effect.rival)
 
 
 @cache
