@@ -1,48 +1,15 @@
-"""The page of a diagnosis in a real browser: as a file, and served beside a study."""
+"""The page of a diagnosis in a real browser, as a file."""
 
 import csv
-import json
 import re
-import shutil
-import subprocess
-import sys
-from contextlib import contextmanager
-from pathlib import Path
-from urllib.parse import urlsplit
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from accessibility import WIDTHS, fits, serious
+from explorer_steps import CASE, add, errors_of
 
 import lumbar
-from running import FORKING, copy_project, snakemake
-
-CASE = "case_03"
-STUDY = """
-study: blind
-title: A blind experiment
-data: recordings
-data_root: data
-data_source: {name: a blind experiment, licence: the project's, obtain: beside the project}
-chapters: [tissue, improvement]
-tissue:
-  # the page may add to this file
-  records:
-    - {name: multisine, file: multisine.csv, period_s: 10}
-    - {name: noise, file: noise.csv}
-    - {name: chirp, file: chirp.csv}
-  training: [multisine]
-  bootstrap: {resamples: 100}
-improvement:
-  most_effects: 1
-  train: multisine
-  record_sets:
-    - {name: tissue}
-    - name: again   # the same records, fitted otherwise
-      train: chirp
-      records: [{name: chirp, file: chirp.csv}, {name: noise, file: noise.csv}]
-"""
 
 
 @pytest.fixture(scope="module")
@@ -76,19 +43,6 @@ def data_of(page, name: str) -> dict:
         column: np.array([np.nan if value is None else value for value in values])
         for column, values in columns.items()
     }
-
-
-def errors_of(page) -> list[float]:
-    """Error of every rung of the ladder on unseen records."""
-    rungs = page.locator("#ladder li").all_inner_texts()
-    return [float(re.search(r": ([\d.]+) N unseen", rung)[1]) for rung in rungs]
-
-
-def add(page, title: str) -> None:
-    page.evaluate("document.querySelectorAll('#why > details').forEach((item) => { item.open = true; })")
-    page.locator("article.card").filter(has=page.get_by_role("heading", name=title)).get_by_role(
-        "button", name="Add"
-    ).click()
 
 
 def test_page_from_disk_shows_what_was_computed(new_page, saved, diagnosis):
@@ -361,176 +315,6 @@ def test_keyboard_reaches_every_choice(new_page, saved):
     assert {"restart", "record", "first", "second"} <= reached
 
 
-@contextmanager
-def serving(folder: Path, *arguments: str):
-    """Run ``lumbar explore`` there; the addresses that it prints, by their paths."""
-    command = [sys.executable, "-m", "lumbar", "explore", *arguments, "--port", "0", "--no-browser"]
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as server:
-        try:
-            printed = iter(
-                server.stdout.readline,
-                "Whoever has an address may do all that the page does; Ctrl-C ends it.\n",
-            )
-            addresses = [line.split()[0] for line in printed]
-            yield {urlsplit(address).path: address for address in addresses}
-        finally:
-            server.terminate()
-
-
-@pytest.fixture
-def served(shared, tmp_path):
-    """Project with a study of a blind experiment, and the addresses at which it is served."""
-    project = copy_project(tmp_path / "project")
-    shutil.copytree(shared / "hidden_effects" / CASE, project / "data")
-    study = project / "config" / "studies" / "blind.yaml"
-    study.write_text(STUDY, encoding="utf-8")
-    with serving(project, "config/studies/blind.yaml") as addresses:
-        yield project, addresses
-
-
-def keep(page, button: str) -> None:
-    """Keep what is on the ladder in the study."""
-    page.get_by_role("button", name=button).click()
-    page.wait_for_selector("#diff:has-text('effects')")
-    page.get_by_role("button", name="Write it").click()
-    page.wait_for_function("document.getElementById('message').textContent.includes('is written')")
-
-
-def error_of(page, key: str) -> float:
-    """Error of a model on unseen records, as the page knows it."""
-    return page.evaluate(
-        "key => JSON.parse(document.getElementById('page-data').textContent).models[key].test_rms", key
-    )
-
-
-def made(project, *targets: str) -> list[dict]:
-    """Run the workflow; return the last model of every file."""
-    files = [f"results/blind/{target}" for target in targets]
-    given = ("--cores", "1", *files, "--configfile", "config/studies/blind.yaml")
-    run = snakemake(project, *given, program=FORKING)
-    assert run.status == 0, run.text[-4000:]
-    return [json.loads(Path(project, file).read_text(encoding="utf-8"))["models"] for file in files]
-
-
-@pytest.mark.nightly
-def test_from_a_blind_experiment_to_the_workflow(new_page, served):
-    project, addresses = served
-    page, other = new_page(addresses["/tissue"], color_scheme="dark"), new_page(addresses["/again"])
-    mine = new_page(addresses["/_own"], ready="#choose")
-    page.get_by_role("button", name="Base alone").click()
-    add(page, "Coulomb friction")
-    assert errors_of(page)[-1] < 0.25 * errors_of(page)[0]
-    add(page, "Inertia")  # computed on the server
-    page.wait_for_function("document.querySelectorAll('#ladder li').length === 3")
-    assert "Fitted in" in page.locator("#message").inner_text()
-    assert "are not noise" in page.locator("#headline").inner_text()  # of the base, as before
-    page.reload()  # what was fitted is there again, and the address says what is shown
-    page.wait_for_selector("body[data-ready=yes]")
-    page.wait_for_function("document.querySelectorAll('#ladder li').length === 3")
-    page.get_by_role("button", name="inertia earlier").click()
-    page.wait_for_function("document.querySelectorAll('#ladder li')[1].textContent.startsWith('+ inertia')")
-    assert errors_of(page)[1] > errors_of(page)[2]
-    page.get_by_role("button", name="inertia out").click()
-    with page.expect_download() as given:
-        page.get_by_role("button", name="Excitation file that tells Hysteresis").click()
-    assert Path(given.value.path()).read_text(encoding="utf-8").startswith("time_s,position_mm")
-    keep(page, "Keep these effects")
-    other.get_by_role("button", name="Base alone").click()
-    add(other, "Coulomb friction")
-    keep(other, "Keep these effects")
-    give_own(mine, project / "foreign")
-    keep(mine, "Keep these recordings")
-    kept, of_again, of_own = made(
-        project, "tissue/models.json", "improvement/again/refined.json", "improvement/mine/refined.json"
-    )
-    model = next(item for item in kept if item["name"] == "KB+coulomb_friction")
-    assert model["scores"]["test_rms"] == pytest.approx(error_of(page, "coulomb_friction"), rel=1e-6)
-    for shown, models in ((other, of_again), (mine, of_own)):
-        assert models[-1]["name"].endswith("+coulomb_friction")
-        assert models[-1]["scores"]["test_rms"] == pytest.approx(
-            error_of(shown, "coulomb_friction"), rel=1e-9
-        )
-    study = (project / "config/studies/blind.yaml").read_text(encoding="utf-8")
-    assert "# the page may add to this file" in study and "# the same records" in study
-
-
-SCRIPT = "<img src=x onerror=alert(1)>"
-
-
-def give_own(page, folder: Path) -> None:
-    """Give two files of a machine where the keyboard leads, say what the force's unit is, and wait for the diagnosis."""
-    folder.mkdir()
-    for name in ("multisine", "chirp"):
-        text = (folder.parent / "data" / f"{name}.csv").read_text(encoding="utf-8")
-        header = f"Zeit [s];Weg [mm];Kraft {SCRIPT}"
-        rows = text.split("\n", 1)[1].replace(",", ";").replace(".", ",")
-        (folder / f"{name} {SCRIPT}.txt").write_text(f"{header}\n{rows}", encoding="utf-8")
-    page.keyboard.press("Tab")
-    while page.evaluate("document.activeElement.id") != "choose":
-        page.keyboard.press("Tab")
-    # Set, not chosen in a dialog: Chromium driven from outside swallows one now and then.
-    page.locator("#choose").set_input_files(sorted(folder.iterdir()))
-    page.locator("#files li").nth(1).wait_for()
-    page.locator("#force_unit-wrong", has_text="give “Unit of force”").wait_for()
-    assert SCRIPT in page.locator("#files").inner_text()
-    assert page.locator("img").count() == 0
-    page.get_by_label("Unit of force").fill("N")
-    page.keyboard.press("Tab")
-    page.locator("#start:enabled").wait_for()
-    assert page.locator("#training input:checked").count() == 1
-    page.get_by_label("Name of the set").fill("mine")
-    page.keyboard.press("Enter")
-    page.wait_for_selector("body[data-ready=yes]")
-    assert "missing coulomb friction" in page.locator(".headline").first.inner_text()
-
-
-@pytest.fixture(scope="module")
-def own(tmp_path_factory):
-    """Address of the page for own recordings, served where there is no project."""
-    with serving(tmp_path_factory.mktemp("own")) as addresses:
-        yield addresses["/"]
-
-
-@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
-def test_own_recordings_page_is_for_everybody(new_page, own, scheme):
-    options = {"color_scheme": scheme, "bypass_csp": True}  # axe-core is no script of the page
-    page = new_page(own, ready="#choose", viewport={"width": 390, "height": 844}, **options)
-    page.locator("#choose").set_input_files(
-        [{"name": f"{'x' * 150}.csv", "mimeType": "text/csv", "buffer": b"t_s,pos_mm,F_N\n1,2\n" * 20}]
-    )
-    page.locator("#files li").wait_for()
-    page.locator("#previews .bad").first.wait_for()
-    fits(page, *WIDTHS)
-    assert page.locator("#start").is_disabled()
-    assert serious(page) == []
-
-
-def test_what_was_found_stands_in_the_fields_and_notes_are_no_errors(new_page, own):
-    page = new_page(own, ready="#choose")
-    time = 10 * np.arange(400)
-    columns = zip(time, np.sin(time / 70), np.cos(time / 90), strict=True)
-    rows = "".join(f"{at};{way:.4f};{force:.4f}\n" for at, way, force in columns)
-    file = {
-        "name": "found.csv",
-        "mimeType": "text/csv",
-        "buffer": f"Zeit [ms];Weg [mm];Kraft [N]\n{rows}".encode(),
-    }
-    page.locator("#choose").set_input_files([file])
-    page.locator("#previews svg").first.wait_for()
-    chosen = page.locator("#position option:checked").inner_text()
-    assert "Weg" in chosen and "found" in chosen
-    assert page.locator("#time_unit").get_attribute("placeholder") == "ms (found)"
-    points = page.locator("#previews polyline").first.get_attribute("points").split()
-    drawn = np.array([point.split(",") for point in points], dtype=float)
-    np.testing.assert_allclose(drawn[:, 0], np.linspace(0, 1, 400), atol=1e-4)  # every sample in its place
-    position = np.sin(time / 70).round(4)
-    np.testing.assert_allclose(drawn[:, 1], 1 - (position - position.min()) / np.ptp(position), atol=2e-4)
-    page.get_by_label("Change the sign of the force").check()
-    note = page.locator("#previews p", has_text="the sign of the force is changed")
-    note.wait_for()
-    assert note.get_attribute("class") == "note"
-
-
 def test_models_under_the_hand(saved, new_page):
     page = new_page(saved, viewport={"width": 1024, "height": 900})
     handle, forces = page.locator("#handle"), page.locator("#push .force")
@@ -550,21 +334,3 @@ def test_models_under_the_hand(saved, new_page):
         "(resting) => document.querySelector('#push .force').textContent === resting", arg=resting[0]
     )
     assert page.locator("#push-trouble").text_content() == ""
-
-
-@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
-def test_index_and_unknown_addresses_are_for_everybody_and_lead_on(new_page, own, scheme):
-    page = new_page(own, ready="#choose", color_scheme=scheme, bypass_csp=True)
-    assert page.get_by_role("link", name="an example to try").is_visible()
-    fits(page, *WIDTHS)
-    assert serious(page) == []
-    page.goto(f"{own.partition('?')[0]}nowhere")
-    fits(page, *WIDTHS)
-    assert serious(page) == []
-    page.get_by_role("link", name="All pages").click()
-    page.wait_for_selector("#choose")
-    page.locator("#choose").set_input_files(
-        [{"name": "a.csv", "mimeType": "text/csv", "buffer": b"t_s\n1\n"}]
-    )
-    page.locator("#files li").wait_for()
-    assert not page.locator("#listed").is_visible()  # what comes next is what is seen

@@ -160,16 +160,3 @@ def test_settings_find_it_beside_them_and_say_what_is_wrong_with_it(base):
 def test_the_example_is_sound(project):
     tanks = read_base(project / "examples" / "own_base" / "two_tanks.yaml")
     assert dict(tanks.start) == {"upper": "upper_0", "lower": "lower_0"}
-
-
-@pytest.mark.nightly
-def test_two_tanks_are_predicted_as_by_grey_boxes_of_the_literature(project, shared):
-    """0.57 V of a linear model, 0.191 V of the best published one (Cascaded tanks benchmark, 2016)."""
-    from data_sets import READERS
-
-    if not (shared / "real" / "cascaded_tanks").is_dir():
-        pytest.skip("no recordings of the tanks: tests/real_records/README.md says where they are from")
-    tanks, _ = READERS["cascaded_tanks"](shared / "real")
-    path = project / "examples" / "own_base" / "two_tanks.yaml"
-    refined = lumbar.refine(tanks, [], base=str(path), train="estimation")
-    assert refined.model.scores.test_rms < 0.26
