@@ -61,9 +61,11 @@ def fmu_instance(fmu_folder, tmp_path):
 
     made = []
 
-    def instantiate(name: str, version: int, event_mode: bool = False, early_return: bool = False):
-        path = fmu_folder / f"{name}_fmi{version}.fmu"
-        unzipped = tmp_path / path.stem
+    def instantiate(
+        name: str, version: int, event_mode: bool = False, early_return: bool = False, folder=fmu_folder
+    ):
+        path = folder / f"{name}_fmi{version}.fmu"
+        unzipped = tmp_path / "unzipped" / folder.name / path.stem
         if not unzipped.exists():
             fmpy.extract(str(path), str(unzipped))
         description = fmpy.read_model_description(str(unzipped))

@@ -117,6 +117,8 @@ def test_identify_recovers_a_known_tissue(run, tissue, tmp_path):
 def test_a_refined_model_goes_to_the_device(run, tissue, tmp_path):
     """From a folder of records to an FMU with an effect, by either of two ways."""
     run.done("refine", tissue, "--add", "inertia", "--output", tmp_path / "refined")
+    refined = lumbar.load_models(tmp_path / "refined" / "refined.json")
+    assert [model.name for model in refined] == ["KB", "KB+inertia"]
     command = ("export", tmp_path / "refined" / "refined.json", "--target", "host")
     run.done(*command, "--output", tmp_path / "fmu")
     assert sorted(path.name for path in (tmp_path / "fmu").iterdir()) == [
@@ -216,7 +218,7 @@ def test_where_results_go_is_looked_at_before_the_fit(run, tissue, tmp_path, mon
     assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.csv", "taken"]
 
 
-def test_compare_locate_diagnose_and_refine_a_folder(run, tissue, tmp_path):
+def test_compare_and_locate_a_folder(run, tissue, tmp_path):
     out = run.done("compare", tissue, "--output", tmp_path)
     assert "long: the model explains" in out
     made = {path.name for path in tmp_path.iterdir()}
@@ -232,14 +234,6 @@ def test_compare_locate_diagnose_and_refine_a_folder(run, tissue, tmp_path):
     page = (tmp_path / "location_page.html").read_text(encoding="utf-8")
     assert page.count('<img src="data:image/svg+xml;base64,') == 2
     assert all(line.strip() in unescape(page) for line in out.splitlines())
-    run.done("diagnose", tissue, "--output", tmp_path, "--train", "long")
-    content = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
-    assert content["schema"] == "lumbar.diagnosis/1"
-    assert content["train"] == "long"
-    assert {"diagnosis.html", "ladder.csv"} <= {path.name for path in tmp_path.iterdir()}
-    run.done("refine", tissue, "--add", "quadratic_stiffness", "--output", tmp_path)
-    models = json.loads((tmp_path / "refined.json").read_text(encoding="utf-8"))["models"]
-    assert [model["name"] for model in models] == ["KB", "KB+quadratic_stiffness"]
 
 
 @pytest.mark.parametrize(

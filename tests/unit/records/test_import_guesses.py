@@ -93,7 +93,9 @@ def test_names_say_roles(name, role, plainness):
 
 def test_a_calibration_is_a_number_before_a_unit():
     assert told_unit("2e-3 kN/count", "--force-unit").factor == pytest.approx(2.0)
-    for wrong in ("35.15", "0 N", "35 furlongs"):
+    assert told_unit("0.5 mm/s/V", "--position-unit").factor == 0.5
+    assert told_unit("0.5 mm/s", "--position-unit").quantity == "velocity"
+    for wrong in ("35.15", "0 N", "35 furlongs", "3 N/s"):
         with pytest.raises(InputError, match="is no unit; known are"):
             told_unit(wrong, "--force-unit")
 

@@ -8,7 +8,6 @@ from foreign_files import RATE, TIME, rows
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.records.importing.raw_table import told_unit
 
 RADIAN = 2 * np.pi * 1.1
 VELOCITY = 4 * RADIAN * np.cos(RADIAN * TIME)
@@ -21,13 +20,6 @@ def imported(tmp_path, head, columns=(TIME, VELOCITY, FORCE), **told):
     (tmp_path / "trial.csv").write_text(head + "\n" + rows(",", columns=columns, digits=7), encoding="utf-8")
     [recording] = lumbar.import_recordings(tmp_path / "trial.csv", **told)
     return recording
-
-
-def test_a_calibration_in_a_velocity_is_no_position():
-    assert told_unit("0.5 mm/s", "--position-unit").quantity == "velocity"
-    assert told_unit("0.5 mm/s/V", "--position-unit").factor == 0.5
-    with pytest.raises(InputError, match="is no unit"):
-        told_unit("3 N/s", "--force-unit")
 
 
 @pytest.mark.parametrize(

@@ -137,12 +137,6 @@ def test_a_position_that_comes_to_rest_is_no_clipping(slows, speeds):
     check_clipping(record_of(position, force_of(position) + noise))
 
 
-def test_a_position_that_stops_at_speed_is_clipped():
-    for level in (0.5, 1.0, 1.5):
-        with pytest.raises(InputError, match="input: clipped"):
-            check_clipping(record_of(np.clip(GOOD, -3.0, level), force_of(GOOD)))
-
-
 def test_an_effect_that_the_record_does_not_excite_is_refused():
     """On one sine a mass is a negative spring, a second branch another spring: nothing tells them from the base."""
     sine = motion(40.0, lines=[10])

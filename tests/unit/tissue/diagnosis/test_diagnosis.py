@@ -102,14 +102,6 @@ def test_what_refinement_cannot_add_is_refused():
         refine(records, ["delay"], DiagnosisSettings(base="LE"))
 
 
-def test_too_short_a_record():
-    def spring(time, position):
-        return position
-
-    with pytest.raises(InputError, match="50 samples are too few"):
-        diagnose([synthetic("a", spring, 1), synthetic("b", spring, 2, 0.5)])
-
-
 def test_p_values_of_the_null_table():
     table = NullDistribution(np.sort(np.random.default_rng(1).chisquare(2, 2000)), 28)
     assert table.p_value(-1.0) == 1.0

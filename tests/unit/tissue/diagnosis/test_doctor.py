@@ -199,15 +199,11 @@ def test_the_command_prints_and_writes_what_the_verb_does(run, folder, tmp_path)
 
 def test_a_misspelt_effect_is_told_before_anything_is_diagnosed(records, monkeypatch):
     monkeypatch.setattr("lumbar.interface.doctor.diagnose", lambda *_, **__: pytest.fail("diagnosed"))
-    with pytest.raises(InputError, match="unknown effect hardning; did you mean 'hardening_stiffness'"):
+    with pytest.raises(InputError, match=r"effect hardning; did you mean 'hardening_stiffness'.*known are "):
         lumbar.doctor(records, effects=["hardning"])
 
 
-def test_wrong_options_and_records_are_refused(run, folder, records, tmp_path):
-    err = run.refused("doctor", folder, "--base", "KB", "--effects", "hardning")
-    assert (
-        "unknown effect hardning; did you mean 'hardening_stiffness'?; known are hardening_stiffness" in err
-    )
+def test_wrong_folders_and_records_are_refused(run, records, tmp_path):
     assert "nowhere" in run.refused("doctor", tmp_path / "nowhere")
     flipped = FAULTS["sign_flip"].put_into(records, 1.0, 0)
     with pytest.raises(InputError, match="nothing can be put into these records: The sign of the force"):

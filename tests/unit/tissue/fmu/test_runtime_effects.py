@@ -21,7 +21,6 @@ from lumbar.tissue.effects import catalogue
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE, catalogue_with
 from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.fmu.check.fmu_check import check_fmus
 from lumbar.tissue.models import bases as base_models
 from lumbar.tissue.models.fitted_model import FittedModel
 from study_settings import changed
@@ -274,16 +273,6 @@ def test_what_the_file_lacks_is_named(old, new, words, tmp_path):
     )
     with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):
         exported_with(catalogue, *effects)
-
-
-@ON_LINUX
-@pytest.mark.usefixtures("without_plots")
-def test_c_code_that_says_something_else_than_the_simulation_is_refused(zig_cache, tmp_path):
-    catalogue = rewritten(tmp_path, "creep_stiffness * (next[1] / next[0])", "creep_stiffness * next[1]")
-    model = exported_with(catalogue, ("creep", "mean", [0.3], []))
-    export_fmus([model], tmp_path, "own", TARGET, zig_cache)
-    with pytest.raises(InputError, match="simulated output is off by"):
-        check_fmus([model], tmp_path, 200, seed=5)
 
 
 def test_a_comment_may_name_functions_that_code_may_not_call(tmp_path):

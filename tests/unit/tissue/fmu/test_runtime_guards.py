@@ -180,28 +180,11 @@ def energies(client, model, folder, steps: int, gain: float = 0.0) -> list[float
     return [float(word) for word in done.stdout.split()]
 
 
-def instance(path, folder):
-    """Return an FMI 3.0 instance in event mode, at its first sample."""
-    import fmpy
-    from fmpy.fmi3 import FMU3Slave
-
-    description = fmpy.read_model_description(str(path))
-    slave = FMU3Slave(
-        guid=description.guid,
-        unzipDirectory=fmpy.extract(str(path), str(folder / "unzipped")),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-        instanceName="stylus",
-    )
-    slave.instantiate(eventModeUsed=True)
-    slave.enterInitializationMode(startTime=0.0)
-    slave.exitInitializationMode()
-    return slave
-
-
-def test_guards_can_be_lowered_while_the_model_runs(zig_cache, tmp_path):
+def test_guards_can_be_lowered_while_the_model_runs(zig_cache, tmp_path, fmu_instance):
     settings = changed(DEVICE, models=["KB"], output_rate_limit=300.0, device_damping=DAMPING)
     export_fmus(selected(models_json(), settings), tmp_path, "synthetic twin", TARGET, zig_cache)
-    slave = instance(tmp_path / "KB_fmi3.fmu", tmp_path)
+    slave = fmu_instance("KB", 3, event_mode=True, folder=tmp_path)
+    slave.exitInitializationMode()
     assert [get(slave, reference) for reference in (7, 8, 9, 10)] == [300.0, DAMPING, 0.2, 0.0]
     for reference, value in ((FORCE_RATE_LIMIT, 301.0), (8, -1.0), (9, 2000.0), (ENERGY, 1.0)):
         with pytest.raises(Exception, match="SetFloat64"):
@@ -213,23 +196,22 @@ def test_guards_can_be_lowered_while_the_model_runs(zig_cache, tmp_path):
         slave.enterStepMode()
         slave.doStep(k * 1e-3, 1e-3)
         slave.enterEventMode()
-    slave.freeInstance()
 
 
-def switching(path, folder, positions, gains) -> tuple[np.ndarray, np.ndarray]:
+def switching(folder, fmu_instance, positions, gains) -> tuple[np.ndarray, np.ndarray]:
     """Forces and, where there is one, energies at these positions and gains, sample by sample in event mode."""
-    slave = instance(path, folder)
+    slave = fmu_instance("KB", 3, event_mode=True, folder=folder)
+    slave.exitInitializationMode()
     forces, energies = np.zeros((2, len(positions)))
     for k, (position, gain) in enumerate(zip(positions, gains, strict=True)):
         put(slave, GAIN, gain)
         put(slave, POSITION, position)
         forces[k] = get(slave)
         slave.enterStepMode()
-        if "passive" in path.parent.name:
+        if "passive" in slave.unzipDirectory:
             energies[k] = get(slave, ENERGY)
         slave.doStep(k * 1e-3, 1e-3)
         slave.enterEventMode()
-    slave.freeInstance()
     return forces, energies
 
 
@@ -246,13 +228,13 @@ def kelvin(zig_cache, tmp_path_factory):
     return found, model
 
 
-def test_what_a_rise_gives_out_is_said(kelvin, tmp_path):
+def test_what_a_rise_gives_out_is_said(kelvin, fmu_instance):
     """Pushed in while the tissue is off, let out while it is on: force and energy are those of the file's own page."""
     folders, model = kelvin
     way = 4.0 * slow_push(model.sampling_time)
     off = np.zeros(len(way))
     positions, gains = np.concatenate([way, way[::-1]]), np.concatenate([off, off + 1])
-    forces, _ = switching(folders["free"] / "KB_fmi3.fmu", tmp_path, positions, gains)
+    forces, _ = switching(folders["free"], fmu_instance, positions, gains)
     given = -1000 * 1e-3 * float(forces[:-1] @ np.diff(positions))
     with zipfile.ZipFile(folders["free"] / "KB_fmi3.fmu") as archive:
         page = archive.read("documentation/index.html").decode()
@@ -264,7 +246,7 @@ def test_what_a_rise_gives_out_is_said(kelvin, tmp_path):
     assert given > 5.0
 
 
-def test_a_tissue_that_is_switched_on_begins_with_nothing(kelvin, tmp_path):
+def test_a_tissue_that_is_switched_on_begins_with_nothing(kelvin, fmu_instance):
     """Nothing of what was dissipated before pushes the tool out; it is all there a millimetre deeper, and at the next touch."""
     folders, _ = kelvin
     shaken = 2.0 + 2.0 * np.cos(np.pi * np.arange(2000) / 50)
@@ -272,8 +254,8 @@ def test_a_tissue_that_is_switched_on_begins_with_nothing(kelvin, tmp_path):
     again = np.linspace(0.0, 4.0, 400)
     positions = np.concatenate([shaken, held, held, deeper, out, again])
     gains = np.where((np.arange(len(positions)) >= 2000) & (np.arange(len(positions)) < 2500), 0.0, 1.0)
-    free, _ = switching(folders["free"] / "KB_fmi3.fmu", tmp_path / "free", positions, gains)
-    found, energies = switching(folders["passive"] / "KB_fmi3.fmu", tmp_path / "passive", positions, gains)
+    free, _ = switching(folders["free"], fmu_instance, positions, gains)
+    found, energies = switching(folders["passive"], fmu_instance, positions, gains)
     assert energies[1900] > 0.01
     assert np.abs(free[2500:3000]).min() > 3.0
     assert not found[2500:3000].any()
@@ -282,13 +264,13 @@ def test_a_tissue_that_is_switched_on_begins_with_nothing(kelvin, tmp_path):
     np.testing.assert_allclose(found[touched], free[touched], rtol=1e-12)
 
 
-def test_the_account_is_exact_whatever_the_gain_does(kelvin, tmp_path):
+def test_the_account_is_exact_whatever_the_gain_does(kelvin, fmu_instance):
     """The FMU's energy against one counted from forces and positions alone, less what rises take of it."""
     folders, _ = kelvin
     generator = np.random.default_rng(3)
     positions = random_motion(3000, seed=9)
     gains = np.repeat(generator.choice([0.0, 0.5, 1.0, 1.2, 10.0], 300), 10)
-    forces, energies = switching(folders["passive"] / "KB_fmi3.fmu", tmp_path / "passive", positions, gains)
+    forces, energies = switching(folders["passive"], fmu_instance, positions, gains)
     moved = 1e-3 * np.diff(positions)
     energy, expected = 0.0, [0.0]
     for k, (force, step) in enumerate(zip(forces[:-1], moved, strict=True)):

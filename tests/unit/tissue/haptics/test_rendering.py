@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from c_programs import ON_LINUX
 from effect_entries import effect_entry, entry_of_effects
-from runtime_models import SETTINGS, entry, models_json, selected
+from runtime_models import SETTINGS, models_json
 from scipy.signal import lfilter
 from tissue_fits import fitted
 
@@ -164,9 +164,7 @@ def test_the_bound_of_the_fmu_calms_a_loop_that_the_analysis_calls_unstable(zig_
 
 
 def test_export_warns_and_the_page_says_the_numbers(capsys):
-    model = selected(
-        models_json(entry("KB", [4.638, -4.0663], [1.0, -0.4074])), changed(SETTINGS, models=["KB"])
-    )[0]
+    (model,) = export_models([fitted("KB")], SETTINGS)
     told = with_device([model], DEFAULTS, [fitted("KB")])[0]
     err = capsys.readouterr().err
     assert "WARNING: not safe" in err
@@ -177,9 +175,7 @@ def test_export_warns_and_the_page_says_the_numbers(capsys):
 
 
 def test_export_refuses_what_is_unstable_where_the_study_says_so(capsys):
-    model = selected(
-        models_json(entry("KB", [4.638, -4.0663], [1.0, -0.4074])), changed(SETTINGS, models=["KB"])
-    )[0]
+    (model,) = export_models([fitted("KB")], SETTINGS)
     with pytest.raises(NumericalError, match=r"runtime\.device\.unsafe: warn"):
         with_device([model], changed(DEFAULTS, device={"unsafe": "refuse"}), [fitted("KB")])
     damped = changed(DEFAULTS, device={"damping_N_s_m": 40.0, "unsafe": "refuse"})
