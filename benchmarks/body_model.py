@@ -239,7 +239,7 @@ def marker_sd(found: BodyFit, marker: str) -> np.ndarray:
 
 def centre(shared: Path) -> None:
     """The whole body's centre against Plug-in Gait's own."""
-    from test_joint_centres import errors_mm, plug_in_gait, whole_body
+    from test_centre_of_mass import errors_mm, plug_in_gait, whole_body
 
     print("| trial | model: forward, in space, mm | its SD forward | rules | skin |")
     print("|---|---|---|---|---|")

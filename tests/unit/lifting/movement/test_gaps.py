@@ -1,8 +1,11 @@
-"""Gap filling: closed forms, real trajectories with gaps cut into them, and what is never filled."""
+"""Gap filling, of single markers and rigid bodies: closed forms, trajectories with gaps cut into them, what is never filled."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from lifting_cases import missing_share
+from lifting_cases import missing_share, true_recording
+from scipy.spatial.transform import Rotation
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.gaps import (
@@ -15,6 +18,8 @@ from lumbar.lifting.movement.gaps import (
     refuse_open_gaps,
     without_islands,
 )
+from lumbar.lifting.movement.joint_centres import trunk_points
+from lumbar.lifting.movement.rigid_filling import body_shape, fill_from_body, fill_rigid, fit_shape
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from refusing import refusal
@@ -132,3 +137,123 @@ def test_gaps_cut_into_a_real_lift(shared):
     error = np.linalg.norm(filled["C7"] - real["C7"], axis=1)
     assert np.sqrt(np.mean(error[np.isnan(holes[:, 0])] ** 2)) < 0.002
     assert error.max() < 0.01
+
+
+CORNERS = np.array([[0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0], [0, 0.3, 0.2], [0.1, 0.1, 0.2]], dtype=float)
+LABELS = tuple("ABCDE")
+
+
+def moving():
+    """A body that turns by two thirds of a turn about a skew axis while it flies along a parabola."""
+    time = np.arange(300) / RATE
+    turns = Rotation.from_rotvec(np.outer(time * 1.4, [0.6, 0.3, np.sqrt(1 - 0.45)]))
+    path = np.stack([time, -0.5 * time**2, 1 + 0.2 * time], axis=1)
+    points = np.stack([turns.apply(corner) + path for corner in CORNERS], axis=1)
+    return {label: points[:, index] for index, label in enumerate(LABELS)}
+
+
+def hidden(points, label, gap):
+    copy = {name: values.copy() for name, values in points.items()}
+    copy[label][gap] = np.nan
+    return copy
+
+
+def test_the_fit_is_the_rotation_that_scipy_finds():
+    rng = np.random.default_rng(0)
+    turn = Rotation.random(random_state=1)
+    frames = turn.apply(CORNERS) + np.array([1, 2, 3]) + rng.normal(0, 0.01, CORNERS.shape)
+    expected, _ = Rotation.align_vectors(frames - frames.mean(axis=0), CORNERS - CORNERS.mean(axis=0))
+    placed = expected.apply(CORNERS - CORNERS.mean(axis=0)) + frames.mean(axis=0)
+    np.testing.assert_allclose(fit_shape(CORNERS, frames[None])[0], placed, atol=1e-12)
+
+
+@pytest.mark.parametrize("gap", [slice(100, 190), slice(0, 90), slice(220, 300)])
+def test_a_rigid_body_is_restored_exactly(gap):
+    points = moving()
+    shape = body_shape(hidden(points, "C", gap), LABELS, "this recording")
+    assert shape.residual_m < 1e-12
+    filled, gaps = fill_rigid(hidden(points, "C", gap), RATE, 3.0, shape, "box", 0.2)
+    np.testing.assert_allclose(filled["C"], points["C"], atol=1e-10)
+    assert [(item.marker, item.first_frame, item.n_frames, item.filled) for item in gaps] == [
+        ("C", gap.start, gap.stop - gap.start, True)
+    ]
+    assert gaps[0].start_s == pytest.approx(3.0 + gap.start / RATE)
+    assert gaps[0].method == "rigid body: box, shape from this recording, 0.0 mm"
+
+
+def test_the_error_at_the_edges_is_spread_over_the_gap():
+    """A marker that slid by 1 cm since the shape was taken comes back without a jump."""
+    points = moving()
+    shape = body_shape(points, LABELS, "the static trial")
+    slid = {**points, "C": points["C"] + 0.01}
+    filled, _ = fill_rigid(hidden(slid, "C", slice(100, 190)), RATE, 0.0, shape, "box", 0.2)
+    np.testing.assert_allclose(filled["C"], slid["C"], atol=1e-10)
+
+
+def test_short_gaps_are_left_to_splines_and_two_markers_tell_nothing():
+    points = moving()
+    shape = body_shape(points, LABELS, "the static trial")
+    short = hidden(points, "C", slice(100, 110))
+    filled, gaps = fill_rigid(short, RATE, 0.0, shape, "box", 0.2)
+    assert not gaps
+    np.testing.assert_array_equal(filled["C"], short["C"])
+    lonely = hidden(hidden(hidden(points, "A", slice(0, 300)), "B", slice(0, 300)), "C", slice(100, 190))
+    filled, gaps = fill_rigid(lonely, RATE, 0.0, shape, "box", 0.2)
+    assert np.isnan(filled["C"][100:190]).all()
+    assert "C" not in {gap.marker for gap in gaps}
+
+
+def test_markers_on_one_line_do_not_tell_how_the_body_turns():
+    line = {label: np.tile([0.1 * index, 0.0, 1.0], (50, 1)) for index, label in enumerate("ABC")}
+    points = {**line, "D": np.tile([0.0, 0.2, 1.0], (50, 1))}
+    shape = body_shape(points, "ABCD", "the static trial")
+    filled, gaps = fill_rigid(hidden(points, "D", slice(10, 40)), RATE, 0.0, shape, "box", 0.2)
+    assert np.isnan(filled["D"][10:40]).all()
+    assert not gaps
+
+
+def test_a_corner_hidden_for_a_second_of_a_real_box_comes_back_within_5_mm(shared):
+    """A spline through the same gap is off by ten times as much: the box is swung onto a shelf meanwhile."""
+    file = shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d"
+    recording = read_markers(file, MarkerLayout(forward="-x", check_axes=False))
+    box = [f"{place}_{side}" for place in ("gauche", "droite") for side in ("ext", "int")]
+    box += [f"{place}_{side}" for place in ("avant", "arriere") for side in ("gauche", "droit")]
+    points, gap = {label: recording[label] for label in box}, slice(230, 330)
+    truth = points["avant_droit"][gap]
+    cut = hidden(points, "avant_droit", gap)
+    shape = body_shape(cut, box, "this recording")
+    filled, _ = fill_rigid(cut, recording.rate, 0.0, shape, "box", 0.2)
+    error = np.linalg.norm(filled["avant_droit"][gap] - truth, axis=1)
+    assert np.nanmax(error) < 0.005
+    by_spline, _ = fill_gaps(MarkerRecording("box", recording.time, recording.rate, cut), 1.0)
+    assert np.nanmax(np.linalg.norm(by_spline["avant_droit"][gap] - truth, axis=1)) > 10 * np.nanmax(error)
+
+
+@pytest.mark.parametrize("label", LABELS)
+def test_a_body_carries_each_of_its_markers(label):
+    points = moving()
+    filled, frames = fill_from_body(hidden(points, label, slice(20, 40)))
+    assert frames == {label: 20}
+    assert filled[label] == pytest.approx(points[label], abs=1e-12)
+
+
+def test_two_markers_carry_none_nor_do_three_on_a_line_nor_a_body_that_is_never_seen_whole():
+    four = {label: points for label, points in moving().items() if label != "E"}
+    filled, frames = fill_from_body(hidden(hidden(four, "A", slice(20, 40)), "B", slice(20, 40)))
+    assert not frames
+    assert np.isnan(filled["A"][20:40]).all()
+    line = {label: np.tile([0.0, 0.1 * place, 0.0], (60, 1)) for place, label in enumerate("ABC")}
+    line["D"] = np.tile([0.1, 0.0, 0.0], (60, 1))
+    assert not fill_from_body(hidden(line, "D", slice(20, 40)))[1]
+    never = hidden(moving(), "A", slice(None))
+    assert fill_from_body(never)[0] is never and not fill_from_body(never)[1]
+
+
+def test_a_spine_of_the_ilium_hidden_while_bending_does_not_hide_hips_and_loin():
+    whole = true_recording("novice_23kg")
+    bending = replace(whole, positions=hidden(whole.positions, "L_ASIS", slice(200, 300)))
+    points, expected = (trunk_points(body, "inner", "harrington", "male") for body in (bending, whole))
+    for name in ("MID_HIP", "L5S1", "L4L5"):
+        assert points[name] == pytest.approx(expected[name], abs=1e-6)
+        assert "carried by the rest of the pelvis: L_ASIS in 100 frames" in points.points[name].rule
+    assert "carried" not in expected.points["MID_HIP"].rule

@@ -1,4 +1,4 @@
-"""The sum-of-squares method against the exact method, cvxpy and closed forms."""
+"""Sum-of-squares certificates: against the exact method, exact maxima, cvxpy and polynomials whose answer is known."""
 
 from dataclasses import replace
 
@@ -12,16 +12,24 @@ from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
+    RESOLUTION,
+    alternate,
+    level_factors,
+)
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import (
     AGREEMENT,
     RateProgramme,
     rate_differences,
 )
 from lumbar.lifting.stability.programme.polynomials import (
+    circle_map,
     circle_maximum,
+    gram_map,
+    growth_polynomial,
     monomials,
 )
-from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
+from lumbar.lifting.stability.programme.sum_of_squares import Certificate, CircleProgramme, SumOfSquares
 
 OPTIONS = {"margin": 2e-5}
 
@@ -97,3 +105,117 @@ def test_funnels_beyond_the_taylor_range_are_no_result():
     with pytest.raises(NumericalError, match=message):
         certified_funnels(wide, 150.0, 3, **options)
     certified_funnels(wide, 150.0, 7, **options)
+
+
+C = (np.sqrt(13) - 1) / 6
+"""Where c·s² − c²/2 has its maximum on the circle: the root of 1 − c − 3c²."""
+
+
+def polynomial(degree, **terms):
+    """Coefficients of a polynomial given by exponents, e.g. ``p20=1`` for z1²."""
+    index = {exponents: position for position, exponents in enumerate(monomials(degree + 1))}
+    coefficients = np.zeros(len(index))
+    for name, value in terms.items():
+        coefficients[index[int(name[1]), int(name[2])]] = value
+    return coefficients
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+@pytest.mark.parametrize(
+    ("terms", "maximum"),
+    [
+        ({"p20": 3.0, "p02": -1.0}, 3.0),
+        ({"p11": 2.0}, 1.0),
+        ({"p22": 4.0}, 1.0),
+        ({"p40": 1.0, "p04": 1.0}, 1.0),
+        ({"p12": 1.0, "p20": -0.5}, C - C**3 - 0.5 * C**2),
+    ],
+)
+def test_certified_rate_is_the_maximum_on_the_circle(degree, terms, maximum):
+    coefficients = polynomial(degree, **terms)
+    rate, _ = Certificate(degree).solve(coefficients, "test")
+    assert rate == pytest.approx(circle_maximum(coefficients, degree + 1), abs=1e-6)
+    assert rate == pytest.approx(maximum, abs=1e-6)
+
+
+@pytest.mark.parametrize("solve", [Certificate(3).solve, CircleProgramme(3).rate])
+def test_status_other_than_solved_is_no_result(solve):
+    with pytest.raises(NumericalError, match="somebody: the sum-of-squares programme ended as"):
+        solve(np.full(len(monomials(4)), np.nan), "somebody")
+
+
+SETTINGS = {"knots": 9, "initial_level": 1.0, "ratio": 0.8, "alternations": 2}
+
+
+def test_alternation_is_no_certificate(loops):
+    """The thesis's method overstates the basin: its condition is violated and simulated starts leave."""
+    result = alternate(loops, **SETTINGS)
+    assert (result.violation_share > 0).any()
+    assert monte_carlo_check(loops, result.funnels, 500, [4]).exits.sum() > 0
+    assert (result.euler_error > 0).all() and (result.euler_error < 0.05).all()
+    # And it depends on its guess.
+    other = alternate(loops, **{**SETTINGS, "initial_level": 5.0})
+    assert np.abs(other.funnels.mean_area / result.funnels.mean_area - 1).max() > 0.05
+
+
+def largest_level(coefficients, rate, multiplier):
+    """Step 2 as a semidefinite programme: the largest s with −v + rate + L·(|z|² − s) a sum of squares."""
+    padded = np.zeros(len(coefficients))
+    padded[: len(multiplier)] = multiplier
+    constant = padded - circle_map(3) @ multiplier - coefficients
+    constant[0] += rate
+    programme = SumOfSquares(np.array([-1.0]), padded[:, None], [gram_map(3)])
+    found = programme.solve(constant)
+    return np.nan if found is None else found[0]
+
+
+@pytest.mark.parametrize("slack", [0.0003, 0.03, 3.0])
+def test_level_step_is_its_semidefinite_programme(loops, slack):
+    level = np.geomspace(0.3, 3.0, 7)[:, None] * np.ones(2)
+    growth = growth_polynomial(loops.form(slice(0, 14, 2)), level, 3).reshape(14, -1)
+    rates, multipliers = zip(*(Certificate(3, 1e-6).solve(row, "test") for row in growth), strict=True)
+    rate = np.array(rates) + slack
+    found = level_factors(growth, rate, np.stack(multipliers))
+    expected = [largest_level(*row) for row in zip(growth, rate, multipliers, strict=True)]
+    assert found == pytest.approx(np.array(expected), rel=1e-5)
+
+
+def test_level_step_by_hand():
+    """L = −1 + |z|², no growth: ρ̇ + L·(|z|² − s) is nowhere negative as long as (s − 1)² ≤ 4·ρ̇; with L = −1 no s is too large."""
+    ring = np.array([[-1.0, 0, 0, 1, 0, 1]])
+    assert level_factors(np.zeros((1, 15)), np.array([0.25]), ring) == pytest.approx([2.0])
+    downward = np.array([[-1.0, 0, 0, 0, 0, 0]])
+    assert np.isnan(level_factors(np.zeros((1, 15)), np.array([0.25]), downward)).all()
+    # ρ̇ so small that nothing is left: none, and not a number near zero.
+    assert np.isnan(level_factors(np.zeros((1, 15)), np.array([-0.25]), ring)).all()
+
+
+def test_areas_of_one_alternation_have_the_digits_they_are_published_with(loops):
+    """Rounding moves nothing that is printed; a solver that stops elsewhere moves no more than `RESOLUTION` says."""
+    found = alternate(loops, **SETTINGS).after[0]
+    moved = replace(loops.pendulums, angle=loops.pendulums.angle * (1 + 1e-13))
+    rounded = alternate(regulate(moved, WEIGHTS), **SETTINGS).after[0]
+    others = [
+        alternate(loops, **SETTINGS, certificate=Certificate(3, accuracy)).after[0]
+        for accuracy in (1e-4, 1e-5, 1e-7)
+    ]
+    for name in ("mean_area", "initial_area", "minimum_area"):
+        np.testing.assert_allclose(getattr(rounded, name), getattr(found, name), rtol=1e-5)
+        for other in others:
+            np.testing.assert_allclose(getattr(other, name), getattr(found, name), rtol=RESOLUTION[name])
+
+
+def test_half_a_milliradian_decides_where_the_level_jumps():
+    """Six times the same pendulum, wiggles of other phases on its path: at one knot of two of them ρ grows 2.5-fold and more."""
+    pendulums = pendulums_of(6 * [minimum_jerk(duration=1.0, mass=8.6, length=1.0)], "hanging", knots=101)
+    phase = np.linspace(0.0, 1.0, len(pendulums.angle))[:, None]
+    path = 0.014 * phase + 0.0005 * np.sin(5 * phase + np.arange(6))
+    loops = regulate(replace(pendulums, angle=path), replace(WEIGHTS, control=np.array(3e-3)))
+    found = alternate(loops, **{**SETTINGS, "knots": 101})
+    assert (found.jumps != 1).sum(axis=0).tolist() == [0, 0, 0, 0, 1, 1]
+    assert (found.jumps.max(axis=0)[4:] > 2.5).all()
+    assert np.isnan(found.jump_range[:, :4]).all() and (found.jump_range[:, 4:] < 0.2).all()
+    first, second = (item.mean_area for item in (found.after[0], found.funnels))
+    assert np.ptp(first) < 0.002 * first.min()
+    assert (second[4:] > 1.01 * first[4:]).all()
+    np.testing.assert_array_equal(second[:4], first[:4])
