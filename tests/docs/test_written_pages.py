@@ -1,4 +1,4 @@
-"""The pages that people write: how long they and their sentences are, and that what they link to is there."""
+"""The pages that people write: how long they and their sentences are, that links lead somewhere, abbreviations are explained."""
 
 import re
 
@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from generate.thesis_items import DOCS, anchor
+from lumbar.settings.lifting import ALIASES
 
 PROJECT = DOCS.parent
 GENERATED = {"api.md", "gallery.md", "thesis.md", "tissue/effects.md", "tissue/pendulum_effects.md"}
@@ -90,3 +91,36 @@ def test_every_page_stands_once_in_the_contents_of_the_site():
     text = (PROJECT / "mkdocs.yml").read_text(encoding="utf-8")
     pages = listed(yaml.safe_load(text[text.index("\nnav:") :])["nav"])
     assert sorted(pages) == sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
+
+
+ELSEWHERE = {
+    "words of computing": "CPU CSV DOI GB HTML JSON MB PDF RFC SHA SVG TXT UTF YAML XML",
+    "names": "ARM BY CC DEC IFAC MATLAB MICCAI MIPS MIT MOSEK NATICK NET PLUS QTM README RO SA SCS SGI TR",
+    "placeholders and words written large": "BASE DEGREE DIR FILE FOLDER II NAME STUDY WRONG",
+    "stiffness times period": "KT",
+}
+TEXTS = {
+    path.relative_to(PROJECT).as_posix(): path
+    for pattern in (
+        "README.md",
+        "docs/**/*.md",
+        "config/artefacts.tsv",
+        "workflow/report/*.rst",
+        "workflow/lumbar/**/tables.yaml",
+    )
+    for path in sorted(PROJECT.glob(pattern))
+}
+
+
+def abbreviations(text: str) -> set[str]:
+    """Words in capitals, but for those in code, in addresses and in comments."""
+    prose = re.sub(r"```.*?```|`[^`]*`|\]\([^)]*\)|!\[|<!--.*?-->|^:::[^\n]*", " ", text, flags=re.S | re.M)
+    return set(re.findall(r"(?<![\w-])([A-Z]{2,6}\d?)s?(?![\w])", prose))
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_abbreviations_stand_in_the_glossary(name):
+    glossary = set(re.findall(r"\b[A-Z][A-Z\d]+\b", (DOCS / "glossary.md").read_text(encoding="utf-8")))
+    parts_of_markers = {part for marker in ALIASES for part in marker.split("_")}
+    known = {*" ".join(ELSEWHERE.values()).split(), *parts_of_markers}
+    assert abbreviations(TEXTS[name].read_text(encoding="utf-8")) - glossary - known == set()
