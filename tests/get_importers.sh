@@ -2,7 +2,7 @@
 # Fetches importers of FMUs that have nothing in common with fmpy: libcosim and Ecos (C++) and FMI4j (Java). Needs pip;
 # without mvn FMI4j is left out. fmusim, the FMI project's own simulator (Rust), is built with cargo where
 # LUMBAR_SHARED/importers/fmusim holds its sources, those of https://github.com/modelica/fmusim.
-#   tests/get_importers.sh FOLDER && LUMBAR_IMPORTERS=FOLDER python -m pytest tests/unit/tissue/fmu/test_runtime_importers.py
+#   tests/get_importers.sh FOLDER && LUMBAR_IMPORTERS=FOLDER python -m pytest tests/unit/tissue/fmu/test_runtime_platforms.py
 set -eu
 mkdir -p "$1"
 cd "$1"
