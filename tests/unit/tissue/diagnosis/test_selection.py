@@ -1,21 +1,31 @@
-"""Which base, which effects in which order, and whether the thresholds are those that null experiments give."""
+"""Which base, which effects in which order, whether thresholds are those of null experiments, and what a verdict's words mean."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from fine_tissue import FINE, branch, experiment
+from periodic_records import multisine, noise, record, relaxing_force
 
+import lumbar
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, separation_sentence
+from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, by_score, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import base_beside, choose_base, diagnose
+from lumbar.tissue.diagnosis.selection.findings import apparent_zeros, zeros_moved
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
+from lumbar.tissue.diagnosis.selection.verdict import CONDITIONAL, details, distinguishing_digits, headline
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 
 TISSUES = {
@@ -114,3 +124,147 @@ def test_an_excitation_worse_than_the_record_at_hand_is_not_proposed(distance):
     assert found.improves == (distance > 9.6)
     assert ("record a chirp" in sentence) == found.improves
     assert ("records at hand separate hysteresis from drift better" in sentence) != found.improves
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Coulomb friction, found beside noise of 0.05."""
+    records = []
+    for name, seed in (("multisine", 0), ("other", 3)):
+        position = multisine(8, seed=seed)
+        force = relaxing_force(position) + 0.4 * np.sign(np.gradient(position))
+        records.append(record(position, force + 0.05 * noise(len(position), seed + 20), name))
+    return diagnose(records, DiagnosisSettings(train="multisine", most_effects=1))
+
+
+def test_the_headline_says_the_share_of_the_error_that_is_removed(found):
+    removed = 100 * (1 - found.model.test_rms / found.base.test_rms)
+    assert (
+        f"coulomb friction: with it the error on unseen records falls by {removed:.0f} %, from"
+        in headline(found)
+    )
+
+
+def test_what_removes_little_only_looks_like_it(found):
+    weak = replace(found.model, test_rms=0.8 * found.base.test_rms)
+    little = replace(found, verdict="unexplained", path=[found.base, weak], explainable_share_removed=0.2)
+    assert headline(little).endswith(
+        "it looks a little like coulomb friction, which removes 20 % of the error on unseen records."
+    )
+    much = replace(little, path=found.path, explainable_share_removed=0.98)
+    assert "coulomb friction, which comes nearest, removes" in headline(much)
+
+
+def test_a_share_is_one_of_the_base_s_own_error(found):
+    """Where the noise is unknown nothing is taken off: the best model of all is no measure."""
+    settings = DiagnosisSettings(catalogue=TISSUE)
+    known = Selection(found.experiment, found.base, settings, singles=[])
+    blind = Selection(replace(found.experiment, floor=None), found.base, settings, singles=[])
+    before, after, floor = found.base.test_rms, found.model.test_rms, found.experiment.noise
+    assert blind.share_removed(found.model) == pytest.approx(1 - after**2 / before**2)
+    assert known.share_removed(found.model) == pytest.approx((before**2 - after**2) / (before**2 - floor**2))
+
+
+def test_no_name_from_a_fit_that_has_not_converged(found):
+    stopped = replace(found.model, fit=replace(found.model.fit, converged=False))
+    selection = Selection(found.experiment, found.base, DiagnosisSettings(catalogue=TISSUE), singles=[])
+    assert selection.verdict(stopped, [], 0.99) == "unexplained"
+    settled = selection.settled(stopped)
+    assert settled.fit.converged and settled.test_rms == pytest.approx(found.model.test_rms, rel=1e-6)
+
+
+def test_a_runner_up_that_is_worse_than_the_base_is_said_to_be(found):
+    first, second = found.ranking[0], found.ranking[1]
+    worse = replace(second, candidate=replace(second.candidate, test_rms=2 * found.base.test_rms))
+    lines = details(replace(found, ranking=[first, worse]), TISSUE)
+    assert any(
+        line.startswith("Runner-up") and f"worse than {found.base.fit.structure.base.name} alone" in line
+        for line in lines
+    )
+    assert not any("worse than" in line for line in details(found, TISSUE))
+
+
+def test_intervals_are_said_to_hang_on_the_base_once_where_they_are_printed(found):
+    zero = Finding.of("force_offset", 0.3, "N", force="force", low=0.2, high=0.4, position="position")
+    said = [
+        details(replace(found, findings=findings), TISSUE).count(CONDITIONAL)
+        for findings in ((), (zero, zero))
+    ]
+    assert said == [0, 1]
+
+
+def test_a_gain_beyond_chance_beside_nothing_missing_is_explained(found):
+    """The very small probability of a candidate does not stand there alone."""
+    adequate = replace(found, verdict="adequate", path=[found.base])
+    line = next(line for line in details(adequate, TISSUE) if line.startswith("Best candidate"))
+    assert (
+        "gains more in training than chance would and is not named: " in line
+        and "would be needed" not in line
+    )
+
+
+def judged(*errors: np.ndarray):
+    """A verdict whose model leaves these errors of unseen records, its own zero at 1."""
+    tests = []
+    for number, error in enumerate(errors):
+        motion = Motion(0.01 * np.arange(len(error)), np.zeros(len(error)), 0.01)
+        tests.append(FitData(f"unseen_{number}", motion, error, settling=50, own_zero=True))
+    fit = SimpleNamespace(zero=1.0, simulate=lambda motion: np.zeros(len(motion)))
+    training = SimpleNamespace(name="training")
+    return SimpleNamespace(
+        model=SimpleNamespace(fit=fit, test_rms=0.1),
+        experiment=SimpleNamespace(tests=tests, training=training, output_unit="N", noise=0.1),
+    )
+
+
+def test_a_zero_has_moved_where_a_record_begins_with_it():
+    white = 0.1 * np.random.default_rng(1).standard_normal((2, 1000))
+    moved = judged(white[0] + 0.5, white[1] - 0.3)
+    assert zeros_moved(moved)
+    crept = np.minimum(np.arange(1000) / 300, 1.0)
+    rate = judged(white[0] + 0.5 * crept, white[1] - 0.3 * crept)
+    assert not zeros_moved(rate)
+    sentence = apparent_zeros(rate).sentence
+    assert (
+        "may be no zeros of the sensor" in sentence
+        and "unseen_0 +1.4" in sentence
+        and "in training +1 N" in sentence
+    )
+
+
+@pytest.mark.statistical
+def test_a_relaxation_spectrum_is_no_moved_zero():
+    """Slow and fast strokes of a material that relaxes over decades of time: a free zero for each would hide what is missing."""
+    from scipy.signal import lfilter
+
+    def stroked(name: str, rate: float, shift: float = 0.0):
+        time = 0.01 * np.arange(round(40 / rate / 0.01))
+        position = 10 * (1 - np.abs(2 * ((time * rate / 20) % 1) - 1))
+        force = 0.1 * position + shift + 0.005 * noise(len(time), len(name))
+        for decay in np.exp(-0.01 / np.geomspace(0.1, 30, 8)):
+            force = force + 0.05 * lfilter([decay, -decay], [1, -decay], position)
+        return record(position, force, name)
+
+    settings = StudySettings(improvement=ImprovementSettings(propose_law=False))
+    for shift in (0.0, 1.0):
+        records = [stroked("slow", 1.0), stroked("middle", 3.0, shift), stroked("fast", 5.0, -shift)]
+        answer = lumbar.diagnose(records, train="slow", settings=settings).verdict
+        assert "hysteresis" not in answer.selected
+        assert ("force_offset" in [item.kind for item in answer.findings if item.record == "fast"]) == bool(
+            shift
+        )
+
+
+def test_a_position_that_is_read_late_passes_for_a_dashpot_and_is_named_beside_it():
+    """Of a spring k whose position is read τ late the force k z(t) is k p + kτ dp/dt of what is read: a viscosity of kτ."""
+    stiffness, late, samples, records = 0.8, 0.004, 500, []
+    for name, seed in (("multisine", 0), ("other", 3)):
+        true = multisine(8, samples, lines=np.arange(1, 4), seed=seed)
+        angle = 2j * np.pi * np.fft.rfftfreq(len(true), 0.01)
+        read = np.fft.irfft(np.fft.rfft(true) * np.exp(-angle * late), len(true))
+        records.append(record(read, stiffness * true + 0.005 * noise(len(true), seed + 20), name))
+    found = lumbar.diagnose(records, base="LE", train="multisine")
+    assert found.selected == ("viscous_damping",)
+    (viscosity,) = (item for item in found.verdict.ranking[0].estimates if item.effect == "viscous_damping")
+    assert viscosity.low < stiffness * late < viscosity.high
+    assert "A position that is read late looks the same" in str(found)
