@@ -10,7 +10,6 @@ training record, over the noise), with 95 % intervals (Wilson); writes one row p
 from __future__ import annotations
 
 import argparse
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from pathlib import Path
@@ -22,8 +21,6 @@ from lumbar.base.files import write_csv
 from lumbar.base.progress import track
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit"))
 from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 
 MEASURABLE = ("hand_load", "variable_length", "moving_pivot")

@@ -6,15 +6,10 @@ python benchmarks/sensor_faults.py [--records 1000] [--repeats 5]
 from __future__ import annotations
 
 import argparse
-import sys
 from collections import Counter
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit"))
-
-from sensor_records import clean_records, tissue_record
 
 from lumbar.tissue.diagnosis.sensors.sensor_faults import sensor_faults
+from sensor_records import clean_records, tissue_record
 
 SIZES = {
     "noise": (3e-4, 1e-3, 3e-3, 8e-3, 3e-2),

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-from pendulum_experiments import records_of
 
 import lumbar
 from lumbar.settings.stability import PendulumSettings, StabilitySettings
@@ -11,6 +10,7 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.twin.lifting_recordings import write_lift, write_trials
+from pendulum_experiments import records_of
 from study_settings import changed, study_settings
 
 

@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 from periodic_records import multisine, noise, record
 
 from lumbar.base.errors import InputError, NumericalError
@@ -19,6 +18,7 @@ from lumbar.tissue.diagnosis.selection.thresholds import NullDistribution, null_
 from lumbar.tissue.diagnosis.selection.verdict import details, headline
 from lumbar.tissue.effects.catalogue import CATALOGUES, PENDULUM, TISSUE
 from lumbar.tissue.models.fitted_model import read_models
+from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ import pytest
 from fine_tissue import branch, experiment
 from periodic_records import record as recorded
 from scipy.signal import lfilter
-from sensor_records import clean_records, tissue_record
 
 from lumbar.records.columns import read_record
 from lumbar.records.record import Record
@@ -19,6 +18,7 @@ from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair, sensor_faults
 from lumbar.tissue.models.motion import Motion
+from sensor_records import clean_records, tissue_record
 
 EFFECTS = ("none", "hardening", "coulomb")
 

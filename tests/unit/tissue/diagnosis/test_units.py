@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from effect_entries import FORM_NUMBERS, effect_entry
 from force_driven import FORCE_IN, forward_records
-from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 
 import lumbar
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -19,6 +18,7 @@ from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.twin.examples import example_records
 from other_units import FAST, SLOW, Units, check_alike
+from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
 
 ONE_SIDED = ("contact_loss/sharp", "contact_loss/soft", "depth_dependent_damping/one_sided")
 ONE_SIDED += ("depth_dependent_damping/hunt_crossley",)

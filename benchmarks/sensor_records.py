@@ -5,11 +5,10 @@ and one more effect, integrated on those points, so that samples can be taken at
 """
 
 import numpy as np
-from periodic_records import record
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from lumbar.records.record import Record
+from lumbar.records.record import Channel, Record
 
 DENSE = 4
 MOTIONS = (
@@ -176,7 +175,8 @@ def tissue_record(
     if fault == "dropped":
         kept[rng.choice(np.arange(30, count - 30), max(round(size * count), 1), replace=False)] = False
     x, f = (np.array([float(f"{value:.7g}") for value in values[kept]]) for values in (x, f))
-    return record(x, f, f"{kind} {effect} {noise}", step=1 / rate)
+    channels = {"input": Channel(x, "position", "mm"), "output": Channel(f, "force", "N")}
+    return Record(f"{kind} {effect} {noise}", np.arange(len(x)) * (1 / rate), channels)
 
 
 def _held(values: np.ndarray, rng: np.random.Generator, share: float) -> np.ndarray:

@@ -229,7 +229,7 @@ ROLES = {
 
 
 def records_of(tables: dict) -> list[Record]:
-    """Return records from their columns by name, as `pendulum_experiments` makes them."""
+    """Return records from their columns by name."""
     records = []
     for name, columns in tables.items():
         channels = {
