@@ -22,7 +22,7 @@ def leading(lead: int, branch: float = 0.8, hardening: float = 0.0, mass: float 
         elongation = lfilter([(1 - pole) * 0.2 / step], [1.0, -pole], moved)
         force = 0.7 * fine + branch * elongation + hardening * fine**3
         force += mass * np.gradient(np.gradient(fine, step), step)
-        read = np.arange(0, len(fine) - FINE, FINE)
+        read = np.arange(0, len(fine) - max(FINE, lead), FINE)
         output = force[read + lead] + 0.01 * np.std(force) * noise(len(read), seed + 20)
         made.append(record(fine[read], output, name))
     return made

@@ -12,10 +12,14 @@ def leads(records, **settings) -> tuple:
     return found, [item for item in found.findings if item.kind == "force_leads"]
 
 
-@pytest.mark.parametrize(("branch", "hardening"), [(0.8, 0.0), (0.0, 0.0), (0.0, 0.01)])
-def test_a_force_that_leads_is_told_by_how_much_and_named_no_mechanism(branch, hardening):
-    found, (told,) = leads(leading(6, branch, hardening))
-    assert told.value == pytest.approx(0.006, abs=2e-4) and told.unit == "s"
+@pytest.mark.parametrize(
+    ("lead", "branch", "hardening"),
+    [(6, 0.8, 0.0), (6, 0.0, 0.0), (6, 0.0, 0.01), (90, 0.8, 0.0)],
+)
+def test_a_force_that_leads_is_told_by_how_much_and_named_no_mechanism(lead, branch, hardening):
+    """Milliseconds, at samples of 10 ms."""
+    found, (told,) = leads(leading(lead, branch, hardening))
+    assert told.value == pytest.approx(1e-3 * lead, abs=2e-4) and told.unit == "s"
     assert f"leads the position, by {1e3 * told.value:.3g} ms" in told.sentence
     assert "clocks of the channels differ" in told.sentence
     assert found.verdict == "unexplained"

@@ -16,41 +16,43 @@ from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, TIED
 from lumbar.tissue.diagnosis.selection.verdict import effects_text
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.structure import Structure
 
 _BASES = ("LE", "KB")
 """Tissues beside which a lead is looked for: the others make up for one by a dashpot of their own."""
-_SAMPLES = 5
-"""Longest lead that is looked for."""
-_STARTS = (0.8, 0.3)
-"""Shares of it that the search for the delay begins at."""
+_SAMPLES = (5, 14, 23)
+"""Longest lead that is looked for first, and next where it may be longer: a delay reaches over ten samples."""
+_LEAST = 0.2
+"""Samples of delay up to which the lead may be longer."""
+_STARTS = (4.0, 1.5)
+"""Samples that the search for the delay begins at."""
 
 
 def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> Finding | None:
     """By how much the force leads, where that explains all records surely better than what was selected; else None.
 
-    The force is put `_SAMPLES` later, and what is then between it and the position is a delay like any other. The effects
-    `linear` are left out beside it: dashpots, masses and branches stand in for a lead.
+    The force is put later, and what is then between it and the position is a delay like any other. The effects `linear` are
+    left out beside it: dashpots, masses and branches stand in for a lead.
     """
     base = model.fit.structure.base
     replaced = linear & set(model.effects)
     if base.contact or base.own or not (replaced or base.name == "KV" or not is_adequate(model, experiment)):
         return None
     kept = [form for form in model.fit.structure.forms if form.effect not in replaced | {"delay"}]
-    put_late = experiment.with_data(lambda data: _late(data, _SAMPLES))
-    (delay,) = TISSUE["delay"].forms
-    first = _SAMPLES * experiment.training.motion.sampling_time
-    acting = with_forms(model.fit, kept).nonlinear[len(base.nonlinear) :]
-    fits = (
-        fit_base(Structure(BASES[name], (*kept, delay)), put_late.training, [*acting, share * first])
-        for name in _BASES
-        for share in _STARTS
-    )
-    best = min((evaluate(fit, put_late) for fit in fits), key=lambda item: item.score)
-    same = experiment.with_data(lambda data: _late(data, 0))
+    for samples in _SAMPLES:
+        put_late = experiment.with_data(lambda data, by=samples: _late(data, by, by))
+        best = _with_delay(model, kept, put_late)
+        units = experiment.input_unit, experiment.output_unit
+        late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")
+        step = experiment.training.motion.sampling_time
+        if late.low > 0 and late.value > _LEAST * step:
+            break
+    else:
+        return None  # longer than what is looked for: it has no size that could be told
+    first = samples * step
+    same = experiment.with_data(lambda data: _late(data, 0, samples))
     rival = refit(model.fit.structure, model.fit.nonlinear, same)
-    units = experiment.input_unit, experiment.output_unit
-    late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")
     likelier = best.score < rival.score - (TIED if best.parameters >= rival.parameters else 0)
     # Beside another effect that is missing a lead may help a little: it is told where nothing is left.
     whole = (
@@ -58,8 +60,7 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
         if experiment.floor
         else best.test_rms**2 < (1 - EXPLAINS) * rival.test_rms**2
     )
-    # A lead that may be longer than what is looked for has no size that could be told.
-    if not (best.fit.converged and likelier and whole and late.low > 0 and late.high < first):
+    if not (best.fit.converged and likelier and whole and late.high < first):
         return None
     low, lead, high = (1e3 * (first - value) for value in (late.high, late.value, late.low))
     words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "lead": lead}
@@ -68,7 +69,20 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     return Finding.of("force_leads", lead / 1e3, "s", channel_unit=experiment.output_unit, **words)
 
 
-def _late(data: FitData, samples: int) -> FitData:
-    """The record with its force so many samples later; as many more at its start do not count, `_SAMPLES` always."""
+def _with_delay(model: Candidate, kept: list[Form], put_late: Experiment) -> Candidate:
+    """The likeliest base with a delay, and with effects that the model has."""
+    (delay,) = TISSUE["delay"].forms
+    acting = with_forms(model.fit, kept).nonlinear[len(model.fit.structure.base.nonlinear) :]
+    step = put_late.training.motion.sampling_time
+    fits = (
+        fit_base(Structure(BASES[name], (*kept, delay)), put_late.training, [*acting, samples * step])
+        for name in _BASES
+        for samples in _STARTS
+    )
+    return min((evaluate(fit, put_late) for fit in fits), key=lambda item: item.score)
+
+
+def _late(data: FitData, samples: int, longest: int) -> FitData:
+    """The record with its force so many samples later; of those at its start the `longest` do not count."""
     force = np.concatenate([np.repeat(data.force[:1], samples), data.force[: len(data.force) - samples]])
-    return replace(data, force=force, settling=data.settling + _SAMPLES)
+    return replace(data, force=force, settling=data.settling + longest)
