@@ -16,6 +16,8 @@ from lumbar.tissue.models.transfer_function import TransferFunction
 _SMALLEST_ANGLE, _SLOWEST = 1e-4, 1e-6
 _NEAR = np.sinh(np.linspace(-4.0, 4.0, 33))
 """Angles near a pole, in multiples of its distance to the unit circle."""
+_LONG = 64
+"""Coefficients that are summed at once."""
 _ROUNDING = 1e-9
 """Share of a numerator's coefficients below which their sum is 0."""
 
@@ -38,7 +40,13 @@ def _polynomial(coefficients: np.ndarray, angles: np.ndarray) -> np.ndarray:
     powers = np.flatnonzero(coefficients)
     if 4 * len(powers) < len(coefficients):
         return np.exp(-1j * np.multiply.outer(angles, powers)) @ coefficients[powers]
-    return np.polyval(coefficients[::-1], np.exp(-1j * np.asarray(angles)))
+    if len(coefficients) <= _LONG:
+        return np.polyval(coefficients[::-1], np.exp(-1j * np.asarray(angles)))
+    # Horner's rule takes a step of Python a coefficient: here rows of coefficients, then their sums at the powers between.
+    rows = np.pad(coefficients, (0, -len(coefficients) % _LONG)).reshape(-1, _LONG)
+    within = np.exp(-1j * np.multiply.outer(angles, np.arange(_LONG)))
+    between = np.exp(-1j * np.multiply.outer(angles, _LONG * np.arange(len(rows))))
+    return ((within.real @ rows.T + 1j * (within.imag @ rows.T)) * between).sum(-1)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from lumbar.tissue.models.fitted_model import FittedModel
 
 _PARAMETERS = ("spring_stiffness", "branch_stiffness", "relaxation_time")
 _NORMAL_95 = 1.959964
+_PRIMES = (2, 3, 5, 7, 11)
 _LARGEST = 100
 """States of a loop that is looked at in many hands: a linearisation that is kept as its long impulse response has more."""
 
@@ -54,16 +55,13 @@ def stable_share(
     `moving_average` is the number of samples of the average before the model. None where no hands are asked for, or a
     linearisation has too many states.
     """
-    from scipy.stats import qmc
-
     parameters = _parameters(fitted) if len(meets.sampled) == 1 else {}
     loops = [in_ticks(loop) for loop in meets.loops]
     if not device.hands or any(len(loop.states[0]) > _LARGEST for loop in loops):
         return None
-    points = qmc.Halton(2 + len(parameters), scramble=False)
-    points.fast_forward(1)
     radii, draws = [], []
-    for hand, lean, *chances in points.random(device.hands).tolist():
+    for number in range(1, device.hands + 1):
+        hand, lean, *chances = (_mirrored(number, base) for base in _PRIMES[: 2 + len(parameters)])
         held = _hand(device, hand, lean)
         fit = {
             name: _drawn(item, chance)
@@ -73,6 +71,15 @@ def stable_share(
         radii.append(max(float(np.abs(np.linalg.eigvals(loop.monodromy(held))).max()) for loop in own))
         draws.append((held.hand_stiffness_N_m, held.hand_damping_N_s_m, fit))
     return StableShare(float(np.mean(np.array(radii) < 1.0)), *draws[int(np.argmax(radii))])
+
+
+def _mirrored(number: int, base: int) -> float:
+    """A number's digits behind the point, the last one first: a coordinate of Halton's points."""
+    found, place = 0.0, 1.0 / base
+    while number:
+        number, digit = divmod(number, base)
+        found, place = found + digit * place, place / base
+    return found
 
 
 def _hand(device: DeviceSettings, hand: float, lean: float) -> DeviceSettings:

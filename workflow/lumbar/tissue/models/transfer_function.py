@@ -13,7 +13,7 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 
-_FEW = 5000
+_FEW = 8000
 """Samples that take less time without `scipy.signal`, its import included."""
 
 
