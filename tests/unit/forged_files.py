@@ -81,6 +81,11 @@ def attacks(canary: Path, marker: Path) -> dict[str, Callable[[], bytes]]:
         "many_models.json": lambda: b'{"schema": "lumbar.models/2", "models": [' + b"{}," * 30_000 + b"{}]}",
         "order_models.json": lambda: _models(100_000),
         "number_models.json": lambda: b'{"schema": ' + b"9" * 100_000 + b"}",
+        "lists_models.json": lambda: b"[" + b"[[[[[]]]]]," * 1_360_000 + b"1]",
+        "tags.yaml": lambda: b"a: !!bool maybe\nb: !!int ''\nc: !!timestamp x\n",
+        "hours.yaml": lambda: b"a: 1:" + b"59:" * 330_000 + b"59\n",
+        "list.yaml": lambda: b"a: [" + b"a," * 499_000 + b"a]",
+        "merged.yaml": lambda: b"<<: " + _merged(7),
         "run.yaml": lambda: b"a: !!python/object/apply:os.system ['touch %s']\n" % str(marker).encode(),
         "include.yaml": lambda: b"a: !include %s\n" % str(canary).encode(),
         "laughs.yaml": lambda: b"".join(b"a%d: &a%d [*a%d, *a%d]\n" % (n, n, *[max(n - 1, 0)] * 2) for n in range(60)),
@@ -129,6 +134,14 @@ def _nested(depth: int) -> dict:
 
 def _c3d(change: dict) -> bytes:
     return build_c3d(np.ones((30, 2, 3)), ["A", "B"], replace=change)
+
+
+def _merged(depth: int) -> bytes:
+    """A mapping that stands for thirty times as many of the one within."""
+    found = b"{x: 1}"
+    for number in range(depth):
+        found = b"{<<: [&a%d %s%s]}" % (number, found, b", *a%d" % number * 29)
+    return found
 
 
 def _models(order: int) -> bytes:

@@ -93,6 +93,8 @@ SLOW = {
 SLOW |= {
     "deep.yaml",
     "laughs.yaml",
+    "list.yaml",
+    "hours.yaml",
     "blanks.csv",
     "sampling.dat",
     "columns.csv",
@@ -111,6 +113,9 @@ WORDS = {
     "far.xlsx": "more than 25000000 cells",
     "order_models.json": "coefficients; at most",
     "deep_models.json": "nested too deep",
+    "lists_models.json": "more than 1000000 lists and objects",
+    "merged.yaml": "aliases of aliases",
+    "tags.yaml": "leave the tag out",
 }
 """What is said of some of them."""
 

@@ -47,8 +47,8 @@ LARGEST_FILE = 200_000_000
 """Bytes of a file that is read, of any kind, as it lies and unpacked."""
 
 
-LARGEST_JSON = 15_000_000
-"""Bytes of a JSON file, whose values may take thirty times as much."""
+LARGEST_JSON, MOST_LISTS = 15_000_000, 1_000_000
+"""Bytes of a JSON file, whose values may take thirty times as much; lists and objects in it, whose two take up to 230."""
 
 
 def require_file(path: str | os.PathLike, most: int = LARGEST_FILE) -> int:
@@ -218,6 +218,8 @@ def parsed_json(content: bytes, place: str):
 
     if len(content) > LARGEST_JSON:
         raise InputError(f"{place}: more than {LARGEST_JSON / 1e6:.0f} MB of JSON")
+    if content.count(b"[") + content.count(b"{") > MOST_LISTS:
+        raise InputError(f"{place}: more than {MOST_LISTS} lists and objects; save a part by itself")
     try:
         return json.loads(content.decode("utf-8"), parse_constant=refuse)
     except UnicodeDecodeError as error:

@@ -14,9 +14,9 @@ from lumbar.base.files import require_file
 LARGEST_SIZE, MOST_ENTRIES, DEEPEST = 1_000_000, 100_000, 40
 """Bytes, entries with every alias written out, and levels of nesting of a configuration file."""
 _MOST_DIGITS = 100
-"""Digits of a whole number; any more cannot be computed with."""
+"""Digits of a number; any more cannot be computed with."""
 _PLAIN = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
-_INTEGER = "tag:yaml.org,2002:int"
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 @dataclass(frozen=True)
@@ -87,20 +87,18 @@ class _YamlReader:
             return None
         self.seen.add(id(node))
         if isinstance(node, ScalarNode):
-            try:
-                value = self.loader.construct_object(node)
-            except ConstructorError as error:
-                self._problem(way, str(error.problem))
-                return None
-            except ValueError:
-                if node.tag != _INTEGER:
-                    raise
-                value = 10**_MOST_DIGITS  # more digits than Python reads
-            if isinstance(value, int) and abs(value) >= 10**_MOST_DIGITS:
+            # Before they are computed with: sixty minutes of sixty minutes of … take the square of their number.
+            if node.tag in _NUMBERS and len(node.value) > _MOST_DIGITS:
                 found = f"a number of {len(node.value)} digits"
                 self._problem(way, found, f"numbers have at most {_MOST_DIGITS} digits")
                 return None
-            return value
+            try:
+                return self.loader.construct_object(node)
+            except ConstructorError as error:
+                self._problem(way, str(error.problem))
+            except (LookupError, AttributeError):  # the constructor of a tag that the text does not fit
+                self._problem(way, f"{node.value[:40]!r} under the tag {node.tag!r}", "leave the tag out")
+            return None
         if node.tag not in _PLAIN:
             self._problem(way, f"tag {node.tag!r}", "tags are not read here")
             return None
@@ -133,6 +131,29 @@ class _YamlReader:
             self.file.lines[(*way, key)] = name.start_mark.line + 1
             content[key] = self.read(value, (*way, key))
         return content
+
+
+def _bounded_loader(text: str):
+    """PyYAML's loader, which ends where a file holds more nodes than are read, or merges more than it holds."""
+    import yaml
+
+    class Bounded(yaml.SafeLoader):
+        nodes = merged = 0
+
+        def compose_node(self, parent, index):
+            self.nodes += 1
+            if self.nodes > MOST_ENTRIES:
+                raise _TooMuch
+            return super().compose_node(parent, index)
+
+        def flatten_mapping(self, node):
+            super().flatten_mapping(node)
+            # A mapping is flattened each time that it is to be merged, before that: thirty aliases of thirty aliases of ….
+            self.merged += len(node.value)
+            if self.merged > MOST_ENTRIES:
+                raise _TooMuch
+
+    return Bounded(text)
 
 
 def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: bool = True) -> YamlFile:
@@ -174,7 +195,7 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
         problems.add(name, f"{len(raw)} bytes", f"at most {LARGEST_SIZE} are read")
         return YamlFile(name)
     try:
-        loader = yaml.SafeLoader(text)
+        loader = _bounded_loader(text)
         reader = _YamlReader(loader, name, problems, anchors)
         node = loader.get_single_node()
         content = reader.read(node) if node is not None else {}

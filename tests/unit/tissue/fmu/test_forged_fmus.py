@@ -50,6 +50,10 @@ FORGED = {
     "half a description": described(lambda text: text[: len(text) // 2]),
     "a billion entities": entity(BILLION),
     "an entity of a local file": entity('<!ENTITY a SYSTEM "file:///etc/passwd">'),
+    **{
+        f"the encoding {name}": described(lambda text, name=name: text.replace("UTF-8", name, 1))
+        for name in ("big5", "nobody's", "rot13")
+    },
     "nested elements": described(lambda text: "<a>" * 200_000 + "</a>" * 200_000),
     "300,000 variables": described(
         lambda text: text.replace(

@@ -22,6 +22,7 @@ from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.package import checksum, written_files
 from lumbar.tissue.fmu.build.record import read_record, record_text
 from lumbar.tissue.fmu.build.sources import NUMBERS, content_token
+from lumbar.tissue.fmu.check.lint import BROKEN_XML
 from lumbar.tissue.fmu.conventions import RECORD
 from lumbar.tissue.models.model_entry import Catalogues
 
@@ -36,7 +37,7 @@ def differences(name: str, found: bytes, expected: bytes) -> Iterator[Difference
 
     Raises
     ------
-    ValueError, xml.etree.ElementTree.ParseError, RecursionError
+    ValueError, LookupError, xml.etree.ElementTree.ParseError, RecursionError
         The file cannot be read.
     """
     kind = PurePosixPath(name).suffix
@@ -350,7 +351,7 @@ def _sentences(name: str, found: bytes | None, expected: bytes | None) -> list[s
         return [] if name.endswith("/") else [f"{name} is no part of this FMU"]
     try:
         return [_sentence(name, item) for item in differences(name, found, expected)]
-    except (ValueError, ElementTree.ParseError, RecursionError) as error:
+    except (*BROKEN_XML, RecursionError) as error:
         return [f"{name} cannot be read: {error}"]
 
 

@@ -15,7 +15,7 @@ from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, library_of
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.check.agreement import hold_together
-from lumbar.tissue.fmu.check.lint import open_fmu
+from lumbar.tissue.fmu.check.lint import BROKEN_XML, open_fmu
 from lumbar.tissue.fmu.check.playing import play_library
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.model_entry import Catalogues
@@ -194,7 +194,10 @@ def _listed(files: Files) -> tuple[str, ...]:
     """C files that the FMU says it is built of, in its order."""
     build = files.get("sources/buildDescription.xml")
     if build is not None:
-        found = ElementTree.fromstring(build).iter("SourceFile")
+        try:
+            found = ElementTree.fromstring(build).iter("SourceFile")
+        except BROKEN_XML as error:
+            raise InputError(f"sources/buildDescription.xml is no XML: {error}") from error
     else:
         found = ElementTree.fromstring(files["modelDescription.xml"]).iterfind(
             "CoSimulation/SourceFiles/File"

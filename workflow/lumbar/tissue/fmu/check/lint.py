@@ -28,6 +28,8 @@ _FUNCTIONS = {"2.0": b"fmi2DoStep", "3.0": b"fmi3DoStep"}
 
 _MOST_FILES, _LONGEST_DESCRIPTION = 1000, 5_000_000
 """Files of an archive, and bytes of its description: a hundred times those of the largest model."""
+BROKEN_XML = (ElementTree.ParseError, LookupError, ValueError)
+"""What its reader raises, of encodings that it does not know or that take several bytes too."""
 _C_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -70,7 +72,7 @@ def _lint_files(files: Mapping[str, bytes]) -> list[str]:
         return [f"modelDescription.xml is longer than {_LONGEST_DESCRIPTION // 1_000_000} MB"]
     try:
         root = ElementTree.fromstring(files["modelDescription.xml"])
-    except ElementTree.ParseError as error:
+    except BROKEN_XML as error:
         return [f"modelDescription.xml is no XML: {error}"]
     problems = []
     version, simulation = root.get("fmiVersion", ""), root.find("CoSimulation")
