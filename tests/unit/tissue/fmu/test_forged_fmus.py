@@ -54,6 +54,9 @@ FORGED = {
         f"the encoding {name}": described(lambda text, name=name: text.replace("UTF-8", name, 1))
         for name in ("big5", "nobody's", "rot13")
     },
+    "170,000 attributes": described(
+        lambda text: text.replace(" fmiVersion", "".join(f' a{k}=""' for k in range(170_000)) + " fmiVersion")
+    ),
     "nested elements": described(lambda text: "<a>" * 200_000 + "</a>" * 200_000),
     "300,000 variables": described(
         lambda text: text.replace(
@@ -124,6 +127,7 @@ def refused(path: Path) -> None:
     status, megabytes, seconds = map(float, head.split())
     assert status == 1 and words.strip(), (path.name, words)
     assert "Traceback" not in words and "root:" not in words, (path.name, words)
+    assert len(words) < 20_000, path.name
     assert megabytes < MOST_MB and seconds < MOST_SECONDS, (path.name, megabytes, seconds)
 
 

@@ -22,7 +22,7 @@ from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.package import checksum, written_files
 from lumbar.tissue.fmu.build.record import read_record, record_text
 from lumbar.tissue.fmu.build.sources import NUMBERS, content_token
-from lumbar.tissue.fmu.check.lint import BROKEN_XML
+from lumbar.tissue.fmu.check.lint import BROKEN_XML, told
 from lumbar.tissue.fmu.conventions import RECORD
 from lumbar.tissue.models.model_entry import Catalogues
 
@@ -218,8 +218,6 @@ def _cut(text: str, same: int, behind: int) -> str:
 
 PAGE = "documentation/index.html"
 _PICTURE = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
-_MOST = 12
-"""Differences that are told of an FMU: a record of another model alters everything."""
 
 
 @dataclass(frozen=True)
@@ -265,8 +263,7 @@ def hold_together(files: Mapping[str, bytes], catalogues: Catalogues) -> Agreeme
         if words is None:
             raise
         return Agreement((f"{RECORD}: {words}",))
-    more = len(problems) - _MOST
-    return Agreement((*problems[:_MOST], *([f"{more} more differences from {RECORD}"] if more > 0 else [])))
+    return Agreement(told(problems, f"differences from {RECORD}"))
 
 
 def _writer(root: ElementTree.Element, record: dict) -> Agreement:

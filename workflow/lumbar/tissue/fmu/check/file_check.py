@@ -15,7 +15,7 @@ from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.compiler import TARGETS, host_target, library_of
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.check.agreement import hold_together
-from lumbar.tissue.fmu.check.lint import BROKEN_XML, open_fmu
+from lumbar.tissue.fmu.check.lint import BROKEN_XML, open_fmu, told
 from lumbar.tissue.fmu.check.playing import play_library
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.model_entry import Catalogues
@@ -115,7 +115,7 @@ def _said(path: Path, files: dict[str, bytes], problems: list[str], catalogues: 
     """What can be told of a file without running anything in it."""
     problems = problems or _validated(path)
     if problems:
-        return FileCheck(path, tuple(problems))
+        return FileCheck(path, told(problems))
     said = hold_together(files, catalogues)
     return FileCheck(path, said.problems, left_out=said.left_out)
 

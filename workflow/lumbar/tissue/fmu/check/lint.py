@@ -26,11 +26,20 @@ _MACHINES = {
 _FUNCTIONS = {"2.0": b"fmi2DoStep", "3.0": b"fmi3DoStep"}
 
 
-_MOST_FILES, _LONGEST_DESCRIPTION = 1000, 5_000_000
-"""Files of an archive, and bytes of its description: a hundred times those of the largest model."""
+_MOST_FILES, _LONGEST_DESCRIPTION = 1000, 2_000_000
+"""Files of an archive, and bytes of its description: far more than a model of forces has. The standard's schema may find a
+fault in every ten, each told in a thousand."""
+_MOST_TOLD = 12
+"""Problems of a file: a record of another model alters everything."""
 BROKEN_XML = (ElementTree.ParseError, LookupError, ValueError)
 """What its reader raises, of encodings that it does not know or that take several bytes too."""
 _C_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+def told(problems: list[str], of: str = "problems") -> tuple[str, ...]:
+    """The first problems, and how many there are besides."""
+    more = len(problems) - _MOST_TOLD
+    return (*problems[:_MOST_TOLD], *([f"{more} more {of}"] if more > 0 else []))
 
 
 def open_fmu(path: Path) -> tuple[dict[str, bytes], list[str]]:
