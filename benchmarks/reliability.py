@@ -55,18 +55,25 @@ def gone_after(series: Series, call: Call) -> tuple[str, list[str]]:
     return f"nothing of it runs after {time.monotonic() - began:.1f} s", left
 
 
-def load(series: Series) -> tuple[str, list[str]]:
-    """Run beside three busy processes per core."""
+@contextmanager
+def loaded() -> Iterator[int]:
+    """Keep three busy processes per core beside what is done; their number."""
     count = 3 * (os.cpu_count() or 1)
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
-        anew(series.folder)
-        call = series.place.start(series.folder)
-        return f"beside {count} busy processes, status {call.end()}", []
+        yield count
     finally:
         for process in busy:
             process.kill()
             process.wait()
+
+
+def load(series: Series) -> tuple[str, list[str]]:
+    """Run beside busy processes."""
+    with loaded() as count:
+        anew(series.folder)
+        call = series.place.start(series.folder)
+        return f"beside {count} busy processes, status {call.end()}", []
 
 
 @contextmanager
@@ -93,6 +100,12 @@ def background(series: Series) -> tuple[str, list[str]]:
         call = under_way(series)
     call.process.terminate()
     return gone_after(series, call)
+
+
+def background_loaded(series: Series) -> tuple[str, list[str]]:
+    """The same beside busy processes."""
+    with loaded():
+        return background(series)
 
 
 def two_runs(series: Series) -> tuple[str, list[str]]:
@@ -153,7 +166,7 @@ def read_only(series: Series) -> tuple[str, list[str]]:
 
 DISTURBANCES: dict[str, Callable[[Series], tuple[str, list[str]]]] = {
     disturbance.__name__: disturbance
-    for disturbance in (load, interrupt, background, two_runs, full_disk, read_only)
+    for disturbance in (load, interrupt, background, background_loaded, two_runs, full_disk, read_only)
 }
 
 
@@ -162,11 +175,11 @@ def met(series: Series, name: str) -> list[str]:
     try:
         said, wrong = DISTURBANCES[name](series)
     except LeftOut as reason:
-        print(f"{name:12}left out: {reason}", flush=True)
+        print(f"{name:18}left out: {reason}", flush=True)
         return []
     done, failed = series.as_told()
     differ = differing(series.expected / RESULTS, series.folder / RESULTS)
-    print(f"{name:12}{said}; then {done}, {len(differ)} files differ", flush=True)
+    print(f"{name:18}{said}; then {done}, {len(differ)} files differ", flush=True)
     found = [*wrong, *failed, *(f"{file} differs" for file in differ), *series.left()]
     print("".join(f"     WRONG {what}\n" for what in found), end="", flush=True)
     return found

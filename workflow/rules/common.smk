@@ -10,7 +10,7 @@ WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
 from run.dependencies import library_code
-from run.jobs import job_size, lift_limit, remove_half_written, set_job_environment
+from run.jobs import end_when_told, job_size, lift_limit, remove_half_written, set_job_environment
 from run.job_forks import fork_scripts
 from run.run_log import watch
 from lumbar.study.artefacts import read_artefacts

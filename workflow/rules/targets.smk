@@ -27,6 +27,7 @@ for artefact in ARTEFACTS:
 onstart:
     remove_half_written(workflow)
     lift_limit(workflow.scheduler)
+    end_when_told(workflow)
     fork_scripts(workflow)
     RUN["log"] = watch(workflow, STAGES, BENCHMARKS)
 

@@ -5,7 +5,10 @@ import os
 import shutil
 import signal
 import sys
+import threading
+import time
 from collections import defaultdict
+from contextlib import suppress
 from math import ceil
 from pathlib import Path
 
@@ -64,6 +67,46 @@ def end_with_parent() -> None:
     """Let this process be killed when its parent ends, on Linux: it would go on writing beside the next call's jobs."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+GRACE_S = 1.0
+"""In which a job that is told to end has removed what it had begun to write."""
+
+
+def end_when_told(workflow) -> None:
+    """Let SIGTERM end a run on this machine with its jobs, as Ctrl-C ends one in a terminal.
+
+    Snakemake would wait for the jobs that run, for minutes; and what a shell starts in the background ignores Ctrl-C.
+    """
+
+    def end(*_) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        threading.Thread(target=_end_jobs, daemon=True).start()
+        raise KeyboardInterrupt
+
+    if workflow.local_exec:
+        signal.signal(signal.SIGTERM, end)
+
+
+def _end_jobs() -> None:
+    """Tell what this process has started to end, and kill what does not, until it ends itself: a job may just be starting."""
+    from multiprocessing import forkserver, resource_tracker
+
+    import psutil
+
+    servers = {forkserver._forkserver._forkserver_pid, resource_tracker._resource_tracker._pid}
+    told: dict[int, float] = {}
+    while True:
+        for process in psutil.Process().children(recursive=True):
+            with suppress(psutil.NoSuchProcess):
+                if process.pid in servers:  # they end with this process, and their jobs with them
+                    continue
+                if process.pid not in told:
+                    told[process.pid] = time.monotonic()
+                    process.terminate()
+                elif time.monotonic() > told[process.pid] + GRACE_S:
+                    process.kill()
+        time.sleep(0.05)
 
 
 def remove_half_written(workflow) -> None:

@@ -1,6 +1,7 @@
 """What every script does around its one library call: logging, errors and progress."""
 
 import os
+import signal
 import sys
 import traceback
 
@@ -59,6 +60,9 @@ def run(main, snakemake) -> None:
     from run.jobs import end_with_parent
 
     end_with_parent()
+    signal.signal(
+        signal.SIGTERM, signal.default_int_handler
+    )  # Snakemake ends jobs so; see run.jobs.end_when_told
     terminal = sys.stderr
     try:
         sys.stderr = _Tee(terminal, snakemake.log[0])

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 
@@ -190,6 +191,68 @@ def test_a_job_ends_with_the_process_that_runs_it(how, tmp_path):
     finally:
         if worker.is_running():
             worker.kill()
+
+
+RUN = f"""
+import os, sys
+sys.path.insert(0, {str(WORKFLOW)!r})
+from run.job_forks import fork_scripts
+from run.jobs import end_when_told, lift_limit
+os.environ["PYTHONPATH"] = sys.path[0]
+rule all:
+    input: expand("{{n}}.txt", n=range(4))
+rule one:
+    output: "{{n}}.txt"
+    log: "{{n}}.log"
+    script: "job.py"
+onstart:
+    lift_limit(workflow.scheduler)
+    end_when_told(workflow)
+    fork_scripts(workflow)
+"""
+LONG = f"""
+import signal, sys, time
+sys.path.insert(0, {str(WORKFLOW / "scripts")!r})
+from job import run
+from lumbar.base.files import replacing
+def main(input, output):
+    if output[0] == "0.txt":
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    with replacing(output[0]) as path:
+        path.write_text("half")
+        open(f"{{output[0]}}.begun", "w").close()
+        time.sleep(3600)
+run(main, snakemake)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems start every script by itself")
+def test_a_run_in_the_background_ends_with_its_jobs_when_it_is_told(tmp_path):
+    """Snakemake waits for those that run; a shell's background job, and all that it starts, ignores Ctrl-C."""
+    (tmp_path / "Snakefile").write_text(RUN)
+    (tmp_path / "job.py").write_text(LONG)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        command = [sys.executable, "-m", "snakemake", "--cores", "4"]
+        snakemake = subprocess.Popen(
+            command, cwd=tmp_path, start_new_session=True, stderr=subprocess.PIPE, text=True
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
+    try:
+        assert seen(lambda: len(list(tmp_path.glob("*.begun"))) == 4)
+        started = psutil.Process(snakemake.pid).children(recursive=True)
+        assert len(started) >= 4
+        snakemake.terminate()
+        _, said = snakemake.communicate(timeout=PATIENCE_S)
+        assert psutil.wait_procs(started, timeout=PATIENCE_S)[1] == []
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(snakemake.pid, signal.SIGKILL)
+    assert snakemake.returncode and "Traceback" not in said
+    assert "one: interrupted" in said
+    left = [path.name for path in tmp_path.glob(".*.txt.*")]
+    assert [name[:6] for name in left] == [".0.txt"]  # which the next call removes
 
 
 def test_only_what_was_half_written_for_the_runs_own_outputs_is_removed(tmp_path):
