@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from lumbar.tissue.fmu.check.file_check import check_files
 from running import python
 
 XML = "modelDescription.xml"
@@ -144,6 +145,22 @@ def test_a_forged_fmu_is_refused(kind, fmu_folder, tmp_path):
 @pytest.mark.parametrize("seed", range(20))
 def test_a_damaged_fmu_is_refused(seed, fmu_folder, tmp_path):
     refused(flipped(next(iter(sorted(fmu_folder.glob("KB*_fmi3.fmu")))), tmp_path / "damaged.fmu", seed))
+
+
+def test_sources_that_nothing_was_compared_with_are_not_compiled(fmu_folder, zig_cache, tmp_path):
+    """They would read this machine's files, and the compiler knows no limits; another release wrote other ones."""
+
+    def change(files):
+        for name, content in files.items():
+            files[name] = content.replace(b"lumbar 0.1.0", b"lumbar 0.0.9").replace(
+                b'version="0.1.0', b'version="0.0.9'
+            )
+        files["sources/fmi3.c"] += b'\n#include "/etc/passwd"\n'
+
+    forged = forge(fmu_folder / "KB_fmi3.fmu", tmp_path / "forged.fmu", change)
+    [check] = check_files([forged], zig_cache)
+    assert check.problems == ()
+    assert "its sources were not compiled; what it says was not compared: lumbar 0.0.9" in str(check)
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,8 @@ class FileCheck:
         found = f"sound as a file; {UNKNOWN if self.unknown else NO_LIBRARY}"
         if self.played:
             built = "the same library" if self.same_bytes else "a library of the same forces"
-            found = f"sound; plays its reference, and its sources give {built}"
+            built = "were not compiled" if self.left_out else f"give {built}"
+            found = f"sound; plays its reference, and its sources {built}"
         signed = f"signed with {self.signed_with}" if self.signed_with else ""
         return f"{self.path.name}: {'; '.join(filter(None, (found, self.left_out, signed)))}"
 
@@ -76,7 +77,8 @@ def check_files(
     catalogues : mapping
         Effects of every system that the models may have.
     built_anew : bool
-        Whether the library is held to the sources beside it: not where it has just been made of them.
+        Whether the library is held to the sources beside it, where these are those of its record: not where it has just been
+        made of them.
     trust : bool
         Whether any library is run; else that alone which is, to the byte, what this machine makes of sources that are known.
     played : bool
@@ -105,7 +107,8 @@ def check_files(
                 with zipfile.ZipFile(path) as archive:
                     archive.extractall(folder)
                 check = replace(check, problems=tuple(play_library(folder)), played=True)
-                if built_anew and not check.problems and not check.same_bytes:
+                # Sources that are not those of the record may read files, hold more than there is memory, or name options.
+                if built_anew and not (check.problems or check.same_bytes or check.left_out):
                     check = _built_anew(check, files, library, folder, cache)
             checks.append(check)
     return checks
