@@ -1,5 +1,6 @@
 """Jobs of a run: the environment they inherit, what they ask of a cluster, how they start, and what a killed run leaves."""
 
+import atexit
 import ctypes
 import os
 import shutil
@@ -82,10 +83,20 @@ def end_when_told(workflow) -> None:
     def end(*_) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         threading.Thread(target=_end_jobs, daemon=True).start()
+        atexit.register(_end_at_once)
         raise KeyboardInterrupt
 
     if workflow.local_exec:
         signal.signal(signal.SIGTERM, end)
+
+
+def _end_at_once() -> None:
+    """End as Snakemake does after Ctrl-C, but for taking all its objects apart, which takes three times as long as the rest."""
+    atexit.unregister(_end_at_once)
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    os._exit(1)
 
 
 def _end_jobs() -> None:
