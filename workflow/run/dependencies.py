@@ -14,7 +14,7 @@ from pathlib import Path
 WORKFLOW = Path(__file__).resolve().parents[1]
 PACKAGE = "lumbar"
 _IMPORT = re.compile(r"^[ \t]*(?:import|from)[ \t][^(#\n]*(?:\([^)]*\))?", flags=re.M)
-_DATA_ENDINGS = {".c", ".h", ".css", ".js", ".json", ".csv", ".yaml", ".in", ".txt", ".png", ".jinja"}
+_DATA_ENDINGS = {".c", ".h", ".css", ".js", ".json", ".csv", ".yaml", ".mplstyle", ".txt", ".png", ".jinja"}
 
 
 @cache

@@ -96,34 +96,8 @@ DOUBLE_COLUMN = 7.2
 _FONTS = sorted(Path(__file__).with_name("fonts").glob("*.ttf"))
 for _font in _FONTS:
     fontManager.addfont(_font)
-_SETTINGS = {
-    # As wide as Arial, which journals ask for; what it lacks (√, ≤, →) is taken from the other.
-    "font.family": ["Arimo", "DejaVu Sans"],
-    "mathtext.fontset": "custom",
-    "mathtext.rm": "Arimo",
-    "mathtext.it": "Arimo:italic",
-    "mathtext.bf": "Arimo:bold",
-    "mathtext.cal": "Arimo:italic",
-    "mathtext.fallback": "stixsans",
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "legend.fontsize": 7,
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.5,
-    "svg.hashsalt": "lumbar",
-    "svg.fonttype": "path",
-    "pdf.fonttype": 42,
-    "figure.constrained_layout.use": True,
-}
-house_style = mpl.rc_context(_SETTINGS)
+_LOOK = mpl.rc_params_from_file(Path(__file__).with_name("house.mplstyle"), use_default_template=False)
+house_style = mpl.rc_context(_LOOK)
 """Decorator of what draws, within which matplotlib's settings are the house's: a notebook keeps its own."""
 _METADATA = {
     "svg": lambda words: {"Date": None, "Description": words},
