@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.interface.importing import ImportedRecordings
 from lumbar.records.importing.raw_table import COLUMNS_FOLLOW, RawTable
 
-FIELDS = {
-    "time": "Time",
-    "time_unit": "Unit of time",
-    "position": "Position",
-    "position_unit": "Unit of position",
-    "force": "Force",
-    "force_unit": "Unit of force",
-    "rate": "Sampling rate",
-    "trim": "Part",
-    "table": "Table or sheet",
-    "encoding": "Encoding",
-    "flip_force": "Change the sign of the force",
-    "accept_clipped": "Accept clipped records",
-}
+FIELDS: dict[str, str] = shipped_yaml(Path(__file__).with_name("fields.yaml"))
 """Fields by the argument of `lumbar.import_recordings`, with their labels."""
 _LONGEST_FIRST = sorted((name.replace("_", "-") for name in FIELDS), key=len, reverse=True)
 _OPTION = re.compile(rf"--({'|'.join(_LONGEST_FIRST)})")

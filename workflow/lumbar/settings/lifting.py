@@ -1,42 +1,22 @@
 """Chapter lifting: from marker files to the pendulums of the deposit."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.settings.key import UNIQUE, key, section, settings
 from lumbar.settings.layout import Alias, ColumnLayout, ColumnSettings, MarkerLayout, MeanOfMarkers, columns
 
 ALIASES: dict[str, Alias] = {
-    "C7": ("C7", "CV7"),
-    "T12": ("T12", "TV12"),
-    "L5": ("L5", "LV5"),
-    "MANUBRIUM": ("MANUBRIUM", "SJN", "SNJ", "CLAV"),
-    "XIPHOID": ("XIPHOID", "SXS", "XIPH", "STRN"),
-    "SACRUM": ("SACRUM", "SACR"),
-    "T8": ("T8", "TV8"),
-    "L_ASIS": ("L_ASIS", "LASI", "L_IAS", "LASIS"),
-    "R_ASIS": ("R_ASIS", "RASI", "R_IAS", "RASIS"),
-    "L_PSIS": ("L_PSIS", "LPSI", "L_IPS", "LPSIS"),
-    "R_PSIS": ("R_PSIS", "RPSI", "R_IPS", "RPSIS"),
-    "L_SHOULDER": ("L_SHOULDER", "L_SAJ", "LSHO"),
-    "R_SHOULDER": ("R_SHOULDER", "R_SAJ", "RSHO"),
-    "L_HIP": ("L_HIP", "L_FTC"),
-    "R_HIP": ("R_HIP", "R_FTC"),
-    "L_WRIST": ("L_WRIST", MeanOfMarkers(("LWRA", "LWRB"))),
-    "R_WRIST": ("R_WRIST", MeanOfMarkers(("RWRA", "RWRB"))),
-    "L_ELBOW": ("L_ELBOW", "LELB", "L_HLE"),
-    "R_ELBOW": ("R_ELBOW", "RELB", "R_HLE"),
-    "L_KNEE": ("L_KNEE", "LKNE", "L_FLE"),
-    "R_KNEE": ("R_KNEE", "RKNE", "R_FLE"),
-    "L_ANKLE": ("L_ANKLE", "L_FAL", "LANK"),
-    "R_ANKLE": ("R_ANKLE", "R_FAL", "RANK"),
-    "L_HEEL": ("L_HEEL", "L_FCC", "LHEE"),
-    "R_HEEL": ("R_HEEL", "R_FCC", "RHEE"),
-    "L_TOE": ("L_TOE", "LTOE"),
-    "R_TOE": ("R_TOE", "RTOE"),
+    **{
+        name: tuple(
+            MeanOfMarkers(tuple(label["mean"])) if isinstance(label, dict) else label for label in labels
+        )
+        for name, labels in shipped_yaml(Path(__file__).with_name("aliases.yaml")).items()
+    },
     **{f"BOX_{number}": f"BOX_{number}" for number in range(1, 9)},
 }
-"""Labels of usual marker sets under the standard names. STRN stands last: Plug-in Gait's is the xiphoid, other sets put it
-higher on the sternum."""
+"""Labels of usual marker sets under the standard names."""
 RIGID_BODIES = {
     "box": tuple(f"BOX_{number}" for number in range(1, 9)),
     "pelvis": ("SACRUM", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS"),

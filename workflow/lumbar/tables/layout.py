@@ -4,45 +4,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
-UNITS = {
-    "percent": "%",
-    "s": "s",
-    "ms": "ms",
-    "Hz": "Hz",
-    "mm": "mm",
-    "m": "m",
-    "kg": "kg",
-    "N": "N",
-    "rad": "rad",
-    "J": "J",
-    "mm_s": "mm/s",
-    "mm_s2": "mm/s²",
-    "rad_s": "rad/s",
-    "N_m": "N·m",
-    "N_s": "N·s",
-    "N_s_m": "N·s/m",
-    "N_mm": "N/mm",
-    "1_s": "1/s",
-}
+from lumbar.base.yaml_file import shipped_yaml
+
+_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+UNITS: dict[str, str] = _SAID["units"]
 """Unit by the end of a column's name."""
-_SPELLED = {
-    "vaf": "VAF",
-    "fit": "FIT",
-    "mru": "MRU",
-    "nmse": "NMSE",
-    "rms": "RMS",
-    "com": "centre of mass",
-    "fmi": "FMI",
-    "fmus": "FMUs",
-    "sos": "sum-of-squares",
-    "cvxpy": "CVXPY",
-    "auc": "AUC",
-    "alpha": "α",
-    "rho": "ρ",
-    "sd": "s.d.",
-    "df": "d.f.",
-}
+_SPELLED: dict[str, str] = _SAID["words"]
 _VALUES = {"flexion_extension": "flexion/extension"}
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)+")

@@ -2,52 +2,20 @@
 
 import re
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 
-_LABELS = {
-    "C7": ("C7", "CV7"),
-    "MANUBRIUM": ("MANUBRIUM", "SJN", "SNJ", "CLAV", "STER", "CLAVICAL", "CLAVICLE", "IJ"),
-    "XIPHOID": ("XIPHOID", "SXS", "XIPH", "PX", "STRN", "STERNUM"),
-    "SACRUM": ("SACRUM", "SACR", "VSACRAL", "SACRAL", "SACROL"),
-}
-"""Labels of the midline, without case and underscores; the first that a file holds is taken."""
-_SIDED_LABELS = {
-    "SHOULDER": ("SHOULDER", "SAJ", "SHO", "ACROMION", "ACROMIUM", "ACR"),
-    "ELBOW": ("ELBOW", "HLE", "ELB", "CUBL"),
-    "WRIST": ("WRIST", "RSP", "WRA", "WRR", "OWR"),
-    "ASIS": ("ASIS", "IAS", "ASI", "FWT"),
-    "PSIS": ("PSIS", "IPS", "PSI", "BWT"),
-    "HIP": ("HIP", "FTC"),
-    "KNEE": ("KNEE", "FLE", "KNE", "KNEL"),
-    "ANKLE": ("ANKLE", "FAL", "ANK", "MALL"),
-    "HEEL": ("HEEL", "FCC", "HEE", "HEL"),
-    "TOE": ("TOE",),
-}
-"""Labels of both sides: L or R stands before them, or l or r behind."""
-LEVELS = {
-    "C7": 1.02,
-    "T1": 0.98,
-    "SHOULDER": 1.0,
-    "MANUBRIUM": 0.90,
-    "XIPHOID": 0.58,
-    "SACRUM": 0.0,
-    "PSIS": 0.0,
-    "ASIS": 0.0,
-}
+from lumbar.base.yaml_file import shipped_yaml
+
+_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+_LABELS: dict[str, list[str]] = _SAID["midline"]
+_SIDED_LABELS: dict[str, list[str]] = _SAID["sided"]
+LEVELS: dict[str, float] = _SAID["levels"]
 """Height along the trunk: 0 at the pelvis, 1 at the shoulders. Those of the other vertebrae follow from C7 and the
 sacrum by `vertebra_level`."""
-LENGTHS = {
-    ("L_SHOULDER", "R_SHOULDER"): 0.21,
-    ("C7", "SACRUM"): 0.28,
-    ("C7", "MANUBRIUM"): 0.075,
-    ("L_ASIS", "R_ASIS"): 0.15,
-    ("L_HIP", "R_HIP"): 0.20,
-    ("SHOULDER", "ELBOW"): 0.17,
-    ("ELBOW", "WRIST"): 0.15,
-    ("HIP", "KNEE"): 0.24,
-    ("KNEE", "ANKLE"): 0.235,
-    ("HEEL", "TOE"): 0.13,
+LENGTHS: dict[tuple[str, ...], float] = {
+    tuple(ends.split()): share for ends, share in _SAID["lengths"].items()
 }
 """Distances as shares of stature, between markers on the skin."""
 _VERTEBRA = re.compile(r"^([TL])V?(\d{1,2})$")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.files import read_json
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.figures.style import SHOWS
 from lumbar.study.artefacts import Artefact
 from lumbar.tables.layout import column_in_words, scientific, split_number, unit_in_print
@@ -66,34 +67,9 @@ def _rounded(number: str) -> str:
     return f"{float(number):.2f}".rstrip("0").rstrip(".")
 
 
-CHAPTERS = {
-    "surgeon": "Surgeon motion",
-    "signals": "Signal design",
-    "tissue": "System identification",
-    "improvement": "Improvement of the models",
-    "runtime": "Haptic runtime",
-    "survey": "Survey",
-    "lifting": "Lifting",
-    "stability": "Basins of attraction",
-    "perturbations": "Perturbed trials",
-    "population": "People compared",
-    "pushes": "Pushes",
-    "claims": "Claims",
-}
-PLACES = {
-    "surgeon": "Chapter 3, Sections 3.2.3.1 and 3.2.4.1",
-    "signals": "Chapter 3, Section 3.2.3.1",
-    "tissue": "Chapters 2 and 3, Sections 2.2.3 and 3.2.4.1",
-    "improvement": "beyond the thesis",
-    "runtime": "Chapter 3, Section 3.2.3.2",
-    "survey": "Chapter 3, Section 3.2.4.2",
-    "lifting": "Chapter 4, Section 4.2.3.1",
-    "stability": "Chapter 4, Sections 4.2.3 to 4.2.5",
-    "perturbations": "beyond the thesis",
-    "population": "beyond the thesis",
-    "pushes": "beyond the thesis",
-    "claims": "all chapters",
-}
+_CHAPTERS = shipped_yaml(Path(__file__).with_name("chapters.yaml"))
+CHAPTERS: dict[str, str] = {name: said["title"] for name, said in _CHAPTERS.items()}
+PLACES: dict[str, str] = {name: said["place"] for name, said in _CHAPTERS.items()}
 """Where in the thesis each chapter of the study stands."""
 _MAIN = re.compile(r"<main>(.*)</main>", flags=re.S)
 _DATA = re.compile(r'<p class="data">Data: (.*?)</p>')

@@ -8,10 +8,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.yaml_file import shipped_yaml
 
 COLUMNS_FOLLOW = "\n    read as "
 """What parts, in a message, the problems of a table from its columns."""
@@ -108,41 +110,8 @@ class RawTable:
         return f"{COLUMNS_FOLLOW}{self.form}, with\n{columns}"
 
 
-_POUND, _INCH = 4.4482216152605, 25.4
-_SPELLED = {
-    ("time", 1.0): "s sec secs second seconds sek sekunde sekunden seconde secondes segundo segundos secondi",
-    ("time", 1e-3): "ms msec millisecond milliseconds millisekunden",
-    ("time", 1e-6): "us usec microsecond microseconds mikrosekunden",
-    ("time", 1e-9): "ns nsec nanosecond nanoseconds",
-    ("time", 60.0): "min minute minutes minuten",
-    ("length", 1e3): "m meter metre meters metres",
-    ("length", 10.0): "cm",
-    ("length", 1.0): "mm millimeter millimetre millimeters millimetres",
-    ("length", 1e-3): "um micron microns micrometer mikrometer",
-    ("length", 1e-6): "nm nanometer",
-    ("length", _INCH): 'in inch inches zoll "',
-    ("length", 12 * _INCH): "ft foot feet",
-    ("angle", 1.0): "rad radian radians",
-    ("angle", 1e-3): "mrad",
-    ("angle", math.pi / 180): "deg degree degrees °",
-    ("angle", 2 * math.pi): "rev turn turns",
-    ("force", 1.0): "N newton newtons",
-    ("force", 1e-3): "mN",
-    ("force", 1e-6): "uN",
-    ("force", 1e-2): "cN",
-    ("force", 10.0): "daN",
-    ("force", 1e3): "kN",
-    ("force", 1e6): "MN",
-    ("force", _POUND): "lbf lb lbs pound pounds",
-    ("force", 1e3 * _POUND): "kip kips klbf",
-    ("force", 9.80665): "kgf kp",
-    ("force", 9.80665e-3): "gf",
-    ("torque", 1.0): "Nm N·m N*m N-m newtonmeter newtonmetre",
-    ("torque", 1e-3): "mNm mN·m Nmm N·mm N*mm",
-    ("torque", _POUND * _INCH * 1e-3): "lbf·in lbf-in lbf*in in-lb in-lbf",
-    ("torque", 12 * _POUND * _INCH * 1e-3): "lbf·ft lbf-ft ft-lb ft-lbf",
-}
-"""Quantity and factor to the target's unit (s, mm, rad, N, N·m), with the spellings."""
+_SPELLED: dict[str, dict[str, float]] = shipped_yaml(Path(__file__).with_name("units.yaml"))
+"""Factor to the target's unit by the spellings, by quantity."""
 SPEEDS = {"length": "velocity", "angle": "angular velocity"}
 """Quantity of a velocity by that of its way."""
 TARGETS = {"time": "s", "length": "mm", "angle": "rad", "force": "N", "torque": "N·m"}
@@ -176,7 +145,8 @@ def _tables() -> tuple[dict[str, Unit], dict[str, Unit]]:
     """Units by spelling, and those by spelling in small letters that only one unit has."""
     exact = {
         word: Unit(word, quantity, factor, TARGETS[quantity])
-        for (quantity, factor), words in _SPELLED.items()
+        for quantity, units in _SPELLED.items()
+        for words, factor in units.items()
         for word in words.split()
     }
     times = [unit for unit in exact.values() if unit.name in ("s", "sec", "min")]
@@ -247,7 +217,7 @@ def told_unit(text: str, place: str) -> Unit:
         unit = None if per is not None and per.quantity == "time" else find_unit(of_one)
     factor = float(calibrated.group(1)) if calibrated else 1.0
     if unit is None or factor == 0 or not math.isfinite(factor):
-        known = ", ".join(words.split()[0] for words in _SPELLED.values())
+        known = ", ".join(words.split()[0] for units in _SPELLED.values() for words in units)
         raise InputError(
             f"{place} {text!r} is no unit; known are {known}, {', '.join(_READINGS.split()[:3])} …, and a number before "
             "one of them for a sensor's calibration, as in '35.15 N'"
