@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import os
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 
 import numpy as np
 from scipy.signal import lfilter
@@ -124,8 +123,8 @@ def main() -> None:
     parser.add_argument("--cores", type=int, default=os.cpu_count())
     options = parser.parse_args()
     with ProcessPoolExecutor(options.cores) as pool:
-        gains = pool.map(partial(largest_gain, options.base), range(options.experiments), chunksize=5)
-        found = sorted(round(value, 4) for value in track(gains, "null experiments", options.experiments))
+        gains = [pool.submit(largest_gain, options.base, seed) for seed in range(options.experiments)]
+        found = sorted(round(gain.result(), 4) for gain in track(gains, "null experiments"))
     content = {"schema": "lumbar.null_gains/1", "forms": len(forms_of(options.base)), "base": options.base}
     write_json(TABLES[BASES[options.base].system], {**content, "gains": found})
     print(f"quantiles 50, 90, 99 %: {np.quantile(found, [0.5, 0.9, 0.99])}")

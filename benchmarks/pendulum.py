@@ -78,7 +78,8 @@ def main() -> None:
     options = parser.parse_args()
     todo = plans(options.seeds, options.strengths)
     with ProcessPoolExecutor(options.cores) as pool:
-        table = pd.DataFrame(list(track(pool.map(examine, todo), "pendulums", len(todo))))
+        rows = [pool.submit(examine, plan) for plan in todo]
+        table = pd.DataFrame([row.result() for row in track(rows, "pendulums")])
     write_csv(options.output, table)
     nothing = table["effect"] == "none"
     groups = [("effect", "columns", "periodic"), ("strength",)]
