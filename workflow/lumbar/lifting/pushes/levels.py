@@ -7,10 +7,12 @@ A table holds what the pushes need of a lift: the motion of its links and the le
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.measures.balance import (
     ankle_torques,
     braking_speed,
@@ -50,41 +52,20 @@ class Predictor:
     """How the size of a push enters: one of the words above."""
 
 
-def _basins() -> dict[str, Predictor]:
-    found = {}
+def _predictors() -> dict[str, Predictor]:
+    """The measures; those of a basin once for every centre of mass and sign."""
+    said = shipped_yaml(Path(__file__).with_name("predictors.yaml"))
+    basins = {name: said.pop(name) for name in list(said) if "{com}" in name}
+    found = {name: Predictor(**words) for name, words in said.items()}
     for com, what in BASIN_COMS.items():
         for sign in SIGNS:
-            found[f"basin_{com}_{sign}"] = Predictor(
-                f"largest impulse in N·s after which the pendulum of {what} ({sign}) lies in its exact basin: with a push V/ρ = "
-                "(J/level)²",
-                RATIO,
-            )
-            found[f"basin_area_{com}_{sign}"] = Predictor(
-                f"average area in rad²/s of that basin, one number per lift ({com}, {sign})", NOTHING
-            )
+            for name, words in basins.items():
+                meaning = words["meaning"].format(com=com, sign=sign, what=what)
+                found[name.format(com=com, sign=sign)] = Predictor(meaning, words["push"])
     return found
 
 
-PREDICTORS = {
-    "push_alone": Predictor("the push alone, in N·s: knows nothing of the person", EXCESS),
-    "push_over_mass": Predictor("the push over the mass of body and box, in m/s: knows nothing of the posture", RATIO),
-    "margin_of_stability": Predictor(
-        "distance in m of the extrapolated centre of mass to the functional base in the direction of the push (Hof 2005)", SHIFT
-    ),
-    "smallest_impulse": Predictor("m·ω0 times that distance, in N·s (Hof 2005)", EXCESS),
-    "static_margin": Predictor("distance in m of the centre of mass itself to the functional base in that direction", NOTHING),
-    "capture_margin": Predictor(
-        "distance in m of the capture point to where feet and ankle strength can bring the centre of pressure (Koolen 2012)",
-        SHIFT,
-    ),
-    "viability_margin": Predictor(
-        "impulse in N·s that the nonlinear pendulum with those limits of torque can still stop, in that direction", EXCESS
-    ),
-    "trunk_inclination": Predictor("inclination of the trunk in °, less is safer", NOTHING),
-    "trunk_inclination_towards_push": Predictor("the same, counted against the direction of the push", NOTHING),
-    "l5s1_moment": Predictor("net moment about L5/S1 in N·m, less is safer", NOTHING),
-    **_basins(),
-}  # fmt: skip
+PREDICTORS = _predictors()
 """All measures, in the order of the tables."""
 BASELINES = ("push_alone", "push_over_mass")
 

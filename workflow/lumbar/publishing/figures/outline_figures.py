@@ -2,34 +2,22 @@
 
 import re
 import textwrap
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 from lumbar.publishing.figures.tissue_figures import INK, arrow, draw_network, network_size
 from lumbar.publishing.study_report.contents import CHAPTERS, PLACES
 from lumbar.tissue.models.tissue_models import KB
 from lumbar.tissue.signals.multisine import one_period, schroeder_phases
 
-_THESIS = {
-    "motivation": (5.0, 8.6, "Motivation: low back pain", ()),
-    "review": (5.0, 7.45, "Chapter 2: literature review", ()),
-    "simulation": (
-        *(2.5, 5.75, "Surgical simulation"),
-        ("modelling surgical movements", "modelling tissue force feedback"),
-    ),
-    "stability": (7.5, 5.75, "Spine stability", ("Lyapunov exponents", "basins of attraction")),
-    "manuscript": (2.5, 3.6, "Surgical intervention", ("Chapter 3: manuscript",)),
-    "study": (7.5, 3.6, "Preventative measures", ("Chapter 4: additional study",)),
-    "end": (5.0, 1.2, "Chapter 5: discussion. Chapter 6: conclusion", ()),
-}
+_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+_THESIS = {name: (*box["at"], box["title"], box["words"]) for name, box in _SAID["boxes"].items()}
 """Place, title and words of every box of Figure 1.1."""
-_FLOW = (
-    *(("motivation", "review"), ("review", "simulation"), ("review", "stability")),
-    *(("simulation", "manuscript"), ("stability", "study"), ("manuscript", "end"), ("study", "end")),
-)
 _LINE, _WIDTH = 0.4, 4.5
 """Height of a line of words, and width of a box."""
 
@@ -71,26 +59,19 @@ def outline_figure() -> Figure:
         for number, (line, style) in enumerate(_lines(name)):
             place = y + half[name] - _LINE * (number + 0.8)
             _write(axis, x, place, line, **style)
-    for source, target in _FLOW:
+    for source, target in _SAID["arrows"]:
         (x, y, *_), (to_x, to_y, *_) = _THESIS[source], _THESIS[target]
         arrow(axis, (x, y - half[source]), (to_x, to_y + half[target]))
     return figure
 
 
-_STEPS = (
-    ("Signals", "excite the tissue across\nthe surgeons' bandwidth"),
-    ("Systems", "identify the tissue as\ndynamic viscoelastic models"),
-    ("Simulation", "test the models\nin a surgical simulator"),
-)
-"""Steps of the article, each with what is done in it."""
-
-
 @house_style
 def article_figure() -> Figure:
     """Figure 3.1: from signals over systems to the simulation, each step with a sketch of what it works on."""
-    figure, axes = new_figure(DOUBLE_COLUMN, 2.3, ncols=len(_STEPS))
+    steps = _SAID["steps"].items()
+    figure, axes = new_figure(DOUBLE_COLUMN, 2.3, ncols=len(steps))
     sketches = (_draw_signal, _draw_system, _draw_simulation)
-    for number, (axis, (title, words), draw) in enumerate(zip(axes, _STEPS, sketches, strict=True)):
+    for number, (axis, (title, words), draw) in enumerate(zip(axes, steps, sketches, strict=True)):
         axis.set(xlim=(0, 3), ylim=(0, 2.4), aspect="equal")
         axis.axis("off")
         frame = {"boxstyle": "round,pad=0,rounding_size=0.1", "facecolor": "none", "edgecolor": INK}

@@ -7,10 +7,12 @@ user's YAML names none of them: it is data and runs nothing.
 import math
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.bases import elongation
 from lumbar.tissue.models.equation import CStep
 from lumbar.tissue.models.form import HandWritten
@@ -30,30 +32,7 @@ _LINES = 3
 """How many of the strongest frequencies are tried."""
 _HIGHEST = 4.0
 """Hz; people move no faster."""
-_BOUC_WEN_STEP = """\
-// Exact along one direction: unloading is straight; loading adds travels as tanh(a + b) does.
-double direction = sign(step), share = direction * memory[0], travel = fabs(step) / presliding_distance;
-if (direction == 0) {
-    next[0] = memory[0];
-} else if (share + travel < 0) {
-    next[0] = direction * (share + travel);
-} else {
-    if (share < 0) {
-        travel += share;
-        share = 0;
-    }
-    double added = portable_tanh(travel);
-    next[0] = direction * ((share + added) / (1.0 + share * added));
-}"""
-_BOUC_WEN_GENERAL_STEP = """\
-// Exact along one direction: 1 + w|r| decays at the rate w against the force, 1 - (1 - w)|r| at 1 - w with it.
-const double direction = sign(step), share = direction * memory[0], travel = fabs(step) / presliding_distance;
-const double opposing = larger(-share, 0.0), aiding = larger(share, 0.0);
-const double until_zero = portable_log(1.0 + unloading_share * opposing) / unloading_share;
-const double left = larger(until_zero - travel, 0.0), beyond = larger(travel - until_zero, 0.0);
-const double exponent = (unloading_share - 1.0) * beyond;
-const double passed = beyond * phi1(exponent) - left * phi1(unloading_share * left);
-next[0] = direction == 0 ? memory[0] : direction * (aiding * (1.0 + portable_expm1(exponent)) + passed);"""
+_C_STEPS: dict[str, str] = shipped_yaml(Path(__file__).with_name("c_steps.yaml"))
 _BRANCHES = 6
 """Of a relaxation spectrum; each four times as fast as the one before."""
 _SOLUTIONS = {
@@ -63,10 +42,10 @@ _SOLUTIONS = {
         "",
     ),
     "dahl": (lambda motion, nonlinear: (presliding(motion, nonlinear[0]),), ""),
-    "bouc_wen": (lambda motion, nonlinear: (bouc_wen(motion, nonlinear[0]),), _BOUC_WEN_STEP),
+    "bouc_wen": (lambda motion, nonlinear: (bouc_wen(motion, nonlinear[0]),), _C_STEPS["bouc_wen"]),
     "bouc_wen_general": (
         lambda motion, nonlinear: (bouc_wen_general(motion, *nonlinear),),
-        _BOUC_WEN_GENERAL_STEP,
+        _C_STEPS["bouc_wen_general"],
     ),
 }
 """States in closed form, and in C where the solver's step is less exact."""
