@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
@@ -26,11 +28,8 @@ _NOTABLE = 0.1
 """What a right model leaves beside the noise, in noise floors, from which on it is worth a word."""
 _APART = 1.5
 """Ratio of the errors of unseen records from which on they are told one by one."""
-
-
-CONDITIONAL = (
-    "Intervals hold if base and effects are the right ones: what another base would give is not in them."
-)
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+CONDITIONAL = _SAID["conditional"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,10 +220,8 @@ def headline(diagnosis: Verdict) -> str:
     unit, base = diagnosis.experiment.output_unit, diagnosis.base.fit.structure.base.name
     before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
     named = effects_text(diagnosis.selected)
-    fall = (
-        f"the error on unseen records falls by {_percent(1 - after / before)}, from "
-        f"{' to '.join(distinguishing_digits([before, after], 3))} {unit}"
-    )
+    share, errors = _percent(1 - after / before), " to ".join(distinguishing_digits([before, after], 3))
+    fall = _SAID["fall"].format(share=share, errors=errors, unit=unit)
     if diagnosis.orientation is not None:
         return f"These records are not what the {base} model takes. {diagnosis.orientation.sentence}"
     if diagnosis.verdict == "adequate":
@@ -234,13 +231,11 @@ def headline(diagnosis: Verdict) -> str:
         return f"The {base} model is missing {named}: with {added} {fall}."
     if diagnosis.verdict == "tied":
         others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
-        return (
-            f"Something is missing; {named} explains it ({fall}), but {others} cannot be told apart from it."
-        )
+        return _SAID["tied"].format(named=named, fall=fall, others=others)
     missing = f"Something is missing from the {base} model and no effect of the catalogue explains it"
     if not diagnosis.selected:
         return f"{missing}."
-    removed = f"remove{'s' if len(diagnosis.selected) == 1 else ''} {_percent(1 - after / before)} of the error on unseen records"
+    removed = f"remove{'s' if len(diagnosis.selected) == 1 else ''} {share} of the error on unseen records"
     if diagnosis.explainable_share_removed < EXPLAINS:
         return f"{missing}; it looks a little like {named}, which {removed}."
     return f"{missing}; {named}, which come{'s' if len(diagnosis.selected) == 1 else ''} nearest, {removed}."
@@ -257,22 +252,12 @@ def noise_sentence(experiment: Experiment) -> str:
     if experiment.points:
         return "How much of the error is noise is unknown: the same positions measured again would say."
     if floor is None:
-        return (
-            "No record repeats, so the noise floor is unknown and completeness cannot be judged. Where an excitation ramps up or "
-            "down, read the part that repeats alone: --trim of 'lumbar import', or trim_s in a study."
-        )
-    alike = "; they are alike to the last digit, and so much the digits leave open" if floor.exact else ""
-    two = ", all there are: what differs between their second halves passes for noise" if floor.halves else ""
-    beside = ""
-    if experiment.beside_floor > _NOTABLE * floor.rms:
-        beside = (
-            f" Beside it a right model would leave {experiment.beside_floor:.3g} {experiment.output_unit}: the force of the "
-            f"{experiment.input_quantity}'s noise within the band, or a drift that may be a wandering zero. It counts as noise."
-        )
-    return (
-        f"Noise floor: {floor.rms:.3g} {experiment.output_unit} ({floor.low:.3g} to {floor.high:.3g}) from {floor.periods} "
-        f"periods of {floor.period:g} s{alike}{two}.{beside}"
-    )
+        return _SAID["no_floor"]
+    alike = _SAID["alike"] if floor.exact else ""
+    two = _SAID["two_periods"] if floor.halves else ""
+    noted = experiment.beside_floor > _NOTABLE * floor.rms
+    beside = _SAID["beside_floor"].format(experiment=experiment) if noted else ""
+    return _SAID["floor"].format(experiment=experiment, floor=floor, alike=alike, two=two) + beside
 
 
 def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
@@ -282,16 +267,11 @@ def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     if any("interval" in line for line in lines):
         lines.append(CONDITIONAL)
     if not diagnosis.model.fit.converged:
-        named = f"{diagnosis.base.fit.structure.base.name} with {effects_text(diagnosis.selected)}"
-        lines.append(
-            f"The fit of {named if diagnosis.selected else named.split()[0]} did not converge: its parameters are where the "
-            "optimiser stopped and no result."
-        )
+        base = diagnosis.base.fit.structure.base.name
+        named = f"{base} with {effects_text(diagnosis.selected)}" if diagnosis.selected else base
+        lines.append(_SAID["not_converged"].format(model=named))
     if diagnosis.linear is not None:
-        lines.append(
-            f"As {diagnosis.linear.fit.structure.base.name} these dynamics stand in refined.json, with their equation and the "
-            "intervals of its parameters, to be compared and exported as any other model."
-        )
+        lines.append(_SAID["linear"].format(model=diagnosis.linear.fit.structure.base.name))
     lines.append(noise_sentence(diagnosis.experiment))
     if floor is not None:
         lines += [
@@ -343,13 +323,8 @@ def _second_sentence(diagnosis: Verdict, second: Ranked) -> str:
     if second.p_value <= LEVEL:
         against = contradictions(second.candidate.fit, diagnosis.experiment)
         why = against[0] if against else "on unseen records it is not surely better"
-        return (
-            f"Best candidate: {error}; it gains more in training than chance would and is not named: {why}."
-        )
-    return (
-        f"Best candidate: {error}; where nothing is missing the best of all gains as much in "
-        f"{100 * second.p_value:.2g} % of the cases ({100 * LEVEL:g} % would be needed)."
-    )
+        return _SAID["gains_in_training"].format(error=error, why=why)
+    return _SAID["gains_by_chance"].format(error=error, percent=100 * second.p_value, needed=100 * LEVEL)
 
 
 def _removed_and_left(diagnosis: Verdict) -> str:
@@ -359,10 +334,8 @@ def _removed_and_left(diagnosis: Verdict) -> str:
     if floor is None:
         return f"The selected effects remove {share} of the error on unseen records, noise included."
     rms = max(model.train_rms, model.test_rms)
-    return (
-        f"The error left is {times_floor(rms, floor)} times the noise floor at most ({rms:.3g} "
-        f"{diagnosis.experiment.output_unit}); the selected effects remove {share} that a model could explain."
-    )
+    unit = diagnosis.experiment.output_unit
+    return _SAID["left"].format(times=times_floor(rms, floor), rms=rms, unit=unit, share=share)
 
 
 def times_floor(rms: float, floor: NoiseFloor) -> str:
@@ -375,10 +348,8 @@ def what_is_left(diagnosis: Verdict) -> str:
     """Say whether anything is missing from the model with the selected effects."""
     unit, floor, model = diagnosis.experiment.output_unit, diagnosis.experiment.floor, diagnosis.model
     if diagnosis.further is not None:
-        return (
-            f"Diagnosed again, {readable(diagnosis.further.effects[-1])} is missing too: with it the error on unseen "
-            f"records falls to {diagnosis.further.test_rms:.3g} {unit}."
-        )
+        effect = readable(diagnosis.further.effects[-1])
+        return _SAID["further"].format(effect=effect, rms=diagnosis.further.test_rms, unit=unit)
     if floor is not None and is_adequate(model, diagnosis.experiment):
         return "What is left is noise as far as can be told."
     left = "something unexplained is left and " if diagnosis.verdict_after == "unexplained" else ""
