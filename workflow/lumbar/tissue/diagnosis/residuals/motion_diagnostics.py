@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, only, percent, probability
+from lumbar.tissue.diagnosis.residuals.residual import (
+    SIGNIFICANT,
+    Residual,
+    View,
+    only,
+    percent,
+    probability,
+    said,
+)
 
 DEPTHS = 20
 _POSITIONS, _SPEEDS = 12, 5
@@ -41,17 +49,12 @@ def depth_view(residual: Residual) -> View:
         "advancing": advancing,
         "retracting": retracting,
     }
-    unit, length = residual.unit, residual.position_unit
+    words = {"residual": residual, "share": only(average.share), "chance": probability(average.p_value)}
+    sentence = said("no_depth", **words)
     if average.p_value < SIGNIFICANT:
-        low, high = int(np.nanargmin(average.mean)), int(np.nanargmax(average.mean))
-        sentence = (
-            f"Over depth: position alone accounts for {only(average.share)} of the {residual.base_words} "
-            f"({probability(average.p_value)}); the mean error runs from {average.mean[low]:+.3g} {unit} at "
-            f"{position[low]:.3g} {length} to {average.mean[high]:+.3g} {unit} at {position[high]:.3g} {length}"
-            f"{_shape_words(position, average.mean, average.deviation) if average.share > 0.1 else ''}."
-        )
-    else:
-        sentence = f"Over depth: the mean error does not depend on position ({probability(average.p_value)})."
+        ends = [int(np.nanargmin(average.mean)), int(np.nanargmax(average.mean))]
+        shape = _shape_words(position, average.mean, average.deviation) if average.share > 0.1 else ""
+        sentence = said("depth", means=average.mean[ends], places=position[ends], shape=shape, **words)
     return View("depth", average.significant_share, average.p_value, sentence, table)
 
 
@@ -100,24 +103,14 @@ def map_view(residual: Residual) -> View:
     }
     even, odd = _even_odd(residual, average, rows, columns, position_edges, velocity_edges)
     numbers = {"even_share": even, "odd_share": odd}
-    sentence = (
-        f"Over position and velocity: the mean error depends on neither ({probability(average.p_value)})."
-    )
+    words = {"residual": residual, "share": only(average.share), "chance": probability(average.p_value)}
+    sentence = said("no_map", **words)
     if average.p_value < SIGNIFICANT:
-        parity = (
-            ""
-            if even is None
-            else f", {percent(odd)} with a force that is mirrored with the motion (odd) and {percent(even)} with one that is "
-            "not (even)"
-        )
+        parity = "" if even is None else said("parity", odd=percent(odd), even=percent(even))
         if not np.any(np.abs(table["z_score"]) >= SIGNIFICANT_Z):
             parity += ", as a pattern: no single cell stands out of the noise"
         rest = "little is left for" if average.share > _MOSTLY else "the rest needs"
-        sentence = (
-            f"Over position and velocity: their present values account for {only(average.share)} of the "
-            f"{residual.base_words} ({probability(average.p_value)}){parity}; {_largest(residual, table)}; {rest} history, "
-            "time or faster dynamics."
-        )
+        sentence = said("map", parity=parity, largest=_largest(residual, table), rest=rest, **words)
     return View("position and velocity", average.significant_share, average.p_value, sentence, table, numbers)
 
 
@@ -140,12 +133,9 @@ def _largest(residual: Residual, table: dict[str, np.ndarray]) -> str:
     """Where on the map the mean error is largest, in words."""
     cell = int(np.nanargmax(np.abs(table["mean"])))
     slow, fast = sorted(abs(table[name][cell]) for name in ("velocity_low", "velocity_high"))
-    length = residual.position_unit
-    return (
-        f"it is largest, {table['mean'][cell]:+.3g} {residual.unit}, from {table['position_low'][cell]:.3g} to "
-        f"{table['position_high'][cell]:.3g} {length} while {'advancing' if table['velocity_high'][cell] > 0 else 'retracting'} "
-        f"at {slow:.3g} to {fast:.3g} {length}/s"
-    )
+    at = {name: values[cell] for name, values in table.items()}
+    way = "advancing" if at["velocity_high"] > 0 else "retracting"
+    return said("largest", residual=residual, at=at, way=way, slow=slow, fast=fast)
 
 
 def spread_edges(values: np.ndarray, count: int) -> np.ndarray:
@@ -222,8 +212,7 @@ def reversal_view(residual: Residual) -> View:
     turns, directions = (turns[inside], directions[inside]) if half else (turns[:0], directions[:0])
     if turns.size < 4:
         empty = {name: np.zeros(0) for name in ("time", "mean", "deviation")}
-        words = f"Around reversals: the motion turns {turns.size} times, too few to say anything."
-        return View("reversals", 0.0, 1.0, words, empty)
+        return View("reversals", 0.0, 1.0, said("few_reversals", number=turns.size), empty)
     stride = max(1, half // 20)
     offsets = np.arange(-half, half + 1, stride)
     weights = np.zeros((len(offsets), len(residual.values)))
@@ -239,15 +228,13 @@ def reversal_view(residual: Residual) -> View:
     contrast = np.where(offsets > 0, 1.0, np.where(offsets < 0, -1.0, 0.0)) / np.sum(offsets > 0)
     change, deviation = float(contrast @ mean), float(np.sqrt(contrast @ covariance @ contrast))
     average = _since_reversal(residual, turns, directions)
-    sentence = f"Around reversals: nothing is seen ({probability(average.p_value)}, {turns.size} reversals)."
+    words = {"number": turns.size, "share": only(average.share), "chance": probability(average.p_value)}
+    sentence = said("no_reversals", **words)
     if average.p_value < SIGNIFICANT:
         opposed = change > max(3 * deviation, 0.5 * np.sqrt(residual.explainable))
-        sentence = (
-            f"Around reversals: the time since the last of {turns.size} reversals and its direction account for "
-            f"{only(average.share)} of the {residual.base_words} ({probability(average.p_value)}); the error along the motion "
-            f"changes by {change:+.3g} ± {2 * deviation:.2g} {residual.unit} within {half * residual.sampling_time:.2g} s of "
-            f"them{': a force opposed to the motion, or memory of it, is not modelled as it is' if opposed else ''}."
-        )
+        words |= {"change": change, "twice": 2 * deviation, "reach": half * residual.sampling_time}
+        meaning = said("opposed") if opposed else ""
+        sentence = said("reversals", residual=residual, meaning=meaning, **words)
     numbers = {"reversals": int(turns.size), "change": change, "change_deviation": deviation}
     return View("reversals", average.significant_share, average.p_value, sentence, table, numbers)
 

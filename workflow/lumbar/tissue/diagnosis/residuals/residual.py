@@ -7,9 +7,11 @@ else decides what is significant.
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance, prediction_error_filter
 from lumbar.tissue.diagnosis.noise.periods import Folding
 
@@ -18,6 +20,7 @@ SIGNIFICANT = 0.01
 _SHIFTS = 41
 _ORDER = 20
 """Of the autoregressive model that stands for unknown noise."""
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_name("views.yaml"))
 
 
 @dataclass(frozen=True)
@@ -215,6 +218,11 @@ class View:
     """Columns of equal length, as drawn."""
     numbers: dict = field(default_factory=dict)
     """Single figures behind the sentence."""
+
+
+def said(what: str, **words) -> str:
+    """What a view says, from ``views.yaml``; `words` stand for what is in braces there."""
+    return _SAID[what].format(**words)
 
 
 def percent(share: float) -> str:

@@ -32,6 +32,7 @@ from lumbar.tissue.diagnosis.residuals.residual import (
     only,
     percent,
     probability,
+    said,
 )
 from lumbar.tissue.diagnosis.residuals.time_frequency import time_edges, time_view
 
@@ -107,14 +108,10 @@ def linear_view(residual: Residual) -> View:
             if share > _MOSTLY
             else "the rest is not linear in the input"
         )
-        sentence = (
-            f"Linear dynamics: stiffness, damping and relaxations fitted to the error itself would explain {only(share)} "
-            f"of the {residual.base_words} of this record ({probability(p_value)}); {told}."
-        )
+        words = {"share": only(share), "chance": probability(p_value), "told": told}
+        sentence = said("linear", residual=residual, **words)
     else:
-        sentence = (
-            f"Linear dynamics: the error is not related to the input linearly ({probability(p_value)})."
-        )
+        sentence = said("not_linear", chance=probability(p_value))
     return View("linear dynamics", share if p_value < SIGNIFICANT else 0.0, p_value, sentence, {})
 
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from lumbar.tissue.diagnosis.noise.nonrepeating import excess, remove_structure
-from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, probability
+from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, probability, said
 
 _WINDOWS = 10
 _LEAST_CYCLE = 0.5
@@ -52,33 +52,18 @@ def time_view(residual: Residual) -> View:
     if residual.folding is None:
         significant = average.p_value < SIGNIFICANT
         share = percent(average.share) if average.share > 0 else "no more than of any smooth error, 0 %"
-        level = (
-            f"the mean error changes from window to window by more than noise would: {share} of the "
-            f"{residual.base_words}"
-            if significant
-            else "the mean error of the windows is no more than chance"
-        )
-        sentence = (
-            f"Along time: {spread}, {trend}; {level}. Without a repeating input time cannot be told from what the input "
-            "does at that time."
-        )
+        level = said("windows_change" if significant else "windows_alike", share=share, residual=residual)
+        sentence = said("windows", spread=spread, trend=trend, level=level)
         return View("time", average.significant_share, average.p_value, sentence, table, numbers)
     share, p_value = _not_repeating(residual)
     numbers |= {"not_repeating_share": share}
     change = slope * (residual.time[-1] - residual.time[0])
     if p_value >= SIGNIFICANT:
-        sentence = (
-            f"Along time: the error repeats with the input; {spread}, {trend}. Nothing depends on time alone."
-        )
+        sentence = said("repeats", spread=spread, trend=trend)
     else:
-        level = (
-            f", its level changes by {change:+.3g} {unit} over the record" if slope_p < SIGNIFICANT else ""
-        )
-        sentence = (
-            f"Along time: {percent(share)} of the {residual.base_words} does not repeat with the input{level}; {spread}, "
-            f"{trend}. What does not repeat depends on time or history: a drift, a stiffness that changes, a "
-            "disturbance at a frequency of its own."
-        )
+        level = said("level_changes", residual=residual, change=change) if slope_p < SIGNIFICANT else ""
+        words = {"share": percent(share), "spread": spread, "trend": trend}
+        sentence = said("does_not_repeat", residual=residual, level=level, **words)
     return View("time", share if p_value < SIGNIFICANT else 0.0, p_value, sentence, table, numbers)
 
 
@@ -196,10 +181,8 @@ def _lines(residual: Residual) -> View:
         sentence = "Over frequency: no line stands out of the noise."
     else:
         lower, upper = _quartiles(power - noise, frequency)
-        sentence = (
-            f"Over frequency: half of the repeating error lies from {lower:.2g} to {upper:.2g} Hz. "
-            + _line_sentence(residual, shares, p_values, excited, classes, power - noise)
-        )
+        told = _line_sentence(residual, shares, p_values, excited, classes, power - noise)
+        sentence = said("lines", lower=lower, upper=upper, told=told)
     numbers["nonlinear_p"] = nonlinear_p
     return View("frequency", residual.share(share * residual.explainable), p_value, sentence, table, numbers)
 
@@ -225,41 +208,25 @@ def _quartiles(power: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
 
 
 def _line_sentence(residual: Residual, shares, p_values, excited, classes, excess) -> str:
-    base = residual.base_words
-    offset = shares.get(BELOW, 0.0)
-    steady = f", {percent(offset)} is a constant offset or lies below them" if offset > 0.01 else ""
+    on_excited = said("on_excited", share=percent(shares[EXCITED]), residual=residual, lines=len(excited))
     if not np.all(excited % 2 == 1):
-        above = shares.get(ABOVE, 0.0)
-        told = (
-            f"{percent(above)} lies above them ({probability(p_values[ABOVE])}), where only a nonlinear force can put it"
-            if above > 0
-            else "above them nothing exceeds the noise"
-        )
-        return (
-            f"{percent(shares[EXCITED])} of the {base} lies on the {len(excited)} excited lines{steady}; {told}. The grid "
-            "excites even and odd lines alike, so their kinds cannot be separated: an odd grid with detection lines would."
-        )
+        offset, above, told = shares.get(BELOW, 0.0), shares.get(ABOVE, 0.0), said("nothing_above")
+        steady = said("steady", share=percent(offset)) if offset > 0.01 else ""
+        if above > 0:
+            told = said("above", share=percent(above), chance=probability(p_values[ABOVE]))
+        return said("even_and_odd_lines", excited=on_excited, steady=steady, told=told)
     even, odd = shares.get(EVEN, 0.0), shares.get(ODD, 0.0)
     parts = [
-        f"{percent(shares[EXCITED])} of the {base} lies on the {len(excited)} excited lines",
-        f"{percent(even)} on even multiples of the fundamental"
-        + (
-            " (even nonlinearity: a force that is not mirrored when the motion is, such as one-sided contact or z²)"
-            if even > 0.05
-            else ""
-        ),
-        f"{percent(odd)} on odd multiples that were left out"
-        + (" (odd nonlinearity: a mirrored force, such as friction or z³)" if odd > 0.05 else ""),
+        on_excited,
+        said("even_lines", share=percent(even)) + (said("even_force") if even > 0.05 else ""),
+        said("odd_lines", share=percent(odd)) + (said("odd_force") if odd > 0.05 else ""),
     ]
     inside = (classes == ODD) & (np.arange(len(classes)) <= excited.max())
     if odd > 0 and len(excited) > 1 and inside.sum() > 1:
         hidden = residual.share(len(excited) * float(np.mean(excess[inside])))
-        parts.append(
-            f"were it as strong on the excited lines, odd nonlinearity would account for {percent(min(hidden, shares[EXCITED]))} "
-            "of the error there and linear dynamics for the rest"
-        )
+        parts.append(said("as_strong", share=percent(min(hidden, shares[EXCITED]))))
     if even == 0 and odd == 0:
-        parts = [parts[0], "no nonlinearity exceeds the noise on the lines that were left out"]
+        parts = [on_excited, said("no_nonlinearity")]
     return "; ".join(parts) + "."
 
 
@@ -283,13 +250,10 @@ def _bands(residual: Residual) -> View:
     }
     inside = table["kind"] == BETWEEN
     numbers = {"band_Hz": float(frequency[edge])}
-    where = f"in the input's band up to {frequency[edge]:.2g} Hz"
     if residual.floor is None:
         total = table["rms"] ** 2 / np.sum(table["rms"] ** 2)
-        sentence = (
-            f"Over frequency: {percent(float(total[inside].sum()))} of the error lies {where}, "
-            f"{percent(float(total[~inside].sum()))} above it; how much of that is noise is not known, because no record repeats."
-        )
+        within, above = percent(float(total[inside].sum())), percent(float(total[~inside].sum()))
+        sentence = said("bands_unknown", inside=within, outside=above, edge=frequency[edge])
         return View("frequency", 0.0, 1.0, sentence, table, numbers)
     p_values = [_band_p(power[low:high].sum(), noise[low:high].sum(), high - low) for low, high in pairs]
     p_value = min(1.0, len(p_values) * min(p_values))  # Bonferroni: the smallest of so many bands
@@ -300,15 +264,10 @@ def _bands(residual: Residual) -> View:
     within, above = float(excess[inside].sum() / excess.sum()), float(excess[~inside].sum() / excess.sum())
     above_p = _band_p(power[edge + 1 :].sum(), noise[edge + 1 :].sum(), len(power) - edge - 1)
     lower, upper = _quartiles((power - noise)[1:], frequency[1:])
-    told = (
-        f"{percent(above)} above it ({probability(above_p)}), where only a nonlinear force can put it"
-        if above_p < SIGNIFICANT
-        else "above it nothing exceeds the noise"
-    )
-    sentence = (
-        f"Over frequency: half of the {residual.base_words} lies from {lower:.2g} to {upper:.2g} Hz; {percent(within)} lies "
-        f"{where}, {told}."
-    )
+    exceeds = "above_band" if above_p < SIGNIFICANT else "nothing_above_band"
+    told = said(exceeds, share=percent(above), chance=probability(above_p))
+    words = {"lower": lower, "upper": upper, "within": percent(within), "edge": frequency[edge]}
+    sentence = said("bands", residual=residual, told=told, **words)
     numbers |= {f"share {BETWEEN}": within, f"share {ABOVE}": above}
     return View("frequency", residual.share(float(excess.sum())), p_value, sentence, table, numbers)
 
