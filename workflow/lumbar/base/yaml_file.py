@@ -157,7 +157,7 @@ def _bounded_loader(text: str):
 
 
 def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: bool = True) -> YamlFile:
-    """Read a mapping from a YAML file.
+    """Read a mapping from a YAML file; it is empty where the file cannot be read.
 
     Parameters
     ----------
@@ -167,11 +167,6 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
         How messages call the file; default its path.
     anchors : bool
         Whether an anchor may be used again.
-
-    Returns
-    -------
-    YamlFile
-        Empty where the file cannot be read.
     """
     import yaml
 

@@ -97,7 +97,7 @@ def keep_records(
     train: Sequence[str],
     effects: Sequence[str],
 ) -> Change:
-    """Add a record set with its files and effects to a study; of one that was added before, set the effects.
+    """Return the change, with its files, that adds a record set to a study, or sets the effects of one that was added before.
 
     Parameters
     ----------
@@ -109,11 +109,6 @@ def keep_records(
         Of the set, and of the folder of its files below the data root.
     train : sequence of str
         Records that the models are fitted to.
-
-    Returns
-    -------
-    Change
-        With the files that go with it.
 
     Raises
     ------

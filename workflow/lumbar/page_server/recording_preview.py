@@ -26,17 +26,12 @@ _METAVARS = re.compile(r"(--[a-z-]+) (?:NAME or NUMBER|COLUMN|NAME|NUMBER|HZ|VAR
 
 
 def in_fields(message: str, wrong: dict[str, list[str]]) -> list[str]:
-    """Part a reader's message into its problems, and put each to the field that it names first.
+    """Put each problem of a reader's message to the field that it names first; return those that no field decides.
 
     Parameters
     ----------
     wrong : dict of str to list of str
         By field; takes the problems that name one.
-
-    Returns
-    -------
-    list of str
-        Problems that no field decides.
 
     Examples
     --------
@@ -135,10 +130,7 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
 def drawn(values: np.ndarray, stretches: int) -> np.ndarray:
     """Points of a line through the samples; of many the least and the largest of every stretch, in their order.
 
-    Returns
-    -------
-    numpy.ndarray
-        Shape (points, 2): time and value, both from 0 to 1.
+    Shape (points, 2): time and value, both from 0 to 1.
     """
     places = np.arange(len(values))
     if len(values) > 2 * stretches:

@@ -43,10 +43,7 @@ def all_claims(
 def examine_claims(claims: list[Claim], results: Results, synthetic: bool, data: str) -> pd.DataFrame:
     """Examine all claims on the results of one run.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``claim, location, statement, thesis_value, this_run, verdict, criterion, remark, evidence, data``.
+    Columns ``claim, location, statement, thesis_value, this_run, verdict, criterion, remark, evidence, data``.
     """
     rows = []
     for claim in claims:

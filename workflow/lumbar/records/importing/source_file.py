@@ -67,7 +67,7 @@ _SHORT, _SHORT_LINE = 250_000, 500
 
 
 def read_content(stored: bytes, path: Path, asked: Asked) -> tuple[RawTable, str]:
-    """Read what a file holds, wherever it lies.
+    """Read what a file holds, wherever it lies: its table, and the SHA-256 of the file.
 
     Parameters
     ----------
@@ -75,12 +75,6 @@ def read_content(stored: bytes, path: Path, asked: Asked) -> tuple[RawTable, str
         Text, MATLAB, HDF5 or Excel; also gzipped.
     path : Path
         For messages, and for the ending of its name.
-
-    Returns
-    -------
-    RawTable
-    str
-        SHA-256 of the file.
 
     Raises
     ------

@@ -99,7 +99,7 @@ _ADVICE = (
 def with_device(
     models: Sequence[ExportModel], settings: RuntimeSettings, fitted: Sequence[FittedModel]
 ) -> list[ExportModel]:
-    """Judge the models on the device, say so in them, and warn of those that are not safe.
+    """Judge the models on the device, say so in their ``on_device``, and warn of those that are not safe.
 
     Parameters
     ----------
@@ -107,11 +107,6 @@ def with_device(
         What they were exported from.
     settings : RuntimeSettings
         ``device.unsafe`` says whether an unstable loop is told on standard error or is an error.
-
-    Returns
-    -------
-    list of ExportModel
-        With ``on_device``.
 
     Raises
     ------

@@ -160,7 +160,7 @@ def eligible(candidates: list[ArxCandidate], condition_max: float | None) -> lis
 def select(
     candidates: list[ArxCandidate], selection: str, condition_max: float | None
 ) -> tuple[ArxCandidate, str]:
-    """Pick the candidate of the highest %VAF with reasonable conditioning.
+    """Pick the candidate of the highest %VAF with reasonable conditioning; say what is particular about it, or nothing.
 
     Parameters
     ----------
@@ -171,12 +171,6 @@ def select(
         ``"test"``: mean %VAF of the free runs on the other records.
     condition_max : float or None
         Largest condition number; None where the structure is given and nothing is chosen by it.
-
-    Returns
-    -------
-    candidate : ArxCandidate
-    remark : str
-        What is particular about the choice; empty if nothing is.
 
     Raises
     ------

@@ -168,15 +168,11 @@ def block_bootstrap(
 
 
 def central_spread(draws: np.ndarray) -> np.ndarray:
-    """Half the width of the central 68.27 % of the draws: σ of a normal distribution, deaf to outliers.
+    """Half the width of the central 68.27 % of the draws: σ of a normal distribution, deaf to outliers; shape (parameters,).
 
     Parameters
     ----------
     draws : numpy.ndarray, shape (resamples, parameters)
-
-    Returns
-    -------
-    numpy.ndarray, shape (parameters,)
     """
     low, high = np.quantile(draws, [0.158655, 0.841345], axis=0)
     return (high - low) / 2.0

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 def linear_chirp(duration: float, lowest: float, highest: float, rate: float) -> np.ndarray:
     """sin((a t + b) t) that sweeps from `lowest` to `highest` Hz; thesis Eq. 3.2 with amplitude 1.
 
-    The instantaneous frequency is the derivative of the phase a t² + b t, (2 a t + b)/2π. To begin at f0 and
-    to end at f1 after T seconds it needs b = 2π f0 and a = π (f1 − f0)/T; with a = 2π (f1 − f0)/T the sweep
-    would end at 2 f1 − f0, about twice the band.
+    Its shape is (round(duration * rate),). The instantaneous frequency is the derivative of the phase a t² + b t,
+    (2 a t + b)/2π. To begin at f0 and to end at f1 after T seconds it needs b = 2π f0 and a = π (f1 − f0)/T; with
+    a = 2π (f1 − f0)/T the sweep would end at 2 f1 − f0, about twice the band.
 
     Parameters
     ----------
@@ -34,10 +34,6 @@ def linear_chirp(duration: float, lowest: float, highest: float, rate: float) ->
         f0 and f1 in Hz.
     rate : float
         Samples per second, Hz.
-
-    Returns
-    -------
-    numpy.ndarray of float, shape (round(duration * rate),)
 
     Raises
     ------

@@ -20,7 +20,7 @@ def crest_factor(values: np.ndarray) -> float:
 
 
 def one_period(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray, samples: int) -> np.ndarray:
-    """One period of Σ A cos(2πk t/T + φ) (thesis Eq. 3.1) on an even grid, by inverse Fourier transform.
+    """One period of Σ A cos(2πk t/T + φ) (thesis Eq. 3.1) on an even grid, shape (samples,), by inverse Fourier transform.
 
     Parameters
     ----------
@@ -30,10 +30,6 @@ def one_period(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray, sa
         Amplitudes in any unit, phases in radians.
     samples : int
         Samples per period.
-
-    Returns
-    -------
-    numpy.ndarray of float, shape (samples,)
     """
     if lines.min() < 1 or lines.max() >= samples / 2:
         raise ValueError(f"lines {lines.min()} to {lines.max()} do not fit {samples} samples per period")
@@ -48,7 +44,7 @@ def fine_samples(lines: np.ndarray, oversampling: int = PEAK_OVERSAMPLING) -> in
 
 
 def clipped_phases(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray) -> np.ndarray:
-    """Phases of low crest factor by iterated clipping, from a first guess.
+    """Phases of low crest factor by iterated clipping, from a first guess; in radians from -π to π, shape (lines,).
 
     The signal is clipped, the phases of the clipped signal are kept, its amplitudes are put back; the
     clipping level rises towards the peak. The best phases seen are returned, so the crest factor never grows.
@@ -59,11 +55,6 @@ def clipped_phases(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray
         Multiples of the fundamental.
     amplitudes, phases : numpy.ndarray of float, shape (lines,)
         Amplitudes are kept; phases in radians are where the search starts.
-
-    Returns
-    -------
-    numpy.ndarray of float, shape (lines,)
-        Radians, from -π to π.
 
     References
     ----------
@@ -189,7 +180,7 @@ def excited_lines(
 
 
 def schroeder_phases(amplitudes: np.ndarray) -> np.ndarray:
-    """Schroeder's phases φ_k = −2π Σ_{n<k} (k−n) p_n, with p_n the share of the power in line n.
+    """Schroeder's phases φ_k = −2π Σ_{n<k} (k−n) p_n in radians, with p_n the share of the power in line n; shape (lines,).
 
     For N equal amplitudes φ_k = −π k(k−1)/N. The signal then sweeps through its lines like a chirp, each for
     a time in proportion to its power. `k` counts the excited lines, so that a signal of odd lines sweeps in
@@ -198,11 +189,6 @@ def schroeder_phases(amplitudes: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     amplitudes : numpy.ndarray of float, shape (lines,)
-
-    Returns
-    -------
-    numpy.ndarray of float, shape (lines,)
-        Radians; the first is 0.
 
     References
     ----------

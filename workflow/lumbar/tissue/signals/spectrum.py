@@ -162,7 +162,7 @@ def _check(frequency: np.ndarray, psd: np.ndarray, maximum: float) -> None:
 
 
 def power_share_frequency(frequency: np.ndarray, psd: np.ndarray, share: float, maximum: float) -> float:
-    """Frequency below which a share of the power of the analysis band lies.
+    """Frequency in Hz below which a share of the power of the analysis band lies.
 
     Every line stands for a cell of one line spacing around it. The line at zero is left out: it holds what
     detrending left over.
@@ -177,11 +177,6 @@ def power_share_frequency(frequency: np.ndarray, psd: np.ndarray, share: float, 
         Between 0 and 1, e.g. 0.95.
     maximum : float
         Upper end of the analysis band in Hz; power above it (tremor, measuring noise) does not count.
-
-    Returns
-    -------
-    float
-        Hz.
 
     Raises
     ------

@@ -120,12 +120,7 @@ def push_depth(model: ExportModel, profile: np.ndarray) -> float:
 
 
 def reference_push(model: ExportModel, version: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, input and output of one push, or of its beginning in a fast loop, as the FMU holds them.
-
-    Returns
-    -------
-    tuple of numpy.ndarray, each of shape (samples,)
-    """
+    """Return time, input and output, shape (samples,), of one push, or of its beginning in a fast loop, as the FMU holds them."""
     time, profile = push_profile(model.sampling_time)
     samples = samples_within_range(model, min(len(time), _MOST_EMBEDDED))
     inputs = model.input.offset + push_depth(model, profile) * profile[:samples]

@@ -27,7 +27,7 @@ _LARGEST, _FACTORS, _HALVINGS, _PARTS = 1e4, np.linspace(0.04, 1.0, 25), 8, 64
 
 
 def proved_gain(model: SampledModel, device: DeviceSettings, late: float, gap: float) -> float:
-    """Return a factor on the model's force up to which the loop is proved to be stable for all ticks there may be.
+    """Return a factor on the model's force up to which the loop is proved to be stable for all ticks there may be, or 0.
 
     Parameters
     ----------
@@ -37,11 +37,6 @@ def proved_gain(model: SampledModel, device: DeviceSettings, late: float, gap: f
         Longest time in seconds from the instant of a sample to the tick that takes it.
     gap : float
         Longest time from tick to tick.
-
-    Returns
-    -------
-    float
-        0 where nothing is proved.
     """
     even = PeriodicModel(model, (model.sampling_time,), delay=1e-3 * device.delay_ms + late / 2.0)
     changes = _Changes(even, device, late / 2.0 + REACHED * model.sampling_time, gap)

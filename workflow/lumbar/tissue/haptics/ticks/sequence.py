@@ -27,7 +27,7 @@ largest singular value and of the response."""
 
 
 def shares(age: float, interval: float, sampling_time: float) -> list[float]:
-    """Where on the line from the tick before, 0, to this one, 1, the samples lie that this tick takes.
+    """Where on the line from the tick before, 0, to this one, 1, the samples lie that this tick takes; none before the first.
 
     Parameters
     ----------
@@ -35,11 +35,6 @@ def shares(age: float, interval: float, sampling_time: float) -> list[float]:
         Seconds from the instant of the newest sample to the tick before.
     interval : float
         Seconds from that tick to this one.
-
-    Returns
-    -------
-    list of float
-        Empty where no instant has come.
     """
     count = int((age + interval) / sampling_time + REACHED)
     instants = [sample * sampling_time - age for sample in range(1, count + 1)]
@@ -283,10 +278,7 @@ class PeriodicModel:
     def response(self, angles: np.ndarray) -> np.ndarray:
         """Forces of the ticks of a period by their positions, both turning by an angle over it; without `delay`.
 
-        Returns
-        -------
-        numpy.ndarray, shape (angles, ticks, ticks)
-            Complex.
+        Complex, shape (angles, ticks, ticks).
         """
         ticks, newest = len(self.taken), np.cumsum([0, *map(len, self.taken)])
         samples = newest[-1]
