@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import InputError, LumbarError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.movement.carried_object import carried_object
 from lumbar.lifting.movement.centre_of_mass import whole_body_centre
 from lumbar.lifting.movement.cleaning import derivative, low_pass
@@ -17,7 +19,6 @@ from lumbar.lifting.movement.pendulum_states import turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from lumbar.lifting.movement.lift import AnalysedLift
     from lumbar.records.ground_forces import ForcePlate
@@ -53,6 +54,7 @@ _FACTORS = {
     0.001: "a unit is wrong by a thousand",
 }
 """What a ratio of both weights within 5 % of these means."""
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 @dataclass(frozen=True)
@@ -93,11 +95,7 @@ class PlateCheck:
         lines = []
         if self.plates_kg is not None:
             course = "hardly any movement" if self.correlation is None else f"r = {self.correlation:.3f}"
-            lines.append(
-                f"force plates: {self.plates_kg:.1f} kg on them, {self.declared_kg:.1f} kg declared; {course}, RMS "
-                f"difference {self.rmse_N:.0f} N over {self.seconds:.1f} s; centre of pressure {self.forward_mm:+.0f} mm "
-                f"ahead and {self.right_mm:+.0f} mm right of the centre of mass, sway {self.sway_mm:.0f} mm"
-            )
+            lines.append(_SAID["figures"].format(check=self, course=course))
         return "\n".join([*lines, *(f"force plates: {finding}" for finding in self.findings)])
 
 
@@ -276,32 +274,16 @@ def _findings(
     ratio = plates_kg / declared_kg
     if abs(ratio - 1) > MASS_TOLERANCE:
         known = [text for factor, text in _FACTORS.items() if abs(ratio / factor - 1) < 0.05]
-        unknown = (
-            "mass_kg or box_mass_kg is wrong, the file is another person's, a foot stands beside the plates, or a plate's zero "
-            "is off"
-        )
-        meaning = known[0] if known else unknown
-        yield f"{plates_kg:.1f} kg stand on the plates where {declared_kg:.1f} kg are declared: {meaning}"
+        meaning = known[0] if known else _SAID["weight_unknown"]
+        yield _SAID["weight"].format(plates_kg=plates_kg, declared_kg=declared_kg, meaning=meaning)
     if correlation is not None and correlation < FOLLOWS:
-        yield (
-            f"the force does not follow the movement (r = {correlation:.2f}): the plates are of another trial or person, their "
-            "clock is shifted, or something else carries part of the weight"
-        )
+        yield _SAID["other_trial"].format(correlation=correlation)
     if rate_factor is not None and _other_rate(rate_factor):
         large = rate_factor > 1
         times = f"{(rate_factor if large else 1 / rate_factor) ** 2:.2g} times too {'large' if large else 'small'}"
-        yield (
-            f"the force follows the movement, but the accelerations at {rate_Hz:g} Hz are {times} for it: the markers were taken "
-            f"at about {rate_Hz / rate_factor:.3g} Hz, or their unit is wrong; set markers.rate_Hz"
-        )
+        yield _SAID["other_rate"].format(rate_Hz=rate_Hz, times=times, told_Hz=rate_Hz / rate_factor)
     distance = float(np.hypot(forward_mm, right_mm))
     if distance > ELSEWHERE_MM:
-        yield (
-            f"the centre of pressure lies {distance:.0f} mm from the centre of mass: the plates' corners or "
-            "axes are not those of the markers"
-        )
+        yield _SAID["elsewhere"].format(distance=distance)
     elif distance > OFF_MM:
-        yield (
-            f"the centre of pressure lies {distance:.0f} mm from the centre of mass on average: segment ends "
-            "on the skin, a box that is not where its markers are, or plates that were moved"
-        )
+        yield _SAID["beside"].format(distance=distance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.pages.html import (
     comparison_blocks,
     document,
@@ -36,6 +37,8 @@ from lumbar.tissue.models.printing import equation_svg
 
 if TYPE_CHECKING:
     from markupsafe import Markup
+
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def diagnosis_page(
@@ -97,13 +100,8 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     errors = (f"training ({unit})", f"unseen ({unit})", "unseen / noise")
     head = ("effects added", "role", "form", *errors, "p", "converged")
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
-    blocks = [
-        paragraph(
-            f"Root mean square of the {error}. Fitted on {experiment.training.name}; unseen: {tests}. Noise floor: {noise}. Each "
-            "set of effects is refitted together with the base; the ranking is by the likelihood of all records."
-        ),
-        table(head, rows),
-    ]
+    told = _SAID["errors"].format(error=error, training=experiment.training.name, tests=tests, noise=noise)
+    blocks = [paragraph(told), table(head, rows)]
     if evidence.remaining:  # none of points without a clock
         blocks += [heading("The selected model on every record", 3), *comparison_blocks(evidence.remaining)]
     return blocks
@@ -135,19 +133,9 @@ def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, 
 
 def _false_alarm(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     if diagnosis.experiment.points:
-        return [
-            paragraph(
-                "Where nothing is missing, the best of all forms tried gains as much in the share p of the cases at most (F "
-                f"test, times their number). To be selected, an effect needs {100 * LEVEL:g} % or less, and surely a smaller "
-                "error on unseen points."
-            )
-        ]
-    told = (
-        f"Where nothing is missing, the best of all candidates still gains: in {len(evidence.null.ratios)} simulated "
-        "experiments of the base alone, refitted each time, twice the logarithm of the likelihood rose by more than "
-        f"{evidence.threshold:.3g} in {100 * LEVEL:g} % (allowing for the number of forms tried here). An effect needs more "
-        "than that, and a smaller error on unseen records, to be selected."
-    )
+        return [paragraph(_SAID["chance_of_points"].format(percent=100 * LEVEL))]
+    experiments, threshold = len(evidence.null.ratios), evidence.threshold
+    told = _SAID["chance"].format(experiments=experiments, threshold=threshold, percent=100 * LEVEL)
     if not diagnosis.selected:
         candidates = (item.candidate for item in diagnosis.ranking)
         ratios = (likelihood_ratio(diagnosis.base, item, diagnosis.experiment) for item in candidates)
@@ -197,16 +185,13 @@ def _ties(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     ties = evidence.ties
     names = [effects_text(item.effects) for item in ties.candidates]
     alike = [names[index] for index in ties.clusters[0] if index != 0]
-    words = (
-        "Angle between the force that each candidate adds and that of the selected one, beyond what the base's own "
-        "parameters take up, over all records: 0° is the same force, 90° has nothing in common. "
-        f"{'Noise' if diagnosis.experiment.floor else 'What the model leaves'} would hide {ties.resolution:.2g}°."
-    )
-    cluster = (
-        f"In one cluster with {names[0]}, their forces pairwise within {max(ALIKE, ties.resolution):.2g}°: {', '.join(alike)}"
-        f"{'' if diagnosis.tied_with else '; the likelihood tells them apart all the same'}."
-        if alike
-        else f"No other candidate adds a force like that of {names[0]}."
+    noise = "Noise" if diagnosis.experiment.floor else "What the model leaves"
+    words = _SAID["angles"].format(noise=noise, resolution=ties.resolution)
+    cluster = _SAID["cluster" if alike else "no_cluster"].format(
+        selected=names[0],
+        angle=max(ALIKE, ties.resolution),
+        alike=", ".join(alike),
+        apart="" if diagnosis.tied_with else _SAID["apart"],
     )
     rows = [
         (
