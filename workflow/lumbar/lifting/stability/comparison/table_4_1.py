@@ -9,10 +9,12 @@ without these the table is that of one alternation, to the last digit.
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.stability.basins import decimals
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
@@ -34,6 +36,7 @@ from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import EVIDEN
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 THESIS_DECIMALS = 1
 """Digits after the point that the thesis's engine has in a percentage: with areas of the digits they have
 (`eqs_4_5_to_4_7_alternation.RESOLUTION`) it may be off by some tenths."""
@@ -125,11 +128,8 @@ def published_sentence(published: pd.DataFrame) -> str:
     """Say how the two published columns agree with one another, computed from them."""
     lateral, forward = (published[f"{plane}_percent"].to_numpy(float) for plane in PLANES)
     opposite = int((lateral * forward < 0).sum())
-    return (
-        f"The published columns correlate {np.corrcoef(lateral, forward)[0, 1]:+.2f} with one another, and {opposite} of "
-        f"{len(lateral)} rows have opposite signs in the two planes. Mass and duration are the same in both planes and the "
-        "length nearly so: no effect of mass, length and duration alone makes such columns"
-    )
+    correlation = np.corrcoef(lateral, forward)[0, 1]
+    return _SAID["published"].format(correlation=correlation, opposite=opposite, rows=len(lateral))
 
 
 def _null_notes(grid: pd.DataFrame, own: Convention) -> list[str]:
@@ -138,20 +138,17 @@ def _null_notes(grid: pd.DataFrame, own: Convention) -> list[str]:
     for sign in OPTIONS["sign"]:
         rows = cells_under(grid, replace(own, sign=sign))
         if len(rows) > 2 and np.ptp(rows["percent"]) > 0 and np.ptp(rows["null_percent"]) > 0:
+            words = {"sign": sign.capitalize(), "time": own.time, "mass": own.mass.replace("_", " ")}
             correlation = np.corrcoef(rows["percent"], rows["null_percent"])[0, 1]
-            notes.append(
-                f"{sign.capitalize()}, {own.time} time, {own.mass.replace('_', ' ')}: correlation with the null "
-                f"control {correlation:.3f}, at most {rows['movement_points'].abs().max():.2f} percentage points come from "
-                "the movement"
-            )
+            points = rows["movement_points"].abs().max()
+            notes.append(_SAID["null_control"].format(correlation=correlation, points=points, **words))
     return notes
 
 
 def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
     """Name what is missing here: the basins with limited torque are none of this table's."""
     return tuple(
-        f"Could not be computed and is left out: {row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}: "
-        f"{row.basin}: {row.reason}"
+        _SAID["missing"].format(row=row)
         for row in missing.itertuples()
         if not row.basin.startswith(TORQUE_LIMITED)
     )
@@ -199,16 +196,15 @@ def jumps_sentence(areas: pd.DataFrame) -> str:
     """Name the basins whose ρ a further alternation than the first changed, and what it does to their areas."""
     moved = areas[areas["jumped_knots"] > 0]
     if moved.empty:
-        return f"In none of {len(areas)} basins a further alternation than the first has a multiplier at any knot"
-    each = "; ".join(
-        f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane.replace('_', ' ')}: {_where(row)}, by up to "
-        f"{row.largest_jump:.2g}, mean area {100 * (row.mean_area / row.mean_area_after_1 - 1):+.1f} %"
-        for row in moved.itertuples()
-    )
-    return (
-        f"In {len(moved)} of {len(areas)} basins some knots have a multiplier again after the first alternation, and there ρ "
-        f"grows: {each}. All others are those of one alternation. Where the solver of step 1 stops and how many knots there are "
-        "decide which they are"
+        return _SAID["no_jumps"].format(basins=len(areas))
+    each = "; ".join(_jump(row) for row in moved.itertuples())
+    return _SAID["jumps"].format(moved=len(moved), basins=len(areas), each=each)
+
+
+def _jump(row) -> str:
+    percent = 100 * (row.mean_area / row.mean_area_after_1 - 1)
+    return _SAID["jump"].format(
+        row=row, plane=row.plane.replace("_", " "), where=_where(row), percent=percent
     )
 
 
@@ -221,10 +217,7 @@ def _where(row) -> str:
 def digits_sentence(areas: pd.DataFrame) -> str:
     """Say what the digits of the thesis's areas leave of a difference."""
     step = max(100 * 10.0 ** -decimals(area, RESOLUTION["mean_area"]) / area for area in areas["mean_area"])
-    return (
-        f"Areas by the thesis's method are rounded to the digits that a solver's tolerance leaves them (boa.csv), the last of "
-        f"which is up to {step:.1f} % of an area: smaller differences by that method are none"
-    )
+    return _SAID["digits"].format(step=step)
 
 
 def sizes_sentence(frame: pd.DataFrame, done: int) -> str:
@@ -232,10 +225,7 @@ def sizes_sentence(frame: pd.DataFrame, done: int) -> str:
     words = []
     for plane, rows in frame.groupby("plane", sort=False):
         sizes = [rows[f"{name}_percent"].abs().max() for name in ("published", "exact", "after_1", "thesis")]
-        words.append(
-            f"{plane.replace('_', ' ')}: {sizes[0]:.1f} % published, {sizes[1]:.1f} exact, {sizes[2]:.1f} after 1 alternation, "
-            f"{sizes[3]:.1f} after {done}"
-        )
+        words.append(_SAID["sizes"].format(plane=plane.replace("_", " "), sizes=sizes, done=done))
     return f"Largest difference, {'; '.join(words)}"
 
 
