@@ -1,25 +1,17 @@
 """Whether a static curve between linear filters explains what no effect of the catalogue does, and in words what it is."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.finding import Finding
-from lumbar.tissue.diagnosis.law.block_structure import (
-    BOTH,
-    HAMMERSTEIN,
-    WIENER,
-    BlockStructure,
-    block_structure,
-)
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.law.block_structure import BlockStructure, block_structure
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 
-_WHERE = {
-    WIENER: "The curve acts on what has passed the dynamics: look for it in what measures the {output}, or in what stops it",
-    HAMMERSTEIN: "The curve acts on the {input} before any dynamics: look for it in what makes or measures the {input}, or in an "
-    "elastic curve that relaxes as a whole (quasi-linear viscoelasticity)",
-    BOTH: "Dynamics lie before the curve and behind it",
-}
+_SAID: dict[str, dict[str, str]] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 _ENDS = (0.01, 0.5, 0.99)
 """Shares of the curve's range at which its slope is told."""
 
@@ -33,28 +25,24 @@ def with_chain(found: Verdict) -> Verdict:
     chain = block_structure(experiment, min(found.model.test_rms, found.base.test_rms))
     if chain is None:
         return found
-    finding = Finding("block_structure", chain_sentence(chain, found), chain.test_rms, experiment.output_unit)
-    return replace(found, chain=chain, findings=(*found.findings, finding))
+    return replace(found, chain=chain, findings=(*found.findings, _finding(chain, experiment)))
 
 
-def chain_sentence(chain: BlockStructure, found: Verdict) -> str:
+def _finding(chain: BlockStructure, experiment: Experiment) -> Finding:
     """The chain in words: where the curve sits, how it bends, how much it explains."""
-    experiment = found.experiment
-    unit, low, high = experiment.output_unit, chain.curve.knots[0], chain.curve.knots[-1]
+    low, high = chain.curve.knots[0], chain.curve.knots[-1]
     front, back = _filter_words(chain.front.poles), _filter_words(chain.back.poles)
-    words = {
-        WIENER: f"{front} and a static curve behind it explain",
-        HAMMERSTEIN: f"A static curve and {_lower(back)} behind it explain",
-        BOTH: f"A static curve between {_lower(front)} and {_lower(back)} explains",
-    }[chain.kind]
-    slopes = chain.curve.slope(low + np.array(_ENDS) * (high - low))
-    inner = experiment.input_unit if chain.front.is_static else f"{experiment.input_unit} as filtered"
-    where = _WHERE[chain.kind].format(input=experiment.input_quantity, output=experiment.output_quantity)
-    return (
-        f"{words} these records ({chain.kind}): the error on unseen records is {chain.test_rms:.3g} {unit}, of the best linear "
-        f"approximation {chain.linear_rms:.3g} {unit}. The curve's slope is {slopes[0]:.3g} at {low:.3g} {inner}, "
-        f"{slopes[1]:.3g} in the middle and {slopes[2]:.3g} at {high:.3g}. {where}. It describes these records and names no "
-        "mechanism; beyond that range it goes on straight, a guess."
+    made_of, where = _SAID[chain.kind]["made_of"], _SAID[chain.kind]["where"]
+    return Finding.of(
+        "block_structure",
+        chain.test_rms,
+        experiment.output_unit,
+        chain=chain,
+        made_of=made_of.format(Front=front, front=_lower(front), back=_lower(back)),
+        slopes=chain.curve.slope(low + np.array(_ENDS) * (high - low)),
+        ends=(low, high),
+        inner=experiment.input_unit if chain.front.is_static else f"{experiment.input_unit} as filtered",
+        where=where.format(input=experiment.input_quantity, output=experiment.output_quantity),
     )
 
 
