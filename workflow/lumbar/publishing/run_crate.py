@@ -14,29 +14,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from lumbar.base.files import replacing
+from lumbar.base.yaml_file import shipped_yaml
 
 METADATA = "ro-crate-metadata.json"
 MAIN = "Snakefile"
-PROFILES = {
-    "https://w3id.org/ro/wfrun/process/0.5": ("Process Run Crate", "0.5"),
-    "https://w3id.org/ro/wfrun/workflow/0.5": ("Workflow Run Crate", "0.5"),
-    "https://w3id.org/workflowhub/workflow-ro-crate/1.0": ("Workflow RO-Crate", "1.0"),
-}
 LICENCE = "https://spdx.org/licenses/MIT"
-FORMATS = {
-    "": "text/plain",
-    ".cff": "application/yaml",
-    ".csv": "text/csv",
-    ".fmu": "application/zip",
-    ".html": "text/html",
-    ".json": "application/json",
-    ".md": "text/markdown",
-    ".pdf": "application/pdf",
-    ".svg": "image/svg+xml",
-    ".tex": "text/x-tex",
-    ".txt": "text/plain",
-    ".yaml": "application/yaml",
-}
+_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+PROFILES: dict[str, list[str]] = _SAID["profiles"]
+FORMATS: dict[str, str] = _SAID["formats"]
 OLDEST = (1980, 1, 1, 0, 0, 0)
 """Time of every member of the archive: the oldest that ZIP knows."""
 

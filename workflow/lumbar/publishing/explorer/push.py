@@ -25,17 +25,14 @@ _UNLIMITED = 1e9
 def pushed_models(models: Sequence[FittedModel], compiler_cache: str | None, data: str) -> dict[str, Any]:
     """Return what the page's script plays: libraries and descriptions of the models, and how far the hand may go.
 
+    ``remark`` says why there is no model where one cannot be an FMU or no compiler is installed.
+
     Parameters
     ----------
     models : sequence of FittedModel
         Base first; the handle moves within the motion that it was fitted to.
     compiler_cache : str, optional
         As `RuntimeSettings.compiler_cache`. Limits and guards are those of a device, which is not here.
-
-    Returns
-    -------
-    dict
-        ``remark`` says why there is no model where one cannot be an FMU or no compiler is installed.
     """
     bare = RuntimeSettings(
         rate_Hz=max(RATE_HZ, 1 / models[0].sampling_time),
