@@ -235,7 +235,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         licence: str | None = None,
         forward: bool = False,
     ) -> Path:
-        """Write a tidy CSV file per record, and a study that the workflow and ``--config`` accept.
+        """Write a tidy CSV file per record, and a study that the workflow and ``--config`` accept; return its path.
 
         Parameters
         ----------
@@ -245,11 +245,6 @@ class ImportedRecordings(Sequence[ImportedRecording]):
             Name and licence of the data, as they stand on tables and figures.
         forward : bool
             Whether the load drove the tests and the motion was measured: the study takes the load for the input.
-
-        Returns
-        -------
-        Path
-            The study.
         """
         from lumbar.interface.reading import is_column_file
 

@@ -155,6 +155,8 @@ def measure_person(
 ) -> pd.DataFrame:
     """Measure every lift of a person: balance, posture, load of the back, and areas of the basins with either sign.
 
+    Long, columns `COLUMNS`; a value that is absent is NaN, and the reason says why.
+
     Parameters
     ----------
     markers : mapping of str to path
@@ -167,11 +169,6 @@ def measure_person(
         Words for the source of the data.
     each : callable, optional
         Called with every lift that could be analysed.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Long, columns `COLUMNS`; a value that is absent is NaN, and the reason says why.
     """
     import pandas as pd
 

@@ -52,15 +52,12 @@ class ForcePlate:
 def read_mot(path: str | os.PathLike, layout: MarkerLayout) -> list[ForcePlate]:
     """Read the ground reaction forces of an OpenSim motion file.
 
+    One plate per triple of columns ``…_vx``, ``…_vy``, ``…_vz`` with ``…_px`` and so on; none without any.
+
     Parameters
     ----------
     layout : MarkerLayout
         Axes; OpenSim's own are ``up: "+y", forward: "+x"``. Lengths are metres.
-
-    Returns
-    -------
-    list of ForcePlate
-        One per triple of columns ``…_vx``, ``…_vy``, ``…_vz`` with ``…_px`` and so on; empty without any.
 
     Raises
     ------

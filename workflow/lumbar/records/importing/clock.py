@@ -187,6 +187,8 @@ def position_of(
 ) -> tuple[np.ndarray, str]:
     """Integrate a velocity by trapezoids, from 0 at the first sample before which nothing is missing.
 
+    Shape (kept,), in the velocity's unit times seconds; and what was done, without the column's name.
+
     Parameters
     ----------
     time, velocity : numpy.ndarray
@@ -197,13 +199,6 @@ def position_of(
         Of the position.
     lines : sequence of int, optional
         Line of each sample of the file.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (kept,): in the velocity's unit times seconds.
-    str
-        What was done, without the column's name.
     """
     from scipy.integrate import cumulative_trapezoid
 

@@ -98,7 +98,7 @@ class DeviceCondition:
 def fit_branches(
     data: IdentificationData, times: Sequence[float], condition: DeviceCondition | None = None
 ) -> tuple[Branches, float]:
-    """Fit the stiffnesses for given relaxation times to the free run.
+    """Fit the stiffnesses for given relaxation times to the free run: those above 0, and the sum of the squared errors.
 
     Parameters
     ----------
@@ -106,13 +106,6 @@ def fit_branches(
         Seconds; infinite for the spring.
     condition : DeviceCondition, optional
         Without it the model is passive; with it the device that renders it, too.
-
-    Returns
-    -------
-    Branches
-        Those with a stiffness above 0.
-    float
-        Sum of the squared errors.
 
     Raises
     ------

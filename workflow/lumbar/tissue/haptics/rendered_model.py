@@ -235,7 +235,8 @@ def linearisations(
 ) -> list[SampledModel]:
     """Impulse responses of a model that is not linear, for small and large motion about rest and about depths.
 
-    Half the difference of the forces after a step forth and a step back, over the step.
+    Half the difference of the forces after a step forth and a step back, over the step, in the model's unit of force
+    per mm; one where all are the same, as those of a linear model are.
 
     Parameters
     ----------
@@ -245,11 +246,6 @@ def linearisations(
         Seconds.
     reach : tuple of float
         As of `reach_mm`.
-
-    Returns
-    -------
-    list of SampledModel
-        In the model's unit of force per mm; one where all are the same, as those of a linear model are.
     """
     samples = watched(sampling_time)
     steps = sorted({*STEPS_MM, 1e-3 * device.encoder_um} - {0.0})

@@ -43,19 +43,14 @@ from lumbar.tissue.signals.spectrum import motion_range
 def identify(
     training: Record, tests: list[Record], settings: TissueSettings, seed: int
 ) -> tuple[list[FittedModel], list[dict]]:
-    """Identify LE, MW, Maxwell, KB and HO on one record by both estimators.
+    """Identify LE, MW, Maxwell, KB and HO on one record by both estimators, in the order of Table 3.1.
+
+    Beside the models stands one row per point of the search (``tissue/search.csv``).
 
     Parameters
     ----------
     tests : list of Record
         Records with another excitation; in the order of `Scores.tests`.
-
-    Returns
-    -------
-    list of FittedModel
-        One per model and estimator, in the order of Table 3.1.
-    list of dict
-        One row per point of the search (``tissue/search.csv``).
     """
     search_settings = settings.search
     fits, searched = _identification(training, tests, settings, seed).run()

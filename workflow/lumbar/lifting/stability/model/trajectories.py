@@ -268,7 +268,7 @@ class LiftStates:
 def trajectories_of_lift(
     states: pd.DataFrame, facts: Mapping, mass: str, time: str = "real"
 ) -> tuple[list[Trajectory], list[Failure]]:
-    """Return the sound ones of a lift's six trajectories, and what is wrong with the others.
+    """Return the sound ones of a lift's six trajectories, by `COMS`, then `PLANES`, and what is wrong with the others.
 
     Parameters
     ----------
@@ -282,13 +282,6 @@ def trajectories_of_lift(
         Whether the box counts to the pendulum's mass.
     time : {"real", "unit"}
         Whether the movement lasts as long as it was recorded or one second.
-
-    Returns
-    -------
-    trajectories : list of Trajectory
-        In the order of `COMS`, then `PLANES`.
-    failures : list of Failure
-        Of those that have no basin.
     """
     trajectories, failures, missing = [], [], facts.get("missing", {})
     parts = dict(iter(states.groupby(["com", "plane"])))

@@ -81,15 +81,12 @@ def _of_impulses(impulse: np.ndarray) -> States | None:
 def taken_samples(states: States, forces: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """What a tick that takes so many samples makes of the state before it, and of the positions of the samples.
 
+    The state is that of `PeriodicModel.transitions`; shapes (n, n) and (n, samples).
+
     Parameters
     ----------
     forces : int
         Of so many of the newest ticks that the state holds.
-
-    Returns
-    -------
-    tuple of numpy.ndarray, of shapes (n, n) and (n, samples)
-        The state is that of `PeriodicModel.transitions`.
     """
     a, b, c, d = states
     first = 2 + forces
