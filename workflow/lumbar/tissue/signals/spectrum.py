@@ -42,7 +42,7 @@ def position_psd(position: np.ndarray, rate: float, settings: WelchSettings) -> 
 
 
 def velocity_psd(position: np.ndarray, rate: float, settings: WelchSettings) -> tuple[np.ndarray, np.ndarray]:
-    """One-sided power spectral density of the velocity of a position recording.
+    """One-sided power spectral density of the velocity of a position recording, in (its unit per second)² per hertz.
 
     The recording is differenced before it is windowed. Multiplying the position's density by (2πf)² would be
     the same in theory, but the window's side lobes of the slow, large motion would be multiplied too:
@@ -50,23 +50,7 @@ def velocity_psd(position: np.ndarray, rate: float, settings: WelchSettings) -> 
     detrending removes. A first difference has the gain 2·rate·sin(πf/rate) in place of 2πf; the ratio is
     divided out.
 
-    Parameters
-    ----------
-    position : numpy.ndarray of float, shape (samples,)
-    rate : float
-        Samples per second, Hz.
-
-    Returns
-    -------
-    frequency : numpy.ndarray of float, shape (lines,)
-        Hz, the lines of `position_psd`.
-    psd : numpy.ndarray of float, shape (lines,)
-        (Unit of position per second) squared per hertz.
-
-    Raises
-    ------
-    InputError
-        As `position_psd`; the recording has to be one sample longer than a segment.
+    Arguments, lines and errors are those of `position_psd`; the recording has to be one sample longer than a segment.
     """
     frequency, psd = _welch(np.diff(position) * rate, rate, settings, needed_besides=1)
     # numpy.sinc(x) is sin(πx)/(πx): the gain of the difference relative to that of a differentiator.

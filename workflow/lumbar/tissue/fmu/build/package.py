@@ -287,15 +287,7 @@ def export_fmus(
 ) -> list[Path]:
     """Compile each model once, write its FMUs, ``<name>_fmi2.fmu`` and ``<name>_fmi3.fmu``, and return their paths.
 
-    Parameters
-    ----------
-    targets : list of str
-        Platforms, keys of `lumbar.tissue.fmu.build.compiler.TARGETS`, or ``"host"``.
-
-    Raises
-    ------
-    InputError
-        As `compile_model` and `write_fmu`.
+    Targets are as of `compile_model`, errors as of it and of `write_fmu`.
     """
     written = []
     warm_cache(targets, cache)
