@@ -1,7 +1,7 @@
 """What the library in an FMU does: against its description and reference signals, and against its own sources.
 
 Runs apart (`lumbar.tissue.fmu.check.playing`): a library that is wrong may crash it. That these sources, compiled, do what
-FMI asks of them is tested once, not for every file (tests/unit/tissue/fmu/test_runtime_behaviour.py).
+FMI asks of them is tested once, not for every file (tests/unit/tissue/fmu/test_runtime_fmu_simulation.py).
 """
 
 from __future__ import annotations
