@@ -13,7 +13,7 @@ from urllib.parse import parse_qs, quote, urlsplit
 import pytest
 from asking import ask, cookie
 from forged_files import SECRET, write_forged
-from test_page_socket import packed, sent
+from test_trust import packed, sent
 
 from column_files import write_records
 from lumbar.base.child import MEMORY, SECONDS
