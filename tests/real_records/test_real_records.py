@@ -1,5 +1,6 @@
-"""Public records of which it is known what linear models miss: the diagnosis names it, with an error as published."""
+"""Public records of which it is known what linear models miss: the diagnosis names it, as published, in any units and order."""
 
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -8,12 +9,14 @@ from record_judging import expectations, judge
 
 import lumbar
 from answers import RIGHT, absent, ask, surprise
+from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.structure import Structure
+from other_units import FAST, SLOW, check_alike
 
 EXPECTATIONS = expectations()
 QUICK = ("coupled_drives_1",)
@@ -73,3 +76,27 @@ def test_two_tanks_are_predicted_as_by_grey_boxes_of_the_literature(project, sha
     path = project / "examples" / "own_base" / "two_tanks.yaml"
     refined = lumbar.refine(tanks, [], base=str(path), train="estimation")
     assert refined.model.scores.test_rms < 0.26
+
+
+MINUTES = ("silverbox", "wiener_hammerstein")
+"""Each diagnosis takes more than a minute."""
+ONE_SIDED = ("coupled_drives_1", "coupled_drives_2", "coupled_drives_3")
+"""Their sensor gives an absolute value, which turned round is none."""
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("units", [SLOW, FAST], ids=["slow", "fast"])
+@pytest.mark.parametrize("name", sorted(READERS.keys() - MINUTES))
+def test_a_verdict_on_public_records_hangs_on_no_unit(shared, name, units):
+    folder = shared / "real"
+    if words := absent(folder / name_of_folder(name), "real_records"):
+        pytest.skip(words)
+    records, keywords = READERS[name](folder)
+    settings = keywords.get("settings") or StudySettings()
+    settings = replace(settings, improvement=replace(settings.improvement, propose_law=False))
+
+    def diagnose(seen, train):
+        chosen = {**keywords, "settings": settings, "train": train or keywords.get("train")}
+        return lumbar.diagnose(seen, **chosen).verdict
+
+    check_alike(diagnose, records, replace(units, turned=units.turned and name not in ONE_SIDED))
