@@ -14,13 +14,7 @@ from hidden_effects.diagnosing import diagnose_folders
 from hidden_effects.experiment import make_experiment, plan_batch, write_experiments
 from hidden_effects.form import HiddenEffect, Scales, simulate
 from hidden_effects.rate_independent import bouc_wen, dahl, rounded_play
-from hidden_effects.scores import (
-    accuracy_table,
-    confusion,
-    forms_table,
-    outcome,
-    scores,
-)
+from hidden_effects.scores import accuracy_table, confusion, forms_table, outcome, scores
 from hidden_effects.settings import HiddenEffectsSettings
 from hidden_effects_cases import diagnosis, oracle, recorded_motion
 from lumbar.base.errors import InputError, NumericalError

@@ -7,11 +7,7 @@ import pandas as pd
 import pytest
 from periodic_records import record
 
-from lumbar.publishing.reproduction.table_3_1_experiments import (
-    EXPERIMENTS,
-    FORCE,
-    table_3_1_experiments,
-)
+from lumbar.publishing.reproduction.table_3_1_experiments import EXPERIMENTS, FORCE, table_3_1_experiments
 from lumbar.publishing.reproduction.table_cells import (
     BY_MEAN,
     MEAN_SQUARE,
@@ -28,11 +24,7 @@ from lumbar.tissue.signals.excitation import design_excitation
 from lumbar.twin.tissue_recordings import tissue_force, tissue_test
 
 QUICK = {
-    "tissue": {
-        "search": {"order_max": 2},
-        "ridge": {"alpha_points": 9},
-        "bootstrap": {"resamples": 100},
-    },
+    "tissue": {"search": {"order_max": 2}, "ridge": {"alpha_points": 9}, "bootstrap": {"resamples": 100}},
     "signals": {"multisine": {"periods": 2}},
 }
 

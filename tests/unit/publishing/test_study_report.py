@@ -13,12 +13,7 @@ from generate.thesis_items import read_items
 from lumbar.lifting.stability.comparison.percent_differences import comparison_names
 from lumbar.publishing.reproduction import article_claims as article
 from lumbar.publishing.reproduction import basin_claims as basins
-from lumbar.publishing.reproduction.claim import (
-    BUILT_IN,
-    CANNOT_BE_TESTED,
-    DOES_NOT_HOLD,
-    HOLDS,
-)
+from lumbar.publishing.reproduction.claim import BUILT_IN, CANNOT_BE_TESTED, DOES_NOT_HOLD, HOLDS
 from lumbar.publishing.reproduction.register import all_claims, examine_claims, summary_table
 from lumbar.publishing.study_report.contents import beside, chapters, smaller
 from lumbar.publishing.study_report.page import FAILS, WARNS, troubles

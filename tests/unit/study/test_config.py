@@ -103,11 +103,7 @@ def test_a_record_set_names_its_base_and_with_it_its_layout(config, folder):
 
 def test_all_wrong_keys_are_named_at_once(config, folder):
     config["seed"] = -1
-    config["survey"] |= {
-        "resmaples": 10,
-        "confidence": 95,
-        "layout": {"scale_points": "five"},
-    }
+    config["survey"] |= {"resmaples": 10, "confidence": 95, "layout": {"scale_points": "five"}}
     config["colour"] = "blue"
     config["data_source"] = {"name": "x", "licence": "none"}
     config["tissue"]["records"][0]["period_s"] = "1e1"

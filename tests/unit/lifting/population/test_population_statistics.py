@@ -14,12 +14,7 @@ from lumbar.lifting.population.contrast import (
     percent_interval,
     within_persons,
 )
-from lumbar.lifting.population.sample_size import (
-    assured_sd,
-    detectable_difference,
-    persons_needed,
-    power,
-)
+from lumbar.lifting.population.sample_size import assured_sd, detectable_difference, persons_needed, power
 from lumbar.lifting.population.variance_components import PersonMeans, change_components, variance_components
 from lumbar.settings.population import PopulationSettings
 from simulated_people import UNEQUAL, draw_group, draw_pair

@@ -16,13 +16,7 @@ from lumbar.lifting.measures.course import Lifter
 from lumbar.lifting.pushes import prediction, roc
 from lumbar.lifting.pushes.body import centre_of_mass
 from lumbar.lifting.pushes.contest import Contest
-from lumbar.lifting.pushes.levels import (
-    BASELINES,
-    DIRECTIONS,
-    KNOTS,
-    PREDICTORS,
-    from_states,
-)
+from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, KNOTS, PREDICTORS, from_states
 from lumbar.lifting.pushes.motion import bodies_of, deposit_motion
 from lumbar.lifting.pushes.prediction import verdict_json
 from lumbar.lifting.pushes.roc import (

@@ -24,11 +24,7 @@ from lumbar.lifting.stability.funnel.interval_proof import (
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.model.eq_4_2_regulator import regulate
 from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
-    RESOLUTION,
-    alternate,
-    level_factors,
-)
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION, alternate, level_factors
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import (
     AGREEMENT,
     RateProgramme,

@@ -9,16 +9,8 @@ from scipy.linalg import eigvalsh, expm, solve_continuous_are
 from statsmodels.stats.proportion import proportion_confint
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.lifting.stability.funnel.exact_funnel import (
-    boundary_growth,
-    exact_funnels,
-    reachable_area,
-)
-from lumbar.lifting.stability.funnel.monte_carlo_check import (
-    quadratic_form,
-    simulate,
-    upper_share,
-)
+from lumbar.lifting.stability.funnel.exact_funnel import boundary_growth, exact_funnels, reachable_area
+from lumbar.lifting.stability.funnel.monte_carlo_check import quadratic_form, simulate, upper_share
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque, remainder
 from lumbar.lifting.stability.model.eq_4_2_regulator import (
     Weights,

@@ -146,12 +146,7 @@ def fine():
 
 
 @pytest.mark.parametrize(
-    ("convention", "still"),
-    [
-        (THESIS, False),
-        (OWN, False),
-        (replace(OWN, pivot="hip"), True),
-    ],
+    ("convention", "still"), [(THESIS, False), (OWN, False), (replace(OWN, pivot="hip"), True)]
 )
 def test_an_outsider_gets_the_same_area_from_the_file(fine, convention, still):
     """Of the flexion of the thorax, at 1e-6."""

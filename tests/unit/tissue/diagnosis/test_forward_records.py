@@ -5,16 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from force_driven import (
-    FORCE_IN,
-    MASS,
-    STEP,
-    STIFFNESS,
-    VISCOSITY,
-    ZERO,
-    forward_records,
-    records_behind,
-)
+from force_driven import FORCE_IN, MASS, STEP, STIFFNESS, VISCOSITY, ZERO, forward_records, records_behind
 
 import lumbar
 from lumbar.base.errors import InputError

@@ -12,11 +12,7 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
-from lumbar.tissue.diagnosis.residuals.locate import (
-    all_records_sentence,
-    locate,
-    residual_of,
-)
+from lumbar.tissue.diagnosis.residuals.locate import all_records_sentence, locate, residual_of
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import rank_correlation, reversals
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.residuals.residual_tests import (

@@ -7,14 +7,7 @@ import numpy as np
 import pytest
 from c_programs import ON_LINUX
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry, entry_of_effects, parameter
-from runtime_models import (
-    SETTINGS,
-    TARGET,
-    exported,
-    held_to_its_simulation,
-    models_json,
-    selected,
-)
+from runtime_models import SETTINGS, TARGET, exported, held_to_its_simulation, models_json, selected
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.effects import catalogue

@@ -159,10 +159,7 @@ def sine(amplitude: float, frequency: float, **device) -> Record:
             "before they are commanded",
         ),
         (lambda _: sine(0.15, 5.0), "moves over 0 steps of its encoder"),
-        (
-            lambda _: sine(0.5, 0.5, friction_N=0.0, damping_N_s_m=10.0),
-            "mass: not told: ",
-        ),
+        (lambda _: sine(0.5, 0.5, friction_N=0.0, damping_N_s_m=10.0), "mass: not told: "),
         (lambda record: replace(record, channels={"input": record.channels["input"]}), "output in none"),
     ],
     ids=["too short", "sign", "later row", "stuck", "too slow", "no force"],

@@ -18,11 +18,7 @@ from tissue_fits import COEFFICIENTS
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.effects.catalogue import TISSUE, catalogue_with
 from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.haptics.closed_loop import (
-    SampledModel,
-    largest_stable_gain,
-    propagation,
-)
+from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain, propagation
 from lumbar.tissue.haptics.judgement import judge_exported, run_loop
 from lumbar.tissue.haptics.passive_fit import (
     Branches,

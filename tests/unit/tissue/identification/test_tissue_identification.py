@@ -17,14 +17,8 @@ from lumbar.settings.plain import from_plain
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.identification.arx_search import NEGLIGIBLE_POINTS, IdentificationData, search, select
 from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
-from lumbar.tissue.identification.metrics import (
-    block_bootstrap,
-)
-from lumbar.tissue.identification.model_tables import (
-    physical_parameters_table,
-    table_3_1,
-    unit_slug,
-)
+from lumbar.tissue.identification.metrics import block_bootstrap
+from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1, unit_slug
 from lumbar.tissue.identification.output_error import (
     fit_output_error,
     relaxation_starts,

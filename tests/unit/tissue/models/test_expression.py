@@ -11,9 +11,7 @@ from lumbar.tissue.models.algebra import Evaluator, check_powers, derivative, li
 from lumbar.tissue.models.expression import expand_sums, parse, symbols, to_text
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.printing import c_text, latex, portable, symbol_latex
-from lumbar.tissue.models.state_equation import (
-    StateEquation,
-)
+from lumbar.tissue.models.state_equation import StateEquation
 
 FORMS = [form for catalogue in CATALOGUES.values() for effect in catalogue.values() for form in effect.forms]
 EQUATIONS = sorted({form.equation for form in FORMS if not form.hand_written})

@@ -18,11 +18,7 @@ from lumbar.tissue.signals.excitation import (
     multisine_description,
     signal_properties,
 )
-from lumbar.tissue.signals.multisine import (
-    design_multisine,
-    excited_lines,
-    schroeder_phases,
-)
+from lumbar.tissue.signals.multisine import design_multisine, excited_lines, schroeder_phases
 from lumbar.tissue.signals.spectrum import Kinematics, check_machine_limits, peak_kinematics
 from study_settings import changed
 
