@@ -12,7 +12,7 @@ ALIASES: dict[str, Alias] = {
         name: tuple(
             MeanOfMarkers(tuple(label["mean"])) if isinstance(label, dict) else label for label in labels
         )
-        for name, labels in shipped_yaml(Path(__file__).with_name("aliases.yaml")).items()
+        for name, labels in shipped_yaml(Path(__file__).parent / "labels" / "aliases.yaml").items()
     },
     **{f"BOX_{number}": f"BOX_{number}" for number in range(1, 9)},
 }
