@@ -75,6 +75,7 @@ def test_box_transfer(folder, shared):
     assert table.status.str.contains("not testable").all()
 
 
+@pytest.mark.nightly
 def test_sit_to_stand(folder, shared):
     """Undisturbed trials lie in the basin of the others' mean, and the table says what is assumed and missing."""
     results = run_study(folder, shared, "sit_to_stand")

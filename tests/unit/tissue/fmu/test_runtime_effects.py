@@ -115,7 +115,14 @@ ACCURACY = {
     **{key: 1e-4 for key in FORM_NUMBERS if key.startswith("hysteresis/")},
     **{key: 1e-3 for key in FORM_NUMBERS if key.startswith(("contact_loss/", "saturation/"))},
     **dict.fromkeys(
-        ("second_relaxation/maxwell_branch", "delay/pure", "backlash/play", "softening/whole_force"), 1e-3
+        (
+            "second_relaxation/maxwell_branch",
+            "relaxation_spectrum/power_law",
+            "delay/pure",
+            "backlash/play",
+            "softening/whole_force",
+        ),
+        1e-3,
     ),
 }
 """Difference as a share of the largest force that the effect adds, at 1 kHz and up to 4 Hz; 1e-9 for other forms.
