@@ -211,6 +211,12 @@ def test_what_is_no_record_is_refused(verb, given):
         getattr(lumbar, verb)(given)
 
 
+@pytest.mark.parametrize("verb", ["identify", "diagnose", "doctor", "propose", "bandwidth"])
+def test_one_record_is_no_list_of_records(verb):
+    with pytest.raises(InputError, match=r"record 'multisine' alone: give a list, e\.g\. \[record\]"):
+        getattr(lumbar, verb)(example_records()[0])
+
+
 def test_a_whole_number_or_one_of_numpy_is_taken_where_a_number_is_asked():
     settings = SignalsSettings(round_Hz=np.float64(0.25), ramp_s=np.int64(1))
     found = lumbar.design_signals(2.5, settings=settings).settings

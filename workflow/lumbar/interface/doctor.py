@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
 from lumbar.interface.diagnosis import Diagnosis, diagnose
-from lumbar.interface.verb import Result, settings_or_default
+from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record, require_clock
 from lumbar.settings.study_settings import StudySettings
 
@@ -69,7 +69,7 @@ def doctor(
     from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
     from lumbar.tissue.effects.catalogue import choose
 
-    records = list(records)
+    data, records = label_of(data, records), list(records)
     # What is asked is whether an effect of the catalogue would be named: no law is looked for in hundreds of records.
     settings = settings_or_default(settings)
     settings = replace(settings, improvement=replace(settings.improvement, propose_law=False))

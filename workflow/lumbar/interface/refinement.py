@@ -65,7 +65,8 @@ def refine(
     """
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
-    return fit_effects(list(records), list(effects), chosen, settings.seed, label_of(data, records))
+    data = label_of(data, records)
+    return fit_effects(list(records), list(effects), chosen, settings.seed, data)
 
 
 def fit_effects(records, effects, settings, seed, data) -> Refinement:

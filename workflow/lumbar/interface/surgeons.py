@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
-from lumbar.interface.verb import Result, data_label
+from lumbar.interface.verb import Result, label_of
 from lumbar.records.record import Record
 from lumbar.settings.key import SEED
 from lumbar.settings.plain import plain
@@ -61,8 +61,8 @@ def bandwidth(
     """
     from lumbar.tissue.signals.surgeon_motion import motion_bandwidths, motion_spectra
 
+    data = label_of(data, trials)
     settings, trials = settings or SurgeonSettings(), list(trials)
-    data = data_label(data, (trial.source for trial in trials))
     surgeons = list(surgeons or (trial.name.split("_trial")[0] for trial in trials))
     spectra = motion_spectra(trials, surgeons, settings.welch)
     return Bandwidth(spectra, motion_bandwidths(spectra, settings.bandwidth, seed), settings, data)

@@ -50,6 +50,8 @@ def label_of(given: str, records: Iterable[Record]) -> str:
     """
     from lumbar.records.record import Record
 
+    if isinstance(records, Record):
+        raise InputError(f"records is the record {records.name!r} alone: give a list, e.g. [record]")
     found: list = [records] if isinstance(records, str | Path) else list(records)
     if not all(isinstance(item, Record) for item in found):
         raise InputError(f"records is {records!r:.80}: give records, e.g. lumbar.read('recordings')")
