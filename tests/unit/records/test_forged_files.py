@@ -187,6 +187,7 @@ def test_many_columns_take_little(tmp_path, monkeypatch):
             lumbar.read(path)
 
 
+@pytest.mark.nightly  # a bomb is read until it ends
 def test_tables_that_lumbar_wrote_are_read_within_the_limits_too(tmp_path, monkeypatch):
     frame = pd.DataFrame(
         {"lift": ["a", "b"], "mass_kg": [1.5, np.nan], "frame": [1, 2], "safe": [True, False]}
