@@ -324,7 +324,7 @@ def separation_sentence(separation: Separation, diagnosis: Verdict) -> str:
     if not separation.separates:
         return (
             f"None of {separation.tried} excitations tried within the machine's limits would tell {pair}: the best, "
-            f"{separation.excitation.words}, by {separation.distance:.2g} noise standard deviations; either model will do."
+            f"{separation.excitation.words}, by {separation.distance:.2g} noise standard deviations: both answer alike."
         )
     if not separation.improves:
         return (
