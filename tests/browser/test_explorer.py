@@ -86,6 +86,7 @@ def test_a_region_drawn_in_one_picture_is_marked_in_all(new_page, saved):
     assert 0 < marked["times"][0] < marked["times"][1] < 100
 
 
+@pytest.mark.nightly
 def test_pictures_of_the_error_are_those_of_numpy(new_page, saved, diagnosis):
     """Mean error over depth by direction and around reversals, and what a band of frequencies holds of the error."""
     page = new_page(saved)
@@ -122,6 +123,7 @@ def test_pictures_of_the_error_are_those_of_numpy(new_page, saved, diagnosis):
     assert power == pytest.approx(np.mean(error**2), rel=0.02)
 
 
+@pytest.mark.nightly
 def test_two_paths_are_compared_and_reordered_with_what_was_computed(new_page, saved):
     page = new_page(saved)
     page.get_by_role("button", name="Set this path aside").click()
@@ -138,6 +140,7 @@ def test_two_paths_are_compared_and_reordered_with_what_was_computed(new_page, s
     assert len(errors_of(page)) == 1
 
 
+@pytest.mark.nightly
 def test_the_address_holds_the_session_and_opens_it_again(new_page, saved):
     page = new_page(saved)
     assert "#" not in page.url
@@ -199,6 +202,7 @@ def test_values_are_told_where_the_pointer_is_and_curves_are_switched(new_page, 
     assert measured == pytest.approx(shown["measured"][at], rel=1e-3)
 
 
+@pytest.mark.nightly
 def test_the_path_set_aside_is_drawn_beside_the_models(new_page, saved):
     page = new_page(saved)
     assert np.isnan(data_of(page, "whole")["aside"]).all()

@@ -40,6 +40,7 @@ def trajectories(saved_lift):
     return states.trajectories(headline(SETTINGS, lift.facts))[0]
 
 
+@pytest.mark.nightly
 def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch):
     monkeypatch.setattr(monte_carlo_check, "LONGEST_STRIDE", 1)  # a step from knot to knot, as in the page
     assert len(trajectories) == 6
@@ -65,6 +66,7 @@ def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch
             assert pytest.approx(state[:, 0], rel=1e-7, abs=1e-7) == found[:, knot].T
 
 
+@pytest.mark.nightly
 def test_simulated_outline_is_the_goal_set_followed_backward(page, trajectories):
     item = trajectories[3]
     loops = close_loops([item], SETTINGS.pendulum.sign, SETTINGS)
