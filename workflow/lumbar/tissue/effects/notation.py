@@ -10,11 +10,8 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import islice, product
 from pathlib import Path
 from typing import Any, TypeVar
-
-import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import YamlFile, read_yaml, shipped_yaml, way_of
@@ -37,10 +34,6 @@ _STATE_KEYS = ("rate", "start")
 _LINEAR_KEYS = ("name", "unit", "latex", "sign")
 _NONLINEAR_FLAGS = ("follows_record", "decisive")
 _NONLINEAR_KEYS = ("name", "unit", "latex", "start", "scale", "points", "reach", "lines", *_NONLINEAR_FLAGS)
-_MOST_CORNERS = 32
-"""Of the box of nonlinear parameters, at which an equation is tried."""
-_FREQUENCY = 0.5
-"""Hz; of the standard motion on which an equation must stay finite."""
 
 
 def load_effects(path: Path, taken: Collection[str] = ()) -> dict[str, Effect]:
@@ -181,10 +174,12 @@ def _from_python(path: Path) -> dict[str, Effect]:
 
 def _checked_effect(file: YamlFile, problems: Problems, taken: Collection[str] = ()) -> Effect:
     """One effect of a user's own, its equations tried on a standard motion."""
+    from lumbar.tissue.effects.signature import numerical_problems
+
     effect = _Reading(problems, file).effect(taken)
     for index, form in enumerate(effect.forms):
         place = f"forms.{index}.equation" if "forms" in file.content else "equation"
-        for found, allowed in _numerical_problems(form):
+        for found, allowed in numerical_problems(form):
             problems.add(file.place(way_of(place)), found, allowed)
     problems.raise_if_any()
     return replace(effect, definition=file.content)
@@ -496,36 +491,3 @@ class _Reading:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-def _numerical_problems(form: Form) -> list[tuple[str, str]]:
-    """Numbers that are not finite on a standard motion, and parameters that do nothing there."""
-    from lumbar.tissue.effects.signature import standard_motion
-
-    if form.channels:
-        return []
-    motion = standard_motion(_FREQUENCY)
-    # such a constant says where a parameter acts, which may be nowhere within the sine
-    may_lie_beyond = any("{x}" in constant.unit for constant in form.constants)
-    force = 2 * motion.position
-    ends = [item.grid(1.0)[[0, -1]] for item in form.nonlinear]
-    for point in islice(product(*ends), _MOST_CORNERS):
-        nonlinear = np.array(point)
-        with np.errstate(all="ignore"):
-            if form.place is Place.OUTPUT:
-                found = [form.output_transform(force, motion, nonlinear)]
-            else:
-                found = form.columns(motion, nonlinear)
-        for values, item in zip(found, form.linear or (None,), strict=True):
-            wrong = np.flatnonzero(~np.isfinite(values))
-            given = ", ".join(
-                f"{item.name} = {value:g}" for item, value in zip(form.nonlinear, point, strict=True)
-            )
-            if len(wrong):
-                at = motion.time[wrong[0]], motion.position[wrong[0]], motion.velocity[wrong[0]]
-                said = "is {} at t = {:.3g}, z = {:.3g}, v = {:.3g}".format(values[wrong[0]], *at)
-                said += f", {given}" if given else ""
-                return [(said, "it must be finite for every position and velocity")]
-            if item and not values.any() and not may_lie_beyond:
-                return [(f"{item.name} has no influence on a sine of amplitude 1", "it must have one")]
-    return []

@@ -1,7 +1,7 @@
 """What an effect's force looks like: its definition simulated on a standard motion, beside a standard base."""
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 
@@ -33,6 +33,10 @@ AXES = {"tissue": ("Position", "force"), "pendulum": ("Angle", "moment")}
 """By system: what is moved, and what answers."""
 _SAMPLING_TIME = 0.01
 _DURATION = 12.0
+_MOST_CORNERS = 32
+"""Of the box of nonlinear parameters, at which an equation is tried."""
+_FREQUENCY = 0.5
+"""Hz; of the standard motion on which an equation must stay finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,3 +126,34 @@ def _scale(kind: str, motion: Motion, base: np.ndarray) -> float:
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def numerical_problems(form: Form) -> list[tuple[str, str]]:
+    """Numbers that are not finite on a standard motion, and parameters that do nothing there."""
+    if form.channels:
+        return []
+    motion = standard_motion(_FREQUENCY)
+    # such a constant says where a parameter acts, which may be nowhere within the sine
+    may_lie_beyond = any("{x}" in constant.unit for constant in form.constants)
+    force = 2 * motion.position
+    ends = [item.grid(1.0)[[0, -1]] for item in form.nonlinear]
+    for point in islice(product(*ends), _MOST_CORNERS):
+        nonlinear = np.array(point)
+        with np.errstate(all="ignore"):
+            if form.place is Place.OUTPUT:
+                found = [form.output_transform(force, motion, nonlinear)]
+            else:
+                found = form.columns(motion, nonlinear)
+        for values, item in zip(found, form.linear or (None,), strict=True):
+            wrong = np.flatnonzero(~np.isfinite(values))
+            given = ", ".join(
+                f"{item.name} = {value:g}" for item, value in zip(form.nonlinear, point, strict=True)
+            )
+            if len(wrong):
+                at = motion.time[wrong[0]], motion.position[wrong[0]], motion.velocity[wrong[0]]
+                said = "is {} at t = {:.3g}, z = {:.3g}, v = {:.3g}".format(values[wrong[0]], *at)
+                said += f", {given}" if given else ""
+                return [(said, "it must be finite for every position and velocity")]
+            if item and not values.any() and not may_lie_beyond:
+                return [(f"{item.name} has no influence on a sine of amplitude 1", "it must have one")]
+    return []
