@@ -23,6 +23,8 @@ _BASES = ("LE", "KB")
 """Tissues beside which a lead is looked for: the others make up for one by a dashpot of their own."""
 _SAMPLES = (5, 14, 23)
 """Longest lead that is looked for first, and next where it may be longer: a delay reaches over ten samples."""
+_ROOM = 4
+"""Times as many samples that must count in every record."""
 _LEAST = 0.2
 """Samples of delay up to which the lead may be longer."""
 _STARTS = (4.0, 1.5)
@@ -40,7 +42,8 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     if base.contact or base.own or not (replaced or base.name == "KV" or not is_adequate(model, experiment)):
         return None
     kept = [form for form in model.fit.structure.forms if form.effect not in replaced | {"delay"}]
-    for samples in _SAMPLES:
+    shortest = min(data.size for data in (*experiment.training.records, *experiment.tests))
+    for samples in (number for number in _SAMPLES if _ROOM * number <= shortest):
         put_late = experiment.with_data(lambda data, by=samples: _late(data, by, by))
         best = _with_delay(model, kept, put_late)
         units = experiment.input_unit, experiment.output_unit
@@ -49,7 +52,7 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
         if late.low > 0 and late.value > _LEAST * step:
             break
     else:
-        return None  # longer than what is looked for: it has no size that could be told
+        return None  # longer than what can be looked for: it has no size that could be told
     first = samples * step
     same = experiment.with_data(lambda data: _late(data, 0, samples))
     rival = refit(model.fit.structure, model.fit.nonlinear, same)

@@ -12,7 +12,7 @@ REPEATS_WITHIN = 0.02
 FEWEST_PERIODS = 3
 """The first is the transient; two are the least that show what does not repeat."""
 ONLY = 2
-"""Periods that do where there are no more: the start of the first is then the transient."""
+"""Periods that do where there are no more: their second halves count then, the start of the first is its transient."""
 
 _MISSING_END = 0.02
 """Share of a period by which a record may end early (a sample is often lost at an end)."""
