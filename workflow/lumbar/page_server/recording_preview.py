@@ -134,8 +134,9 @@ def drawn(values: np.ndarray, stretches: int) -> np.ndarray:
     """
     places = np.arange(len(values))
     if len(values) > 2 * stretches:
-        parts = np.array_split(places, stretches)
-        ends = [(part[values[part].argmin()], part[values[part].argmax()]) for part in parts]
+        length = -(-len(values) // stretches)
+        parts = np.pad(values, (0, -len(values) % length), "edge").reshape(-1, length)
+        ends = np.arange(len(parts)) * length + [parts.argmin(axis=1), parts.argmax(axis=1)]
         places = np.unique([0, *np.ravel(ends), len(values) - 1])
     shown = values[places]
     return np.column_stack([places / (len(values) - 1), (shown - shown.min()) / (np.ptp(shown) or 1.0)])

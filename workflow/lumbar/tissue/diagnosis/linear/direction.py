@@ -29,8 +29,8 @@ _BEYOND_MASS = 0.2
 position grows, with the correlation −|ẋ|²/(|x||ẍ|)."""
 _ALONG = 0.3
 """Correlation of force and position above which energy given may be a lag."""
-_LONG = 100
-"""Samples of a filter from which on its spectrum is quicker."""
+_PER_WINDOW = 32
+"""Means that are left of each smoothing window: what it lets pass needs no more."""
 _BLOCKS = 12
 _FEWEST_RESTING = 0.5
 """Share of the steps of a command held between jumps in which it rests."""
@@ -152,13 +152,12 @@ def _pair(position: np.ndarray, force: np.ndarray) -> _Pair:
 
 
 def _smooth(signal: np.ndarray, window: int) -> np.ndarray:
-    taps = np.hanning(2 * window + 1)[1:-1]
-    taps = taps[: len(signal) // 2] / taps[: len(signal) // 2].sum()
-    if len(taps) < _LONG:
-        return np.convolve(signal, taps, "valid")
-    length = 1 << (len(signal) + len(taps)).bit_length()
-    spectrum = np.fft.rfft(signal, length) * np.fft.rfft(taps, length)
-    return np.fft.irfft(spectrum, length)[len(taps) - 1 : len(signal)]
+    """The signal, smoothed; of a long window first thinned, by means."""
+    length = max(window // _PER_WINDOW, 1)
+    means = signal[: len(signal) // length * length].reshape(-1, length).mean(axis=1)
+    taps = np.hanning(2 * window // length + 1)[1:-1]
+    taps = taps[: len(means) // 2]
+    return np.convolve(means, taps / taps.sum(), "valid")
 
 
 def _detail(signal: np.ndarray, rate: np.ndarray) -> float:
