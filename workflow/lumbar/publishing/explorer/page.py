@@ -21,7 +21,7 @@ from lumbar.publishing.explorer.shown import (
 )
 from lumbar.publishing.explorer.thumbnail import signature_thumbnail
 from lumbar.publishing.pages.diagnosis_page import role_of
-from lumbar.publishing.pages.html import picture, table
+from lumbar.publishing.pages.html import equation, picture, table
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import EXCITATION, Evidence
@@ -43,7 +43,6 @@ from lumbar.tissue.diagnosis.selection.verdict import (
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.printing import equation_svg
 
 if TYPE_CHECKING:
     from bokeh.document import Document
@@ -335,7 +334,7 @@ def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictur
         mechanism=" ".join(f"{catalogue[name].mechanism} {catalogue[name].sensors}".rstrip() for name in new),
         settles="; ".join(catalogue[name].experiment for name in new) if set(effects) in tied else "",
         effects=effects,
-        forms=[picture(equation_svg(form.latex), form.latex, "equation") for form in forms],
+        forms=[equation(form.latex) for form in forms],
         parameters=_parameters(item),
         long=sum(bool(found.effect) for found in item.estimates) > _MANY,
         signature=_signature(catalogue[new[-1]], system, pictures),

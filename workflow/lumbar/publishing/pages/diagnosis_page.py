@@ -9,11 +9,11 @@ from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.pages.html import (
     comparison_blocks,
     document,
+    equation,
     figure,
     heading,
     listing,
     paragraph,
-    picture,
     table,
 )
 from lumbar.tables.layout import unit_in_print
@@ -33,7 +33,6 @@ from lumbar.tissue.diagnosis.selection.verdict import (
     runner_up,
 )
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.printing import equation_svg
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -155,9 +154,9 @@ def _parameters(diagnosis: Verdict) -> list[Markup]:
             continue
         structure = item.candidate.fit.structure
         owners = ["", *structure.effects]
-        equations = [("base", structure.base.name, _equation(structure.base.latex))]
+        equations = [("base", structure.base.name, equation(structure.base.latex))]
         equations += [
-            (readable(form.effect), readable(form.name), _equation(form.latex)) for form in structure.forms
+            (readable(form.effect), readable(form.name), equation(form.latex)) for form in structure.forms
         ]
         rows = [
             (
@@ -175,10 +174,6 @@ def _parameters(diagnosis: Verdict) -> list[Markup]:
             table(("of", "parameter", "value", "95 % interval", "unit"), rows),
         ]
     return [*blocks, paragraph(CONDITIONAL, "note")] if blocks else []
-
-
-def _equation(latex: str) -> Markup:
-    return picture(equation_svg(latex), latex, "equation")
 
 
 def _ties(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.templates import template
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence
+from lumbar.tissue.models.printing import equation_mathml
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -44,7 +45,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
     return _macros().table(head, rows)
 
 
-def picture(svg: str | Path, description: str, kind: str = "") -> Markup:
+def picture(svg: str | Path, description: str) -> Markup:
     """SVG picture inside the page, as an image: its style and names cannot meet those of another one.
 
     Parameters
@@ -53,10 +54,15 @@ def picture(svg: str | Path, description: str, kind: str = "") -> Markup:
         Text, or file.
     description : str
         What it shows, for those who cannot see it.
-    kind : str
-        Class of the page's style: ``equation`` stands in a line of text.
     """
-    return _macros().picture(_coded(svg), description, kind)
+    return _macros().picture(_coded(svg), description)
+
+
+def equation(latex: str) -> Markup:
+    """Equation in a line of text."""
+    from markupsafe import Markup
+
+    return Markup(equation_mathml(latex))
 
 
 def figure(svg: str | Path, caption: str) -> Markup:

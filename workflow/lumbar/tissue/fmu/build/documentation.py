@@ -18,15 +18,13 @@ from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.build.reference_response import reference_plot, reference_push
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place
-from lumbar.tissue.models.printing import equation_svg
+from lumbar.tissue.models.printing import equation_mathml
 
 
 def pictures(model: ExportModel, version: str) -> list[str]:
-    """What the page draws, as SVG elements: the equation of each form of a model with effects, and the embedded reference."""
+    """What the page draws, as SVG elements: the embedded reference."""
     time, inputs, outputs = reference_push(model, version)
-    forms = [] if isinstance(model.dynamics, LinearModel) else [term.form for term in model.dynamics.terms]
-    plot = reference_plot(time, [(model.input.label, inputs), (model.output.label, outputs)])
-    return [*(equation_svg(form.latex) for form in forms), plot]
+    return [reference_plot(time, [(model.input.label, inputs), (model.output.label, outputs)])]
 
 
 def documentation_html(model: ExportModel, version: str, data: str, drawn: Sequence[str]) -> str:
@@ -48,9 +46,7 @@ def documentation_html(model: ExportModel, version: str, data: str, drawn: Seque
         input=x,
         output=y,
         linear_equations=model.dynamics.equations() if linear else [],
-        terms=[]
-        if linear
-        else [_term(model, *item) for item in zip(model.dynamics.terms, drawn, strict=False)],
+        terms=[] if linear else [_term(model, term) for term in model.dynamics.terms],
         averaged=_averaged(model),
         guards=[*guards_text(model), gain_text(model)],
         stable=model.stable,
@@ -75,7 +71,7 @@ def documentation_html(model: ExportModel, version: str, data: str, drawn: Seque
             for item in variables(model)
         ],
         fit=_fit(model.identified),
-        plot=Markup(drawn[-1] if drawn else ""),
+        plot=Markup("".join(drawn)),
     )
 
 
@@ -115,11 +111,16 @@ _ACTS = {
 }
 
 
-def _term(model: ExportModel, term: Term, equation: str) -> tuple:
+def _term(model: ExportModel, term: Term) -> tuple:
     """One row of the table of forms."""
     from markupsafe import Markup
 
-    return term.form.key, _ACTS[term.form.place], Markup(equation), _numbers(model, term)
+    return (
+        term.form.key,
+        _ACTS[term.form.place],
+        Markup(equation_mathml(term.form.latex)),
+        _numbers(model, term),
+    )
 
 
 def _numbers(model: ExportModel, term: Term) -> str:
