@@ -34,8 +34,9 @@ $(VENV)/cluster: $(VENV)/installed envs/cluster-lock.txt
 
 cluster: $(VENV)/cluster ## .venv with what SLURM and object storage need: docs/cluster.md
 
-# A file stays with one worker, as its fixtures do; the longest come first, in order.
-TEST := python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
+# A file stays with one worker, as its fixtures do; the longest come first, in order. A worker more than there are cores, for while
+# one waits for a browser or a socket.
+TEST := python -m pytest -n $$(($(CORES) + 1)) --dist loadfile --no-loadscope-reorder
 test: environment ## the tests, but for those of the next target
 	$(TEST)
 

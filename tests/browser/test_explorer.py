@@ -65,6 +65,7 @@ def test_page_from_disk_shows_what_was_computed(new_page, saved, diagnosis):
     assert all(url.startswith(("file:", "data:", "blob:")) for url in page.asked)
 
 
+@pytest.mark.nightly
 def test_a_region_drawn_in_one_picture_is_marked_in_all(new_page, saved):
     page = new_page(saved, viewport={"width": 1280, "height": 1800})
     picture = page.locator("figure.wide").nth(0).locator("canvas").first
@@ -227,6 +228,7 @@ def test_the_path_set_aside_is_drawn_beside_the_models(new_page, saved):
     assert np.isnan(data_of(page, "whole")["aside"]).all()
 
 
+@pytest.mark.nightly
 def test_python_to_copy_fits_what_is_shown(new_page, saved, shared, monkeypatch, capsys):
     page = new_page(saved)
     page.get_by_role("button", name="Base alone").click()
@@ -295,6 +297,7 @@ def luminance(colour: str) -> float:
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
 
 
+@pytest.mark.nightly
 def test_a_mark_can_be_typed_either_way_round_and_cleared(new_page, saved):
     page = new_page(saved)
     told = []
