@@ -13,8 +13,6 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.stability import extended_basins as beyond
 from lumbar.lifting.stability.basins import basins_of_lift
 from lumbar.lifting.stability.comparison import table_4_1_controls
-from lumbar.lifting.stability.comparison.lyapunov_exponent import compared_exponents
-from lumbar.lifting.stability.comparison.percent_differences import comparisons
 from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
 from lumbar.lifting.stability.extended_basins import extended_basins, extended_table
 from lumbar.lifting.stability.model.failures import announcement, attempts, failures_frame, failures_table
@@ -140,33 +138,6 @@ def test_a_lift_without_any_basin_is_still_compared_by_name(published):
         comparison_figure([], funnels, FAST),
     ):
         assert "no basin" in str([text.get_text() for axis in figure.axes for text in axis.texts])
-
-
-def test_exponents_stand_beside_the_basins_of_repeated_trials():
-    """Thirty noisy repetitions of each box give numbers, fewer say how many there are."""
-    generator = np.random.default_rng(5)
-
-    def repeated(box, mass, count):
-        items = []
-        for _ in range(count):
-            for item in lift(box=box, mass=mass)[2:4]:
-                noise = 0.01 * generator.normal(size=2)
-                angle, velocity = item.angle * (1 + noise[0]), item.angular_velocity * (1 + noise[1])
-                items.append(replace(item, angle=angle, angular_velocity=velocity))
-        return items
-
-    settings = replace(FAST, checks=())
-    boxes = {23.0: 33.0, 15.0: 28.0}
-    boa = pd.concat(
-        [basins_of_lift(lift(box=box, mass=mass), settings, 1).summary for box, mass in boxes.items()]
-    )
-    texts = []
-    for count in (30, 2):
-        everything = [item for box, mass in boxes.items() for item in repeated(box, mass, count)]
-        found = compared_exponents(everything, "flexion_extension", comparisons(boa))
-        texts.append(found["decrease_in_mass_expert", "abdomen"])
-    assert texts[0].count("1/s, estimated from 30 trials") == 2
-    assert texts[1].count("insufficient data: 2 trials, at least 30 are needed") == 2
 
 
 def test_announcement_and_table_name_everything(tmp_path, broken):

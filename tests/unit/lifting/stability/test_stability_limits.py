@@ -1,17 +1,15 @@
-"""Torque limits, uncertain masses, better V, exponents: closed forms, brute force, simulation, methods against one another."""
+"""Torque limits, uncertain masses, better V: closed forms, brute force, simulation, methods against one another."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from lifting_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
-from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 from scipy.optimize import brentq
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.population.contrast import Interval
-from lumbar.lifting.stability.comparison.lyapunov_exponent import maximum_exponent
 from lumbar.lifting.stability.comparison.table_4_1_controls import verdict
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, reachable_area
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
@@ -113,30 +111,6 @@ def test_verdicts():
     assert "contains 0" in verdict(10.0, 1.0, changed, Interval(-2.0, 20.0))
     assert "[+5.00, +20.00]" in verdict(10.0, 1.0, changed, Interval(5.0, 20.0))
     assert verdict(None, None, {}, unknown) == "not testable in this study"
-
-
-def test_exponent_of_the_lorenz_system():
-    """Its largest exponent is 0.906 1/s (Sprott, Chaos and Time-Series Analysis, 2003)."""
-
-    def lorenz(_, x):
-        return [10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]]
-
-    trials, state = [], [1.0, 1.0, 20.0]
-    for _ in range(12):
-        times = np.arange(0, 30, 0.05)
-        solution = solve_ivp(lorenz, (0, 30), state, "DOP853", times, rtol=1e-8, atol=1e-8)
-        state = solution.y[:, -1]
-        trials.append(solution.y.T[100:])
-    found = maximum_exponent(trials, 0.05, horizon=2.5, fewest=10)
-    assert found.value == pytest.approx(0.906, rel=0.15)
-    assert found.remark == "estimated from 12 trials"
-
-
-def test_exponent_without_enough_trials_is_not_estimated():
-    found = maximum_exponent([np.zeros((100, 2))] * 5, 0.01, 0.1)
-    assert found.value is None and found.remark.startswith("insufficient data: 5 trials")
-    with pytest.raises(InputError, match="twice the horizon"):
-        maximum_exponent([np.ones((10, 2))] * 30, 0.01, 0.1)
 
 
 KINDS = ("torque", "mass", "both")

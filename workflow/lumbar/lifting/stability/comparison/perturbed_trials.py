@@ -17,7 +17,6 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.movement.cleaning import clean
 from lumbar.lifting.movement.gaps import refuse_open_gaps
 from lumbar.lifting.movement.pendulum_states import pendulum_states
-from lumbar.lifting.stability.comparison.lyapunov_exponent import maximum_exponent
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
@@ -240,16 +239,6 @@ def trials_table(
         for group in GROUPS
     ]
     notes += [_by_weight(by_weight, sign) for sign in signs_of(stability)]
-    step = float(np.mean([trial.duration for trial in trials])) / (PHASE_POINTS - 1)
-    for group in GROUPS:
-        states = [
-            np.stack([trial.angle, trial.angular_velocity], axis=1)
-            for trial in trials
-            if trial.group == group
-        ]
-        exponent = maximum_exponent(states, step, horizon=0.3)
-        value = "" if exponent.value is None else f"{exponent.value:.3g} 1/s, "
-        notes.append(f"Maximum Lyapunov exponent, {group}: {value}{exponent.remark}")
     notes.append(
         f"Pendulum: {settings.mass_share:g} of an assumed {settings.body_mass_kg:g} kg at "
         f"{settings.centre_share:g} of the way from {' + '.join(settings.pivot)} to "

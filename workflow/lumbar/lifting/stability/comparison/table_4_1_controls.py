@@ -13,7 +13,6 @@ import pandas as pd
 
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.population.contrast import Interval, percent_interval
-from lumbar.lifting.stability.comparison.lyapunov_exponent import compared_exponents
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
@@ -198,12 +197,10 @@ def controls_table(
     changes = {name: single_changes(grid, base) for name, base in bases.items()}
     turned = {name: _turned_by(found) for name, found in changes.items()}
     sides = list(comparisons(study.people, settings.compare.groups))
-    trajectories = study.trajectories()
     of_grid = expressing(comparison_cells(grid))
     cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
     rows = []
     for plane in PLANES:
-        exponents = compared_exponents(trajectories, plane, sides)
         for index, row in enumerate(differences["headline"]):
             key = row["comparison"], row["com"]
             cells = cells_of.get((*key, plane), of_grid[:0])["percent"].to_numpy()
@@ -212,7 +209,6 @@ def controls_table(
             entry |= _controls(percents, cells)
             for column, name in (("turned_by", "headline"), ("thesis_turned_by", "thesis")):
                 entry[column] = turned[name].get((*key, plane), "")
-            entry["exponents"] = exponents[key]
             entry["verdict"] = _verdict(row["status"], percents, cells, _interval(areas, sides, row, plane))
             rows.append(entry)
     frame = pd.DataFrame(rows)
