@@ -63,6 +63,7 @@ def test_what_was_found_is_written_down(laboratory):
         found.save(laboratory[0])
 
 
+@pytest.mark.nightly
 def test_nothing_runs_before_it_is_filled_in_and_the_chapter_runs_after(laboratory):
     project, _, paths = laboratory
     planned = ("--cores", "1", "lifting", "--configfile", "config/studies/my_lab.yaml")

@@ -11,6 +11,7 @@ from column_files import write_records
 from lumbar.twin.examples import example_records
 from running import PROJECT, ZIG_CACHE
 
+pytestmark = pytest.mark.nightly
 PACKED = ("pyproject.toml", "README.md", "LICENSE", "workflow")
 MAIN = "import sys; from lumbar.cli import main; sys.exit(main())"
 
@@ -75,7 +76,6 @@ def test_the_wheel_holds_every_file_of_the_library(installed):
     assert files(installed / "lumbar") == files(PROJECT / "workflow" / "lumbar")
 
 
-@pytest.mark.nightly
 def test_tissue_tests_become_models_a_diagnosis_and_an_fmu(lumbar, installed):
     """Nothing is written into the package, and nothing beside its cache."""
     folder, call = lumbar

@@ -93,7 +93,7 @@ def diagnosed(position, force):
 @pytest.mark.parametrize(
     ("periods", "lines"),
     [
-        pytest.param(5, np.arange(1, 26), id="low band"),
+        pytest.param(5, np.arange(1, 26), id="low band", marks=pytest.mark.nightly),
         pytest.param(3, np.arange(1, 26), id="the settled start leaves two periods"),
         pytest.param(5, np.arange(1, 250), id="up to Nyquist", marks=pytest.mark.nightly),
     ],

@@ -209,7 +209,7 @@ PASSIVE = {
 }
 """Those of a model that is passive on a device."""
 BY_VERSION = [
-    (name, version)
+    pytest.param(name, version, marks=[pytest.mark.nightly] * (version == 2))
     for name, (file, *_) in {**COMPILED, **PASSIVE}.items()
     for version in ((2, 3) if file == CORE else (3,))
 ]
