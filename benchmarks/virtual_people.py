@@ -34,7 +34,7 @@ class VirtualTrial:
     rate: float
     markers: dict[str, np.ndarray]
     centres: dict[str, np.ndarray]
-    pivot: np.ndarray
+    pivots: dict[str, np.ndarray]
     events: object
     person: object
     box_mass: float
@@ -79,10 +79,11 @@ def virtual_trial(settings, seed: int, what: str = "complete", noise_sd: float =
     centres = {
         com: joints[top] + share * (joints[low] - joints[top]) for com, (top, low, share) in SEGMENTS.items()
     }
-    pivot = (movement.markers["L_ANKLE"] + movement.markers["R_ANKLE"]) / 2
+    ankles = (movement.markers["L_ANKLE"] + movement.markers["R_ANKLE"]) / 2
+    pivots = {"mid_ankle": ankles, "hip": joints["MID_HIP"]}
     person = settings.people[lift.person]
     return VirtualTrial(
-        movement.time, rate, markers, centres, pivot, lift.events_s, person, lift.box_mass_kg, corrupted
+        movement.time, rate, markers, centres, pivots, lift.events_s, person, lift.box_mass_kg, corrupted
     )
 
 

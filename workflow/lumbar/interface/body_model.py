@@ -67,7 +67,7 @@ class LiftModel(Result):
         for row in self.areas.itertuples():
             best, sd = (
                 self.modelled.pendulums.states[row.com, row.plane],
-                self.modelled.pendulums.sd(row.com, row.plane),
+                self.modelled.pendulums.sd[row.com, row.plane],
             )
             area = (
                 f"area {row.mean_area:.4g} rad²/s (95 %: {row.mean_area_low:.4g} to {row.mean_area_high:.4g}"

@@ -99,7 +99,8 @@ class BoxSettings:
 class BodyModelSettings:
     """One body fitted to all markers of each lift, beside the rules; null leaves it out."""
 
-    draws: int = key(default=100, within="[10, 10000]")
+    draws: int = key(default=400, within="[10, 10000]")
+    event_sd_s: float = key(default=0.03, within="[0, 0.5]")
     rate_Hz: float = key(default=50.0, within="[20, 500]")
 
 

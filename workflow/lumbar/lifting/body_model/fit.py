@@ -6,6 +6,7 @@ are taken from the residuals, and the rest is fitted with them. Movement is smoo
 whose intensity follows from the trial's own accelerations.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,8 @@ LEAST_INTENSITY = {"m": 0.02, "rad": 0.2}
 FIRST_INTENSITY = {"m": 2.0, "rad": 10.0}
 """Intensity of white acceleration in m²/s³ and rad²/s³: least, and before the trial tells."""
 RIDGE = 1e-6
+TOGETHER = 100
+"""Draws made at once: memory."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +49,14 @@ class BodyFit:
     residuals: dict[str, np.ndarray]
     """Shape (n, m): measured less predicted; NaN where nothing was seen."""
 
-    def draws(self, count: int, seed: int) -> list[Unknowns]:
-        """Unknowns drawn from their posterior distribution."""
-        structure = self.model.structure
-        states, constants = self.factor.draws(count, np.random.default_rng(seed))
-        states = states.reshape(len(self.model.time), structure.size, count)
-        return [self.best.advance(structure, states[..., i], constants[:, i]) for i in range(count)]
+    def draws(self, count: int, seed: int) -> Iterator[Unknowns]:
+        """Draw unknowns from their posterior distribution."""
+        structure, rng = self.model.structure, np.random.default_rng(seed)
+        for at in range(0, count, TOGETHER):
+            size = min(TOGETHER, count - at)
+            states, constants = self.factor.draws(size, rng)
+            states = states.reshape(len(self.model.time), structure.size, size)
+            yield from (self.best.advance(structure, states[..., i], constants[:, i]) for i in range(size))
 
 
 def fit(model: TrialModel) -> BodyFit:

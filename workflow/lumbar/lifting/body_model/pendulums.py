@@ -3,13 +3,13 @@
 The same functions as for the rules (`lumbar.lifting.movement`) turn its joints into centres of mass and pendulum states, once
 with the most probable unknowns and once with each draw from their posterior: the spread of the results is their uncertainty,
 with all that the unknowns share. What spreads: joints, landmarks and noise as far as the trial and the priors leave them
-open. What does not: the segment table's shares (their spread is listed by `lumbar.lifting.movement.model_spread`) and the
-instants of the events.
+open, and of areas the instants of start and release. What does not: the segment table's shares (their spread is listed by
+`lumbar.lifting.movement.model_spread`).
 """
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -24,13 +24,19 @@ from lumbar.lifting.movement.pendulum_states import PendulumStates, pendulum_sta
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems
+from lumbar.lifting.stability.model.trajectories import Trajectory, find_problems, in_unit_time
 from lumbar.records.markers import read_markers
 from lumbar.settings.lifting import BodyModelSettings, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 Planar = dict[tuple[str, str], PendulumStates]
+Window = tuple[float, float, int]
+"""Start and stop in seconds, and number of instants."""
+SEED = 0
+DEPOSIT = "deposit_start", "release"
+DRAWN_POINTS = 200
+"""Instants, and knots, of a drawn pendulum: enough for 1e-3 of its area."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,8 @@ class Conditions:
     events: Mapping[str, Event]
     settings: LiftingSettings
     """Pivot, how the box counts, and length of the states."""
+    event_sd: float = 0.0
+    """Standard deviation of the instants of start and release, seconds."""
 
 
 @dataclass(frozen=True)
@@ -54,24 +62,15 @@ class ModelPendulums:
 
     states: Planar
     """Of the most probable unknowns."""
+    sd: Planar
+    """Standard deviation of every state (of its time: 0), as the spread of the draws about the most probable."""
     draws: list[Planar]
-    """Of unknowns drawn from the posterior."""
+    """Of unknowns drawn from the posterior, between events drawn too."""
     masses: dict[str, tuple[float, float]]
     """Of each centre of mass without and with its share of the box, kilograms."""
 
-    def sd(self, com: str, plane: str) -> PendulumStates:
-        """Standard deviation of every state (of its time: 0), as the spread of the draws about the most probable."""
-        best = self.states[com, plane]
-        drawn = [draw[com, plane] for draw in self.draws]
 
-        def spread(name: str) -> np.ndarray:
-            off = [getattr(states, name) - getattr(best, name) for states in drawn]
-            return np.sqrt(np.mean(np.square(off), axis=0))
-
-        return PendulumStates(*(spread(field.name) for field in fields(PendulumStates)))
-
-
-def model_pendulums(fit: BodyFit, conditions: Conditions, draws: Sequence[Unknowns]) -> ModelPendulums:
+def model_pendulums(fit: BodyFit, conditions: Conditions, draws: Iterable[Unknowns]) -> ModelPendulums:
     """Pendulum states of a fitted body, and of draws from its posterior; the conditions have a start of deposit and a release.
 
     Raises
@@ -79,27 +78,43 @@ def model_pendulums(fit: BodyFit, conditions: Conditions, draws: Sequence[Unknow
     InputError
         The model lacks the pivot's points, or the deposit is too short.
     """
-    best, masses = _states(fit, fit.best, conditions)
-    return ModelPendulums(best, [_states(fit, draw, conditions)[0] for draw in draws], masses)
+    start, stop = (conditions.events[name].time_s for name in DEPOSIT)
+    window = start, stop, conditions.settings.points
+    (best,), masses = _states(fit, fit.best, conditions, [window])
+    squares, rng, drawn = dict.fromkeys(best, 0.0), np.random.default_rng(SEED), []
+    for draw in draws:
+        windows = [window, _drawn(window, conditions.event_sd, fit.model.time, rng)]
+        (own, timed), _ = _states(fit, draw, conditions, windows)
+        for key, states in own.items():
+            squares[key] += (np.array([*vars(states).values()]) - [*vars(best[key]).values()]) ** 2
+        drawn.append(timed)
+    sd = {key: PendulumStates(*np.sqrt(total / len(drawn))) for key, total in squares.items() if drawn}
+    return ModelPendulums(best, sd, drawn, masses)
+
+
+def _drawn(window: Window, sd: float, time: np.ndarray, rng: np.random.Generator) -> Window:
+    """Return the window with both ends drawn, no further than a quarter of it; with few instants, for an area."""
+    start, stop, points = window
+    off = np.clip(sd * rng.standard_normal(2), -(stop - start) / 4, (stop - start) / 4)
+    return max(time[0], start + off[0]), min(time[-1], stop + off[1]), min(points, DRAWN_POINTS)
 
 
 def _states(
-    fit: BodyFit, unknowns: Unknowns, conditions: Conditions
-) -> tuple[Planar, dict[str, tuple[float, float]]]:
+    fit: BodyFit, unknowns: Unknowns, conditions: Conditions, windows: list[Window]
+) -> tuple[list[Planar], dict[str, tuple[float, float]]]:
     recording, points = model_recording(fit, unknowns), model_points(fit, unknowns)
     events, settings = dict(conditions.events), conditions.settings
     masses = conditions.body_mass, conditions.box_mass
     centres = centres_of_mass(recording, points, conditions.table, *masses, settings.box.share, events)
     pivot = pivot_trajectory(replace(recording, source="body model"), points, settings.pivot)
-    start, stop = events["deposit_start"].time_s, events["release"].time_s
-    states: Planar = {}
+    found: list[Planar] = [{} for _ in windows]
     for com, centre in centres.items():
         position = centre.position_with_box if settings.box.in_position else centre.position
         relative = turn(position - pivot, conditions.heading)
-        name = f"body model, {com}"
-        planar = pendulum_states(recording.time, relative, start, stop, settings.points, name)
-        states |= {(com, plane): values for plane, values in planar.items()}
-    return states, {com: (centre.mass_kg, centre.mass_with_box_kg) for com, centre in centres.items()}
+        for states, window in zip(found, windows, strict=True):
+            planar = pendulum_states(recording.time, relative, *window, f"body model, {com}")
+            states |= {(com, plane): values for plane, values in planar.items()}
+    return found, {com: (centre.mass_kg, centre.mass_with_box_kg) for com, centre in centres.items()}
 
 
 COLUMNS = (
@@ -108,8 +123,8 @@ COLUMNS = (
 )
 COVERAGE = 0.95
 """Share of the draws that an interval holds."""
-TOGETHER = 50
-"""Basins computed at once; where one fails, these are computed one by one."""
+TOGETHER = 200
+"""Basins computed at once."""
 
 
 def basin_intervals(
@@ -121,23 +136,30 @@ def basin_intervals(
     is. The interval is one of the area where there is a basin; area and interval are NaN where the most probable pendulum has
     none. `sign` is that of gravity, hanging or inverted.
     """
-    best = {
-        key: _trajectory(pendulums.states, pendulums, key, settings.pendulum.mass, pivot)
-        for key in pendulums.states
-    }
+    masses, how = pendulums.masses, settings.pendulum
+
+    def trajectory(name: str, states: Planar, key: tuple[str, str]) -> Trajectory:
+        values, mass = states[key], masses[key[0]][how.mass == "with_box"]
+        motion = values.time, values.angle, values.angular_velocity, values.angular_acceleration
+        found = Trajectory(name, "", 0.0, *key, pivot, *motion, mass, float(values.length.mean()))
+        return in_unit_time(found) if how.time == "unit" else found
+
+    best = {key: trajectory("body model", pendulums.states, key) for key in pendulums.states}
     drawn = {
-        key: [_trajectory(draw, pendulums, key, settings.pendulum.mass, pivot) for draw in pendulums.draws]
-        for key in best
+        key: [trajectory(f"draw {i}", draw, key) for i, draw in enumerate(pendulums.draws)] for key in best
     }
-    areas = _areas([*best.values(), *(one for many in drawn.values() for one in many)], settings, sign)
+    areas = _areas([*best.values()], settings, sign)
+    coarse = replace(settings, knots=min(settings.knots, DRAWN_POINTS))
+    areas |= _areas([one for many in drawn.values() for one in many], coarse, sign)
     rows = []
-    for key, trajectory in best.items():
+    for key, own in best.items():
         found = [areas[id(one)] for one in drawn[key] if id(one) in areas]
         low, high, sd = np.nan, np.nan, np.nan
-        if id(trajectory) in areas and len(found) > 1:
-            low, high = np.percentile(found, [50 * (1 - COVERAGE), 50 * (1 + COVERAGE)])
+        if id(own) in areas and len(found) > 1:
+            # The truth is as one draw more: between ranks of count + 1.
+            low, high = np.percentile(found, [50 * (1 - COVERAGE), 50 * (1 + COVERAGE)], method="weibull")
             sd = np.std(found, ddof=1)
-        area = areas.get(id(trajectory), np.nan)
+        area = areas.get(id(own), np.nan)
         lost = len(drawn[key]) - len(found)
         rows.append((*key, sign, area, low, high, sd, len(found), lost, lost / max(1, len(drawn[key]))))
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -155,19 +177,6 @@ def _areas(trajectories: list[Trajectory], settings: StabilitySettings, sign: st
     return areas
 
 
-def _trajectory(
-    states: Planar, pendulums: ModelPendulums, key: tuple[str, str], mass: str, pivot: str
-) -> Trajectory:
-    com, plane = key
-    values = states[key]
-    return Trajectory(
-        "body model", "", 0.0, com, plane, pivot,
-        values.time, values.angle, values.angular_velocity, values.angular_acceleration,
-        pendulums.masses[com][mass == "with_box"], float(values.length.mean()),
-    )  # fmt: skip
-
-
-SEED = 0
 STATE_COLUMNS = (
     *("com", "plane", "time_s", "angle_rad", "angle_sd_rad"),
     *("angular_velocity_rad_s", "angular_velocity_sd_rad_s", "angular_acceleration_rad_s2"),
@@ -189,7 +198,7 @@ class ModelledLift:
         """Pendulum states with standard deviations, one row per centre of mass, plane and instant."""
         frames = [pd.DataFrame(columns=list(STATE_COLUMNS))]
         for (com, plane), states in self.pendulums.states.items():
-            sd = self.pendulums.sd(com, plane)
+            sd = self.pendulums.sd[com, plane]
             values = (
                 *(com, plane, states.time, states.angle, sd.angle),
                 *(states.angular_velocity, sd.angular_velocity, states.angular_acceleration),
@@ -235,6 +244,6 @@ def model_of_lift(
     time, nodes = at_nodes(recording, how.rate_Hz)
     found = fit(build(time, nodes, subject.height_m, subject.sex, held_frames(time, lift.events)))
     conditions = Conditions(
-        lift.table, subject.mass_kg, trial.box_mass_kg, lift.heading, lift.events, settings
+        lift.table, subject.mass_kg, trial.box_mass_kg, lift.heading, lift.events, settings, how.event_sd_s
     )
     return ModelledLift(found, model_pendulums(found, conditions, found.draws(how.draws, SEED)))
