@@ -48,6 +48,7 @@ if study.has("stability"):
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             others=[f"<results>/lifting/{lift}/other_pendulums.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
+            measured=modelled(),
             published=source("resources/thesis/table_4_1.csv"),
         output:
             **published(

@@ -42,7 +42,12 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     boa, failures, grid = (
         frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures, grid)
     )
-    study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), data)
+    intervals = [
+        pd.read_csv(path).assign(experience=labels[known["subject"]], box_mass_kg=known["box_mass_kg"])
+        for path, known in zip(input.measured, facts if input.measured else [], strict=True)
+    ]
+    measured = join_rows(intervals) if intervals else None
+    study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), data, measured)
     boa, disagreements = cross_check(boa, study.trajectories(), settings)
     failures = join_rows([failures, failures_frame(disagreements)])
     table, controls, differences, failures = tables_4_1(study, failures)

@@ -35,6 +35,8 @@ class Study:
     """The thesis's Table 4.1."""
     data: str
     """Where the data come from."""
+    measured: pd.DataFrame | None = None
+    """``body_model_areas.csv`` of all lifts, with columns ``experience, box_mass_kg``; None without a body model."""
 
     @property
     def people(self) -> pd.DataFrame:
@@ -98,6 +100,25 @@ def comparisons(people: pd.DataFrame, groups: tuple[str, str] = GROUPS):
         else:
             reason = f"one box mass ({found[0]:g} kg)" if found else f"no {name}"
             yield comparison, None, None, f"not testable: {reason}"
+
+
+def measured_interval(measured: pd.DataFrame, before, after, com: str, plane: str) -> tuple[float, float]:
+    """Ends of the 95 % interval that measurement leaves of a percent difference; NaN without a basin or a comparison.
+
+    `measured` is that of `Study`, `before` and `after` are of `comparisons`. Relative errors of lifts count as independent
+    and lognormal.
+    """
+    ratio, variance = 1.0, 0.0
+    own = measured[(measured["com"] == com) & (measured["plane"] == plane)]
+    for side, power in ((before, -1), (after, 1)):
+        rows = own[(own[["experience", "box_mass_kg"]] == side).all(axis=1)] if side else own[:0]
+        if rows.empty:
+            return np.nan, np.nan
+        area, low, high = rows[["mean_area", "mean_area_low", "mean_area_high"]].to_numpy(float).T
+        ratio *= area.mean() ** power
+        variance += np.sum((area * np.log(high / low) / 2) ** 2) / area.sum() ** 2
+    low, high = 100 * (ratio * np.exp([-np.sqrt(variance), np.sqrt(variance)]) - 1)
+    return low, high
 
 
 def percent_differences(

@@ -19,7 +19,9 @@ from lumbar.lifting.stability.basins import decimals
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
+    comparisons,
     headline_words,
+    measured_interval,
     percent_differences,
     regulator_sentence,
 )
@@ -85,6 +87,7 @@ def _first_table(
 ) -> Table:
     settings = study.settings
     printed, rows = study.printed, []
+    sides = {name: both for name, *both, _ in comparisons(study.people, settings.compare.groups)}
     for index, row in enumerate(differences["headline"]):
         here = row["comparison"], row["com"]
         entry = dict(zip(("comparison", "com"), here, strict=True))
@@ -95,11 +98,14 @@ def _first_table(
                 value = differences["thesis_method"][index][plane]
                 entry[f"{plane}_thesis_method_percent"] = round(value, THESIS_DECIMALS)
             entry[f"{plane}_headline_percent"] = row[plane]
+            if study.measured is not None:
+                ends = measured_interval(study.measured, *sides[row["comparison"]], row["com"], plane)
+                entry |= dict(zip((f"{plane}_low_percent", f"{plane}_high_percent"), ends, strict=True))
         rows.append(entry | {"status": row["status"]})
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent")]
     frame = frame.astype(dict.fromkeys(numbers, float))
-    shown = columns_of(__file__, "table_4_1")  # as the thesis pairs them; without check or remark no column
+    shown = [name for name in columns_of(__file__, "table_4_1") if name in frame]  # as the thesis pairs them
     if (frame["status"] == "computed").all():
         shown.remove("status")
     words = {
@@ -118,6 +124,7 @@ def _first_table(
             published_sentence(study.published),
             *_null_notes(grid, study.headline),
             regulator_sentence(settings),
+            *_measured_notes(study.measured, frame),
             *_missing_notes(missing),
         ),
         first=tuple(name for name in shown if not name.endswith("thesis_method_percent")),
@@ -143,6 +150,16 @@ def _null_notes(grid: pd.DataFrame, own: Convention) -> list[str]:
             points = rows["movement_points"].abs().max()
             notes.append(_SAID["null_control"].format(correlation=correlation, points=points, **words))
     return notes
+
+
+def _measured_notes(measured: pd.DataFrame | None, table: pd.DataFrame) -> list[str]:
+    """Say what the intervals of measurement hold, how many draws lack a basin, and where there is no interval."""
+    if measured is None:
+        return []
+    none = table[table[[f"{plane}_low_percent" for plane in PLANES]].isna().any(axis=1)]
+    cells = ", ".join(none["comparison"] + " " + none["com"])
+    said = _SAID["measured"].format(lost=100 * max(measured["no_basin_share"], default=0.0))
+    return [said, *([_SAID["not_measured"].format(cells=cells)] if cells else [])]
 
 
 def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
