@@ -16,9 +16,9 @@ def main(
     data: str,
 ):
     """Read all trials, compare them, write table and figure."""
+    from lumbar.lifting.pushes.feedback import feedback_sentence
     from lumbar.lifting.pushes.trial_separation import (
         body_trial,
-        feedback_sentence,
         measures_of_trial,
         separation_frame,
         separation_table,
