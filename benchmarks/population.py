@@ -30,7 +30,17 @@ from lumbar.lifting.population.contrast import (  # noqa: E402
 )
 from lumbar.lifting.population.sample_size import person_mean_sd, persons_needed, power  # noqa: E402
 from lumbar.lifting.population.variance_components import variance_components  # noqa: E402
-from lumbar.lifting.pushes.roc import area_interval, areas, left_out, sort_scores  # noqa: E402
+from lumbar.lifting.pushes.chances import told_by_others  # noqa: E402
+from lumbar.lifting.pushes.prediction import increment_of  # noqa: E402
+from lumbar.lifting.pushes.roc import (  # noqa: E402
+    area,
+    area_interval,
+    areas,
+    groups_of,
+    left_out,
+    sort_scores,
+)
+from lumbar.settings.pushes import ScoringSettings  # noqa: E402
 from simulated_people import UNEQUAL, draw_group, draw_pair  # noqa: E402
 
 TARGET = 0.03, 0.07
@@ -169,6 +179,29 @@ def area_intervals(rng, persons, kind, true, runs) -> dict[str, float]:
     return {name: count / runs for name, count in outside.items()}
 
 
+def increment_of_pushes(rng, persons, adds) -> tuple[np.ndarray, ...]:
+    """Chances with and without a measure that `adds` so much, learnt on others, of 24 pushes each; steps and persons."""
+    size, _, person = pushed(rng, persons, 0.0, 1.0, 0.0)
+    measure, way = rng.normal(size=person.size), np.tile(["forward", "backward"], len(person) // 2)
+    odds = 2.5 * size + adds * measure + rng.normal(0, 0.7, persons)[person]
+    steps = rng.random(person.size) < 1 / (1 + np.exp(-odds))
+    told = told_by_others(
+        {"known": [size], "added": [size, measure]}, steps, way, groups_of(person, 5, [persons, 4])
+    )
+    return told["added"], told["known"], steps, person
+
+
+def increment_intervals(rng, persons, adds, runs) -> dict[str, float]:
+    """Shares of intervals of an increment of area that lie above and below the true one."""
+    added, known, steps, _ = increment_of_pushes(rng, 5000, adds)
+    true, above, below = area(added, steps) - area(known, steps), 0, 0
+    for _ in range(runs):
+        found = increment_of(*increment_of_pushes(rng, persons, adds), ScoringSettings())
+        above += found["increment_low"] > true
+        below += found["increment_high"] < true
+    return {f"increment of {true:.3f}, above": above / runs, f"increment of {true:.3f}, below": below / runs}
+
+
 def calibration(runs: int) -> pd.DataFrame:
     """Return all rows of the table."""
     rng, rows = np.random.default_rng(20), []
@@ -214,6 +247,9 @@ def calibration(runs: int) -> pd.DataFrame:
             shares = area_intervals(rng, persons, kind, true, runs)
             for name, used in (("area, jackknife", True), ("area, percentiles", False)):
                 add(f"who steps, area {true:.3f}", persons, 24, "", {name: shares[name]}, used)
+    for adds, persons in product((0.0, 1.5), (8, 12, 20)):
+        shares = increment_intervals(rng, persons, adds, runs // 4)
+        add("who steps, a measure added", persons, 24, "", shares, used=False)
     return pd.DataFrame(rows)
 
 

@@ -43,6 +43,7 @@ _VERBS = {
     "sample_size": "lumbar.interface.people",
     "measure_movement": "lumbar.interface.movement",
     "push_prediction": "lumbar.interface.pushing",
+    "push_thresholds": "lumbar.interface.push_thresholds",
     "report": "lumbar.interface.study_report",
 }
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""

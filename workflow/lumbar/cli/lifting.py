@@ -1,4 +1,4 @@
-"""Commands of the lifting chapters: ``lumbar new-study``, ``lift`` and ``basin``."""
+"""Commands of the lifting chapters: ``lumbar new-study``, ``lift``, ``basin`` and ``push-thresholds``."""
 
 from __future__ import annotations
 
@@ -115,3 +115,15 @@ def run_basin(options) -> None:
     print(f"{len(found.areas)} basins are in {options.output / 'boa.csv'}")
     if message := announcement(options.output / "failures.csv"):
         raise NumericalError(message)
+
+
+def run_push_thresholds(options) -> None:
+    """Print thresholds and, for a person, the push to give next; write tables where a folder is given."""
+    from lumbar.interface.push_thresholds import push_thresholds
+
+    found = push_thresholds(options.sheet, sizes=dict(options.sizes) or None, data=options.data or "")
+    if options.output:
+        found.save(options.output)
+    print(found)
+    if options.next:
+        print(found.next_push(options.next, options.step))

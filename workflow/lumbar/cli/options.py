@@ -21,14 +21,14 @@ def _span(text: str) -> tuple[float, float]:
     except ValueError:
         span = None
     if not colon or span is None:
-        raise argparse.ArgumentTypeError(f"{text!r}: START:STOP in seconds is needed, e.g. 1.5:20")
+        raise argparse.ArgumentTypeError(f"{text!r}: START:STOP is needed, e.g. 1.5:20")
     return span
 
 
 def _named_span(text: str) -> tuple[str, tuple[float, float]]:
     name, equals, span = text.partition("=")
     if not equals:
-        raise argparse.ArgumentTypeError(f"{text!r}: NAME=START:STOP is needed, e.g. fit=0:60")
+        raise argparse.ArgumentTypeError(f"{text!r}: NAME=START:STOP is needed")
     return name, _span(span)
 
 

@@ -96,6 +96,10 @@ def _columns(path: str | os.PathLike, what: str) -> dict[str, np.ndarray | list]
         frame = pd.read_csv(path)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a table of {what} ({error})") from error
+    if not isinstance(frame.index, pd.RangeIndex):  # what pandas makes of cells that no column is named for
+        raise InputError(
+            f"{path}: rows have more cells than the header names; numbers need a decimal point, no comma"
+        )
     numeric = {name for name, kind in frame.dtypes.items() if kind.kind in "biuf"}
     return {name: values.to_numpy() if name in numeric else list(values) for name, values in frame.items()}
 

@@ -6,12 +6,16 @@ the size beside it. *Added* it joins the size of the push and the mass, which an
 measuring it is worth.
 """
 
+from collections.abc import Hashable, Mapping, Sequence
+from typing import TypeVar
+
 import numpy as np
 import pandas as pd
 
-from lumbar.lifting.pushes.levels import DIRECTIONS, NOTHING, PREDICTORS, RATIO, score
+from lumbar.lifting.pushes.levels import NOTHING, PREDICTORS, RATIO, score
 from lumbar.lifting.pushes.roc import groups_of
 
+Key = TypeVar("Key", bound=Hashable)
 KNOWN, KNOWN_WORDS = "push_and_mass", "the push's size and direction and the mass"
 """What every measure is added to."""
 ALONE, ADDED = "alone", "added"
@@ -44,16 +48,30 @@ def chances_of(
         own = np.log(own) if entering == RATIO else own
         predictors[name, ALONE] = [size, own] if entering == NOTHING else [own]
         predictors[name, ADDED] = [*known, own]
-    groups = groups_of(frame["subject"].to_numpy(str), folds, seed)
-    told = {key: np.zeros(len(frame)) for key in predictors}
-    for direction in DIRECTIONS:
-        there = (frame["direction"] == direction).to_numpy()
+    return told_by_others(
+        predictors,
+        frame["steps"].to_numpy(bool),
+        frame["direction"].to_numpy(str),
+        groups_of(frame["subject"].to_numpy(str), folds, seed),
+    )
+
+
+def told_by_others(
+    predictors: Mapping[Key, Sequence[np.ndarray]],
+    steps: np.ndarray,
+    direction: np.ndarray,
+    groups: np.ndarray,
+) -> dict[Key, np.ndarray]:
+    """Log odds of a step by each set of predictors, shape (pushes,), learnt on other groups, direction by direction."""
+    told = {key: np.zeros(len(steps)) for key in predictors}
+    for way in np.unique(direction):
+        there = direction == way
         for fold in np.unique(groups[there]):
             learnt, held = there & (groups != fold), there & (groups == fold)
             if not learnt.any():
                 continue
             for key, columns in predictors.items():
-                told[key][held] = _log_odds(np.stack(columns), frame["steps"].to_numpy(bool), learnt, held)
+                told[key][held] = _log_odds(np.stack(columns), steps, learnt, held)
     return told
 
 

@@ -109,7 +109,7 @@ def prediction_frame(contest: Contest, told: Mapping, scoring: ScoringSettings, 
             row = {"contest": kind, "direction": direction, "measure": name}
             row |= _alone(values, steps, person[here], scoring, seed)
             if kind == ALL_SIZES and name not in (KNOWN, *BASELINES):
-                row |= _increment(
+                row |= increment_of(
                     told[name, ADDED][here], told[KNOWN, ALONE][here], steps, person[here], scoring
                 )
             rows.append(row)
@@ -137,7 +137,8 @@ def _alone(values, steps, person, scoring: ScoringSettings, seed: int) -> dict:
     }
 
 
-def _increment(added, known, steps, person, scoring: ScoringSettings) -> dict:
+def increment_of(added, known, steps, person, scoring: ScoringSettings) -> dict:
+    """How much larger the area is with a measure than without, and its interval over persons; arrays of shape (pushes,)."""
     whole = area(added, steps) - area(known, steps)
     low, high = _interval(
         whole, sort_scores(added, steps, person), sort_scores(known, steps, person), person, scoring

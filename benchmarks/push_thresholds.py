@@ -1,0 +1,268 @@
+"""Thresholds of stepping: do 95 % intervals cover, how many pushes does a design need, and what where the model is wrong?
+
+    python benchmarks/push_thresholds.py [--cohorts 40] [--persons 40] [--output results/benchmarks/push_thresholds]
+
+Simulates persons with known thresholds, lets the library estimate them, and prints three tables: coverage, width and calibration
+where the model holds and where it does not; pushes until both thresholds of a person are known to a width, by design; and the
+simulated bodies of `lumbar.lifting.pushes`, whose thresholds bisection tells. The target of coverage is 93 to 97 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ[variable] = "1"
+PROJECT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests"), str(PROJECT / "tests" / "unit")]
+
+import numpy as np  # noqa: E402
+import pandas as pd  # noqa: E402
+from lifting_cases import deposit  # noqa: E402
+from scipy.special import expit, ndtr  # noqa: E402
+
+from lumbar.lifting.pushes.contest import scene_of  # noqa: E402
+from lumbar.lifting.pushes.dose_response import PushRecords, posterior_of  # noqa: E402
+from lumbar.lifting.pushes.push_design import next_push  # noqa: E402
+from lumbar.lifting.pushes.simulation import Pushes, draw_traits, simulate  # noqa: E402
+from lumbar.lifting.pushes.threshold_tables import predicted, trends  # noqa: E402
+from lumbar.settings.pushes import PushesSettings  # noqa: E402
+
+WAYS = ("forward", "backward")
+RANGES = np.array([[2.0, 30.0], [10.0, 80.0]])
+PHASES = (0.25, 0.5, 0.75)
+MIDDLES = np.log([9.0, 35.0])
+KINDS = (
+    "as modelled",
+    "probit",
+    "3 % lapses",
+    "no scatter",
+    "persons of heavy tails",
+    "thresholds rise by 30 %",
+)
+DESIGNS = ("next push", "next push, any size", "staircase", "random")
+WIDTH = 0.6
+"""Of an interval of ln threshold, mean of both directions: about ±30 %."""
+MOST = 96
+LOOKED_AT = (*range(4, 24), *range(24, MOST + 1, 4))
+
+
+class People:
+    """Persons with known thresholds, and the curve that they share."""
+
+    def __init__(self, rng: np.random.Generator, count: int, kind: str = KINDS[0]):
+        self.rng, self.kind = rng, kind
+        spread, correlation = rng.uniform(0.15, 0.4), rng.uniform(-0.3, 0.8)
+        root = spread * np.linalg.cholesky([[1, correlation], [correlation, 1]])
+        z = rng.standard_normal((count, 2))
+        if kind == KINDS[4]:
+            z = rng.standard_t(3, (count, 2)) / np.sqrt(3)
+        self.t = MIDDLES + z @ root.T
+        self.width = 1e-3 if kind == KINDS[3] else np.exp(rng.uniform(np.log(0.06), np.log(0.25)))
+        self.effect = rng.normal(0, 0.3, 2)
+
+    def step(self, person, way, phase, size, session) -> np.ndarray:
+        """Draw outcomes; `session` is the share of the person's pushes that are done."""
+        t = self.t[person, way] + (np.log(1.3) * (session - 0.5) if self.kind == KINDS[5] else 0)
+        odds = (np.log(size) - t - self.effect[way] * (phase - 0.5)) / self.width
+        chance = ndtr(odds / 1.702) if self.kind == KINDS[1] else expit(odds)
+        if self.kind == KINDS[2]:
+            chance = 0.03 + 0.94 * chance
+        return self.rng.random(np.shape(chance)) < chance
+
+
+def records(persons: int, rows, phases=PHASES) -> PushRecords:
+    """Pushes of columns person, way, phase, size, stepped."""
+    person, way, phase, size, stepped = (
+        np.array(item) for item in (zip(*rows, strict=True) if rows else [()] * 5)
+    )
+    names = tuple(map(str, range(persons)))
+    return PushRecords(
+        names, WAYS, person.astype(int), way.astype(int), phase.astype(float), size.astype(float),
+        stepped.astype(bool), RANGES, phases,
+    )  # fmt: skip
+
+
+def random_rows(people: People, pushes: int) -> list[tuple]:
+    """Pushes of sizes evenly likely, directions in turn, one person after the other."""
+    rng, count = people.rng, len(people.t)
+    person, number = np.repeat(np.arange(count), pushes), np.tile(np.arange(pushes), count)
+    way, phase = number % 2, rng.random(count * pushes)
+    size = RANGES[way, 0] + rng.random(len(way)) * np.ptp(RANGES, axis=1)[way]
+    return list(
+        zip(person, way, phase, size, people.step(person, way, phase, size, number / pushes), strict=True)
+    )
+
+
+def ends_of(posterior, person) -> np.ndarray:
+    """Ends of the 95 % interval and median of ln threshold, shape (3, directions)."""
+    return np.quantile(posterior.log_threshold[:, person], [0.025, 0.975, 0.5], axis=0)
+
+
+def coverage(cohorts: int) -> pd.DataFrame:
+    """Coverage, width and calibration over cohorts, by kind of truth and size."""
+    rows = []
+    plans = [(KINDS[0], 1, 24), (KINDS[0], 5, 12), (KINDS[0], 20, 24), *((kind, 10, 24) for kind in KINDS)]
+    for kind, persons, pushes in plans:
+        held, width, drifts, told, stepped = [], [], [], [], []
+        for seed in range(cohorts * 5 if persons == 1 else cohorts):
+            people = People(np.random.default_rng([seed, 1]), persons, kind)
+            done = records(persons, random_rows(people, pushes))
+            posterior = posterior_of(done, seed)
+            low, high, _ = np.quantile(posterior.log_threshold, [0.025, 0.975, 0.5], axis=0)
+            held.append(((low <= people.t) & (people.t <= high)).mean())
+            width.append((high - low).mean())
+            told.append(predicted(done, posterior))
+            stepped.append(done.stepped)
+            drifts.append(np.abs(trends(done, told[-1])) > 2.58)
+        chance, outcome = np.concatenate(told), np.concatenate(stepped)
+        bands = [(chance >= low) & (chance < low + 0.2) for low in np.arange(0, 1, 0.2)]
+        off = [abs(chance[band].mean() - outcome[band].mean()) for band in bands if band.any()]
+        error = np.std(held) / np.sqrt(len(held))
+        rows.append((kind, persons, pushes, len(held) * persons, 100 * np.mean(held), 100 * error,
+                     np.mean(width), 100 * max(off), *100 * np.mean(drifts, axis=0)))  # fmt: skip
+        print(
+            *(f"{item:.3g}" if isinstance(item, float) else item for item in rows[-1]), sep="  ", flush=True
+        )
+    columns = [
+        "truth",
+        "persons",
+        "pushes of each",
+        "simulated",
+        "covered %",
+        "±",
+        "width",
+        "calibration off by %",
+    ]
+    return pd.DataFrame(rows, columns=[*columns, "drift told %", "bend told %"])
+
+
+def session(people: People, known: list[tuple], design: str, seed: int) -> tuple[int, list[bool], int]:
+    """Push the last person until both thresholds are known: pushes, whether intervals hold the truth, largest steps up."""
+    person, rows, at, rng = len(people.t) - 1, [], [None, None], people.rng
+    for number in range(MOST):
+        way, phase = number % 2, 0.5
+        if design.startswith("next"):
+            done = records(person + 1, known + rows)
+            step = 1.5 if design == DESIGNS[0] else 1e6
+            push = next_push(done, posterior_of(done, seed), str(person), step)
+            way, phase, size = WAYS.index(push.direction), push.phase, push.impulse_N_s
+        elif design == "staircase":
+            size = RANGES[way, 0] if at[way] is None else at[way]
+        else:
+            phase, size = rng.random(), rng.uniform(*RANGES[way])
+        stepped = bool(people.step(person, way, phase, size, number / 48))
+        at[way] = float(np.clip(size / 1.25 if stepped else size * 1.25, *RANGES[way]))
+        rows.append((person, way, phase, size, stepped))
+        if number + 1 in LOOKED_AT:
+            low, high, _ = ends_of(posterior_of(records(person + 1, known + rows), seed), person)
+            if (high - low).mean() <= WIDTH:
+                break
+    held = (low <= people.t[person]) & (people.t[person] <= high)
+    return len(rows), list(held), sum(row[4] for row in rows)
+
+
+def designs(persons: int) -> pd.DataFrame:
+    """Pushes until thresholds are known, by design: nobody known before, and ten others known."""
+    found = []
+    for others, count in ((0, persons), (10, max(persons // 4, 1))):
+        for design in DESIGNS:
+            results = []
+            for seed in range(count):
+                people = People(np.random.default_rng([seed, 2]), others + 1)
+                known = [row for row in random_rows(people, 24) if row[0] < others]
+                results.append(session(people, known, design, seed))
+            pushes, held, steps = zip(*results, strict=True)
+            found.append((others, design, count, np.median(pushes), np.mean(pushes), max(pushes),
+                          np.mean(steps), 100 * np.mean(held)))  # fmt: skip
+            print(*found[-1], sep="  ", flush=True)
+    columns = [
+        "persons known before",
+        "design",
+        "persons",
+        "median pushes",
+        "mean",
+        "most",
+        "steps",
+        "covered %",
+    ]
+    return pd.DataFrame(found, columns=columns)
+
+
+def bodies(persons: int, phases: tuple[float, ...], pushes: int = 24) -> pd.DataFrame:
+    """Simulated bodies, each pushed as `next_push` says, together; their thresholds at mid-movement by bisection."""
+    rng, settings = np.random.default_rng(3), PushesSettings()
+    motions = [
+        deposit(f"p{index}", rng.uniform(55, 100), 5.0, foot=rng.uniform(0.17, 0.21))
+        for index in range(persons)
+    ]
+    names = [item.subject for item in motions]
+    scene = scene_of(motions, settings, draw_traits(names, settings.controller, settings.spread, 1))
+
+    def falls(person, way, phase, size) -> np.ndarray:
+        first, last = scene.references.first[person], scene.references.last[person]
+        instant = first + (phase * (last - first)).astype(int)
+        return simulate(scene, Pushes(person, instant, np.where(way == 0, size, -size))).falls
+
+    person, way = np.repeat(np.arange(persons), 2), np.tile([0, 1], persons)
+    low, high = np.full(2 * persons, 0.1), np.full(2 * persons, 200.0)
+    for _ in range(14):
+        middle = np.sqrt(low * high)
+        fell = falls(person, way, np.full(len(way), 0.5), middle)
+        low, high = np.where(fell, low, middle), np.where(fell, middle, high)
+    true = np.log(np.sqrt(low * high)).reshape(persons, 2)
+    rows: list[tuple] = []
+    for number in range(pushes):
+        done = records(persons, rows, phases)
+        posterior = posterior_of(done, number)
+        chosen = [next_push(done, posterior, str(one)) for one in range(persons)]
+        ways = np.array([WAYS.index(item.direction) for item in chosen])
+        phase, size = (
+            np.array([getattr(item, name) for item in chosen]) for name in ("phase", "impulse_N_s")
+        )
+        fell = falls(np.arange(persons), ways, phase, size)
+        rows += list(zip(range(persons), ways, phase, size, fell, strict=True))
+    done = records(persons, rows, phases)
+    posterior = posterior_of(done, 0)
+    low, high, middle = np.quantile(posterior.log_threshold, [0.025, 0.975, 0.5], axis=0)
+    held = (low <= true) & (true <= high)
+    return pd.DataFrame(
+        {
+            "phases": len(phases),
+            "direction": WAYS,
+            "persons": persons,
+            "pushes of each": pushes,
+            "true, N·s": [f"{np.exp(item.min()):.1f} to {np.exp(item.max()):.1f}" for item in true.T],
+            "covered %": 100 * held.mean(axis=0),
+            "median error %": 100 * np.median(np.abs(middle - true), axis=0),
+            "width": (high - low).mean(axis=0),
+            "bend z": trends(done, predicted(done, posterior))[1],
+        }
+    )
+
+
+def main() -> int:
+    """Print and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cohorts", type=int, default=40)
+    parser.add_argument("--persons", type=int, default=40)
+    parser.add_argument("--output", type=Path, default=Path("results/benchmarks/push_thresholds"))
+    arguments = parser.parse_args()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    made = {
+        "bodies": (lambda count: pd.concat([bodies(count, phases) for phases in ((0.5,), PHASES)]), 40),
+        "designs": (designs, arguments.persons),
+        "coverage": (coverage, arguments.cohorts),
+    }
+    for name, (make, count) in made.items():
+        table = make(count)
+        table.to_csv(arguments.output / f"{name}.csv", index=False)
+        print(table.round(3).to_string(index=False), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,124 @@
+"""What pushes done tell of persons, as tables: thresholds with intervals, calibration of the curve, increments of measures.
+
+Calibration compares with the outcome of every push the chance that all other pushes give it (importance weights of the draws:
+Gelfand, Dey & Chang 1992). Increments are those of the contest: added to size, direction and, where known, mass, learnt on other
+persons (`chances`).
+"""
+
+import numpy as np
+import pandas as pd
+
+from lumbar.lifting.pushes.chances import told_by_others
+from lumbar.lifting.pushes.dose_response import Posterior, PushRecords, chance, log_odds
+from lumbar.lifting.pushes.prediction import increment_of
+from lumbar.lifting.pushes.push_sheet import KNOWN
+from lumbar.lifting.pushes.roc import area, groups_of
+from lumbar.settings.pushes import ScoringSettings
+
+NOBODY = "a person not pushed yet"
+ENDS = (0.5, 0.025, 0.975)
+BANDS = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
+"""Of predicted chances, by which pushes are counted together."""
+
+
+def threshold_rows(records: PushRecords, posterior: Posterior, seed: int) -> list[dict]:
+    """Return thresholds by person and direction, and of a person who was not pushed."""
+    everybody = np.concatenate([posterior.log_threshold, posterior.someone(seed)[:, None]], axis=1)
+    found, rows = np.exp(np.quantile(everybody, ENDS, axis=0)), []
+    for index, person in enumerate((*records.persons, NOBODY)):
+        for way, direction in enumerate(records.directions):
+            outcomes = records.stepped[(records.person == index) & (records.direction == way)]
+            values = zip(("threshold_N_s", "low", "high"), found[:, index, way], strict=True)
+            counts = {"pushes": len(outcomes), "steps": int(outcomes.sum())}
+            rows.append({"person": person, "direction": direction, **dict(values), **counts})
+    return rows
+
+
+def curve_notes(records: PushRecords, posterior: Posterior) -> list[str]:
+    """Say how persons scatter, how steep the curve is, and what the phase of the movement does, direction by direction."""
+    spread = np.sqrt((posterior.factor**2).sum(axis=2))
+
+    def span(values: np.ndarray) -> str:
+        return "{:.3g} ({:.3g} to {:.3g})".format(*np.quantile(values, ENDS))
+
+    notes = []
+    for way, direction in enumerate(records.directions):
+        note = (
+            f"{direction}: ln thresholds of persons scatter by {span(100 * spread[:, way])} %; a person's chance goes from 1/4 "
+            f"to 3/4 within {span(100 * np.log(9) * posterior.width[:, way])} % of the threshold"
+        )
+        growth = (
+            f"; from the movement's begin to its end it grows {span(np.exp(posterior.phase[:, way]))} times"
+        )
+        notes.append(note + (growth if len(records.phases) > 1 else ""))
+    return notes
+
+
+def predicted(records: PushRecords, posterior: Posterior) -> np.ndarray:
+    """Chance of a step of every push as all other pushes tell it, shape (pushes,)."""
+    found = np.empty(len(records.size))
+    for index, size in enumerate(records.size):
+        person, way = records.person[index], records.direction[index]
+        own = posterior.log_threshold[:, person, way], records.phase[index], posterior.phase[:, way]
+        chances = chance(log_odds(np.log(size), *own, posterior.width[:, way]))
+        weight = 1 / (chances if records.stepped[index] else 1 - chances)
+        found[index] = weight @ chances / weight.sum()
+    return found
+
+
+def calibration_rows(records: PushRecords, told: np.ndarray) -> list[dict]:
+    """Return pushes by predicted chance, with the share that stepped and Wilson's interval of it."""
+    from statsmodels.stats.proportion import proportion_confint
+
+    band, rows = np.clip(np.searchsorted(BANDS, told, side="right") - 1, 0, len(BANDS) - 2), []
+    for index in np.unique(band):
+        outcomes = records.stepped[band == index]
+        low, high = proportion_confint(outcomes.sum(), len(outcomes), method="wilson")
+        shares = {
+            "mean_predicted": told[band == index].mean(),
+            "stepped": outcomes.mean(),
+            "low": low,
+            "high": high,
+        }
+        rows.append(
+            {"predicted": f"{BANDS[index]:g} to {BANDS[index + 1]:g}", **shares, "pushes": len(outcomes)}
+        )
+    return rows
+
+
+def trends(records: PushRecords, told: np.ndarray) -> tuple[float, float]:
+    """Standard normal numbers where thresholds keep over a session, and where phase acts as a line; else away from 0.
+
+    The first is positive where steps become more frequent, the second where they are at the movement's begin and end.
+    """
+    order = np.zeros(len(told))
+    for person in range(len(records.persons)):
+        here = records.person == person
+        order[here] = np.linspace(-1, 1, here.sum()) if here.sum() > 1 else 0.0
+    bend = (records.phase - 0.5) ** 2
+    found = []
+    for course in (order, bend - bend.sum() / max(len(bend), 1)):
+        scatter = np.sqrt((told * (1 - told) * course**2).sum())
+        found.append(float(((records.stepped - told) * course).sum() / scatter) if scatter > 0 else 0.0)
+    return found[0], found[1]
+
+
+def increment_rows(
+    sheet: pd.DataFrame, records: PushRecords, scoring: ScoringSettings, seed: int
+) -> list[dict]:
+    """Return what each column of numbers that the sheet has beside adds to size, direction and, where known, mass."""
+    rows = []
+    known = np.log([records.size, sheet["mass_kg"]] if "mass_kg" in sheet else [records.size])
+    for name in sheet.columns.difference(KNOWN, sort=False):
+        values = pd.to_numeric(sheet[name], errors="coerce").to_numpy(float)
+        here = np.isfinite(values)
+        steps, person = records.stepped[here], records.person[here]
+        if not steps.any() or steps.all() or len(set(person)) < 2:
+            continue
+        sets = {"known": [*known[:, here]], "added": [*known[:, here], values[here]]}
+        groups = groups_of(person, scoring.folds, [seed, 4])
+        told = told_by_others(sets, steps, records.direction[here], groups)
+        found = increment_of(told["added"], told["known"], steps, person, scoring)
+        counts = {"pushes": len(steps), "persons": len(set(person))}
+        rows.append({"measure": name, "known_auc": area(told["known"], steps), **found, **counts})
+    return rows
