@@ -149,13 +149,11 @@ def run_propose(options) -> None:
 
 
 def run_doctor(options) -> None:
-    """Put effects and mistakes into the records, diagnose them, print what was told, and write it where asked."""
+    """Put effects into the records, diagnose them, print what was told, and write it where asked."""
     from lumbar.interface.doctor import doctor
 
     records, settings, data = read_folder(options)
-    found = doctor(
-        records, effects=options.effects, faults=not options.no_faults, settings=settings, data=data
-    )
+    found = doctor(records, effects=options.effects, settings=settings, data=data)
     print(found)
     if options.output:
         found.save(options.output)

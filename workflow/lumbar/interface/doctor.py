@@ -27,7 +27,6 @@ def doctor(
     records: Sequence[Record],
     *,
     effects: Sequence[str] | None = None,
-    faults: bool = True,
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     settings: StudySettings | None = None,
@@ -36,8 +35,7 @@ def doctor(
     """Answer "could I have seen it?": predict how large every effect must be to be named, and confirm it by a blind diagnosis.
 
     The records are diagnosed first. The refined model is taken for the truth; its answers to the records' own motions, with
-    twice what is predicted of an effect and noise like the records' own, are diagnosed as `diagnose` would. Mistakes of a
-    recording (signs, zeros, units, lags, resolution) are put into the records as they are, at falling size. Some 50 diagnoses.
+    twice what is predicted of an effect and noise like the records' own, are diagnosed as `diagnose` would: a diagnosis for each.
 
     Parameters
     ----------
@@ -45,10 +43,8 @@ def doctor(
         One per excitation, with channels ``input`` and ``output``.
     effects : sequence of str, optional
         Effects to put in; default all of the catalogue.
-    faults : bool
-        Try mistakes of a recording too.
     base, train, settings, data
-        As of `diagnose`; the seed is also that of the noise and of what is random in a mistake.
+        As of `diagnose`; the seed is also that of the noise.
 
     Raises
     ------
@@ -60,7 +56,7 @@ def doctor(
     --------
     >>> import lumbar
     >>> from lumbar.twin.examples import example_records
-    >>> found = lumbar.doctor(example_records(), effects=["coulomb_friction"], faults=False)
+    >>> found = lumbar.doctor(example_records(), effects=["coulomb_friction"])
     >>> found["coulomb_friction"].words
     'named'
     """
@@ -94,7 +90,6 @@ def doctor(
         own.candidates,
         verdict_on,
         effects=effects,
-        faults=faults,
         limits=machine_limits(settings.signals.machine, own.verdict.experiment),
         seed=settings.seed,
     )
@@ -126,20 +121,11 @@ class Examined(Result):
 
         return effects_table(self.examination, self.data)
 
-    @cached_property
-    def fault_table(self) -> Table:
-        """Which mistakes of a recording would have been told."""
-        from lumbar.tissue.diagnosis.doctor.report import faults_table
-
-        return faults_table(self.examination, self.data)
-
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``doctor.json``, the table ``doctor`` and, where mistakes were tried, ``doctor_faults``."""
+        """``doctor.json`` and the table ``doctor``."""
         from lumbar.tissue.diagnosis.doctor.report import to_json
 
         yield "doctor", self.table
-        if self.examination.faults:
-            yield "doctor_faults", self.fault_table
         yield "doctor.json", to_json(self.examination, self.data)
 
     def save_excitation(self, path: str | os.PathLike) -> None:
@@ -170,5 +156,4 @@ class Examined(Result):
         return f"<Examined: {named} of {len(self.examination.effects)} effects would be named>"
 
     def _repr_html_(self) -> str:
-        tables = [self.table, *([self.fault_table] if self.examination.faults else [])]
-        return "".join(table.frame.to_html(index=False, na_rep="–") for table in tables)
+        return self.table.frame.to_html(index=False, na_rep="–")

@@ -1,4 +1,4 @@
-"""What could have been seen in records: effects and mistakes put into records of which everything is known."""
+"""What could have been seen in records: effects put into records of which everything is known."""
 
 import filecmp
 import json
@@ -10,13 +10,7 @@ from periodic_records import multisine, noise, record, relaxing_force
 import lumbar
 from column_files import write_records
 from lumbar.base.errors import InputError
-from lumbar.tissue.diagnosis.doctor.effect_sizes import (
-    FAULTS,
-    Kind,
-    fault_outcomes,
-    judge_effect,
-    judge_fault,
-)
+from lumbar.tissue.diagnosis.doctor.effect_sizes import Kind, judge_effect
 from lumbar.tissue.diagnosis.doctor.examination import examine
 from lumbar.tissue.diagnosis.doctor.injection import Injection, Truth, phase_randomised, without_effect
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -51,7 +45,7 @@ def truth(records):
 @pytest.fixture(scope="module")
 def examined(records, truth):
     names = ("hardening_stiffness", "coulomb_friction")
-    return examine(records, truth.verdict, EFFECTS, blind, effects=names, faults=False)
+    return examine(records, truth.verdict, EFFECTS, blind, effects=names)
 
 
 def test_an_effect_of_twice_the_predicted_size_is_named_and_one_of_half_is_not(examined, truth):
@@ -116,49 +110,9 @@ def test_random_phases_keep_the_spectrum():
     assert abs(np.corrcoef(found[:400], signal)[0, 1]) < 0.3
 
 
-def test_records_that_are_refused_say_why(truth):
-    assert judge_effect("clipped", "saturation", (), "KB").kind is Kind.REFUSED
-    assert judge_fault("unit?", FAULTS["input_unit"], truth.verdict).message == "unit?"
-
-
-def test_mistakes_are_told_or_not(records, truth):
-    """By the diagnosis of today; a lag of five samples is a delay, an offset a finding."""
-    for name, size, kind in (
-        ("sign_flip", 1.0, Kind.TOLD),
-        ("offset", 10.0, Kind.TOLD),
-        ("lag", 5.0, Kind.NAMED),
-    ):
-        fault = FAULTS[name]
-        found = judge_fault(blind(fault.put_into(records, size, 0), 1), fault, truth.verdict)
-        assert found.kind is kind, name
-    unchanged = judge_fault(truth.verdict, FAULTS["offset"], truth.verdict)
-    assert unchanged.kind is Kind.UNSEEN
-
-
-def test_a_mistake_shrinks_until_it_is_not_told(records, truth):
-    def refuse_large(spoilt, _most_effects):
-        moved = np.mean(spoilt[0]["output"] - records[0]["output"]) / np.ptp(records[0]["output"])
-        if moved > 0.05:
-            raise InputError("moved")
-        return truth.verdict
-
-    found = fault_outcomes(records, truth.verdict, FAULTS["offset"], refuse_large, 0)
-    assert (list(found.outcomes), found.smallest, found.largest_missed) == ([10.0, 3.0], 10.0, 3.0)
-
-
-def test_mistakes_have_the_size_that_is_said(records):
-    first, second = records
-    half = FAULTS["offset"].put_into(records, 50.0, 0)[0]["output"] - first["output"]
-    assert np.allclose(half, 0.5 * np.ptp(first["output"]))
-    late = FAULTS["lag"].put_into(records, 3.0, 0)[0]["output"]
-    assert np.array_equal(late[3:], first["output"][:-3])
-    inches = FAULTS["input_unit"].put_into(records, 25.4, 0)
-    assert inches[0] is first
-    assert np.allclose(inches[1]["input"], 25.4 * second["input"])
-    steps = FAULTS["position_step"].put_into(records, 1.0, 0)[0]["input"]
-    assert len(np.unique(steps)) <= 102
-    noisy = FAULTS["position_noise"].put_into(records, 1.0, 0)[0]["input"] - first["input"]
-    assert np.std(noisy) == pytest.approx(0.01 * np.ptp(first["input"]), rel=0.1)
+def test_records_that_are_refused_say_why():
+    found = judge_effect("clipped", "saturation", (), "KB")
+    assert (found.kind, found.message) == (Kind.REFUSED, "clipped")
 
 
 def test_the_further_record_is_better_than_the_one_at_hand(examined):
@@ -173,12 +127,12 @@ def folder(records, tmp_path_factory):
 
 
 def test_the_command_prints_and_writes_what_the_verb_does(run, folder, tmp_path):
-    chosen = ("--base", "KB", "--effects", "hardening_stiffness", "--no-faults")
+    chosen = ("--base", "KB", "--effects", "hardening_stiffness")
     out = run.done(
         "doctor", folder, *chosen, "--output", tmp_path / "one", "--excitation", tmp_path / "play.csv"
     )
     assert "hardening stiffness" in out
-    found = lumbar.doctor(lumbar.read(folder), base="KB", effects=["hardening_stiffness"], faults=False)
+    found = lumbar.doctor(lumbar.read(folder), base="KB", effects=["hardening_stiffness"])
     assert str(found) == out.rstrip("\n")
     found.save(tmp_path / "two")
     names = sorted(path.name for path in (tmp_path / "one").iterdir())
@@ -205,6 +159,6 @@ def test_a_misspelt_effect_is_told_before_anything_is_diagnosed(records, monkeyp
 
 def test_wrong_folders_and_records_are_refused(run, records, tmp_path):
     assert "nowhere" in run.refused("doctor", tmp_path / "nowhere")
-    flipped = FAULTS["sign_flip"].put_into(records, 1.0, 0)
+    flipped = [item.with_values(output=-item["output"]) for item in records]
     with pytest.raises(InputError, match="nothing can be put into these records: The sign of the force"):
         lumbar.doctor(flipped, base="KB")

@@ -1,4 +1,4 @@
-"""What could have been seen in a set of records: effects and mistakes put into them, and the further record that helps most."""
+"""What could have been seen in a set of records: effects put into them, and the further record that helps most."""
 
 from __future__ import annotations
 
@@ -11,16 +11,12 @@ from lumbar.base.errors import InputError
 from lumbar.base.progress import track
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.doctor.effect_sizes import (
-    FAULTS,
     Diagnose,
     EffectSize,
-    Fault,
-    FaultOutcomes,
     Kind,
     Outcome,
     diagnosis_or_refusal,
     effect_size,
-    fault_outcomes,
     judge_effect,
 )
 from lumbar.tissue.diagnosis.doctor.injection import Truth
@@ -52,7 +48,6 @@ class Examination:
     nothing: Outcome
     """What was said of the records that the refined model would give, nothing put into them."""
     effects: tuple[EffectSize, ...]
-    faults: tuple[FaultOutcomes, ...]
     further: FurtherRecord | None
 
     @property
@@ -68,11 +63,10 @@ def examine(
     diagnose: Diagnose,
     *,
     effects: Sequence[str] | None = None,
-    faults: bool = True,
     limits: Kinematics | None = None,
     seed: int = 0,
 ) -> Examination:
-    """Put effects and mistakes into records, diagnose them blind, and seek the further record that helps most.
+    """Put effects into records, diagnose them blind, and seek the further record that helps most.
 
     Parameters
     ----------
@@ -84,12 +78,10 @@ def examine(
         Blind diagnosis.
     effects : sequence of str, optional
         Names in the catalogue; default all.
-    faults : bool
-        Whether mistakes of a recording are tried too.
     limits : Kinematics, optional
         Of the machine that would play a further excitation, in the input's unit.
     seed : int
-        Of noise and of what is random in a mistake.
+        Of noise.
 
     Raises
     ------
@@ -110,12 +102,8 @@ def examine(
         effect_size(truth, effect, least_gain, diagnose)
         for effect in track(list(wanted.values()), "effects tried")
     ]
-    told = [
-        fault_outcomes(records, verdict, fault, diagnose, seed)
-        for fault in track(_mistakes(records, base.system) if faults else [], "mistakes tried")
-    ]
     further = further_record(truth, open_questions(sizes), limits)
-    return Examination(truth, nothing, tuple(sizes), tuple(told), further)
+    return Examination(truth, nothing, tuple(sizes), further)
 
 
 def _choice(
@@ -128,13 +116,6 @@ def _choice(
             f"{', '.join(missing)}: needs channels that these records do not have; can be tried: {', '.join(usable)}"
         )
     return {name: usable[name] for name in dict.fromkeys(names)}
-
-
-def _mistakes(records: Sequence[Record], system: str) -> list[Fault]:
-    """Mistakes that these records can have: a tissue's, and of one record only where there are others."""
-    if system != "tissue":
-        return []
-    return [fault for fault in FAULTS.values() if len(records) > 1 or not fault.one]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
-from lumbar.tissue.diagnosis.doctor.effect_sizes import CONFIRMED_AT, STRONG, EffectSize, FaultOutcomes
+from lumbar.tissue.diagnosis.doctor.effect_sizes import CONFIRMED_AT, STRONG, EffectSize
 from lumbar.tissue.diagnosis.doctor.examination import Examination
 from lumbar.tissue.diagnosis.doctor.injection import reaches_floor
 from lumbar.tissue.diagnosis.selection.verdict import effects_text, readable
@@ -16,11 +16,6 @@ def effects_table(found: Examination, data: str) -> Table:
     words = {"confirmed_at": CONFIRMED_AT, "strong": STRONG}
     rows = [effect_row(item, found) for item in found.effects]
     return described(__file__, "doctor", rows, data, words, notes=remarks(found))
-
-
-def faults_table(found: Examination, data: str) -> Table:
-    """Which mistakes of a recording would have been told, as ``doctor_faults.csv`` publishes it."""
-    return described(__file__, "doctor_faults", [fault_row(item) for item in found.faults], data)
 
 
 def effect_row(item: EffectSize, found: Examination) -> dict:
@@ -53,21 +48,6 @@ def _parameters_text(item: EffectSize, found: Examination) -> str:
     )
 
 
-def fault_row(item: FaultOutcomes) -> dict:
-    """One row of the table of mistakes."""
-    outcomes, size = item.outcomes, item.fault.size
-    largest, smallest, missed = max(outcomes), item.smallest, item.largest_missed
-    told_as = "" if smallest is None else outcomes[smallest].message
-    return {
-        "mistake": item.fault.words,
-        "largest": size(largest) or None,
-        "said": outcomes[largest].words,
-        "smallest_told": None if smallest is None else size(smallest) or "told",
-        "told_as": None if smallest is None else told_as.partition("\n")[0].strip(),
-        "not_told": None if missed is None else f"{size(missed)}: {outcomes[missed].words}".lstrip(": "),
-    }
-
-
 def remarks(found: Examination) -> list[str]:
     """What a reader must know of the records and of what was put into them."""
     truth = found.truth
@@ -89,10 +69,10 @@ def remarks(found: Examination) -> list[str]:
 
 
 def to_json(found: Examination, data: str) -> dict:
-    """Return the content of ``doctor.json`` (schema ``lumbar.doctor/2``)."""
+    """Return the content of ``doctor.json`` (schema ``lumbar.doctor/3``)."""
     truth = found.truth
     return {
-        "schema": "lumbar.doctor/2",
+        "schema": "lumbar.doctor/3",
         "data": data,
         "base": truth.fit.structure.base.name,
         "selected": list(truth.verdict.selected),
@@ -104,29 +84,15 @@ def to_json(found: Examination, data: str) -> dict:
             {**effect_row(item, found), "message": (item.outcome and item.outcome.message) or None}
             for item in found.effects
         ],
-        "mistakes": [
-            {
-                "mistake": item.fault.name,
-                "sizes": [
-                    {"size": size, "said": outcome.words, "message": outcome.message or None}
-                    for size, outcome in item.outcomes.items()
-                ],
-            }
-            for item in found.faults
-        ],
         "further_record": None if found.further is None else found.further.to_json(),
     }
 
 
 def terminal_text(found: Examination) -> str:
-    """Remarks, a table of effects, one of mistakes, and the further record that helps most."""
+    """Remarks, a table of effects, and the further record that helps most."""
     parts = ["\n".join(remarks(found))]
     if found.effects:
         parts.append(_effects_text(found))
-    if found.faults:
-        rows = [fault_row(item) for item in found.faults]
-        cells = [[row["mistake"], row["smallest_told"] or "–", row["not_told"] or "–"] for row in rows]
-        parts.append("\n".join(_in_columns([["mistake", "told down to", "not told"], *cells])))
     if found.further is not None:
         parts.append(found.further.sentence)
     elif found.effects:
