@@ -7,6 +7,7 @@ if study.has("perturbations"):
         input:
             unperturbed=[recording(path) for path in settings.perturbations.unperturbed],
             perturbed=[recording(path) for path in settings.perturbations.perturbed],
+            pushes=[recording(path) for path in getattr(settings.perturbations.pushes, "files", ())],
             checked="<results>/checked/perturbations.json",
         output:
             **published(

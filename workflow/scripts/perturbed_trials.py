@@ -16,6 +16,7 @@ def main(
     data: str,
 ):
     """Read all trials, compare them, write table and figure."""
+    from lumbar.lifting.movement.cleaning import low_pass
     from lumbar.lifting.pushes.feedback import feedback_sentence
     from lumbar.lifting.pushes.trial_separation import (
         body_trial,
@@ -33,6 +34,7 @@ def main(
     )
     from lumbar.publishing.figures.push_figures import trials_figure
     from lumbar.publishing.figures.style import save
+    from lumbar.records.columns import read_record
 
     trials, sheets, recordings = [], [], []
     for group in ("unperturbed", "perturbed"):
@@ -51,7 +53,14 @@ def main(
         for values, (recording, group) in zip(found, recordings, strict=True):
             values |= measures_of_trial(body_trial(recording, group, settings, lifting), settings)
     groups = [group for _, group in recordings]
-    feedback = feedback_sentence(trials, settings, stability)
+    torques = [None] * len(trials)
+    for number, path in enumerate(input.pushes, start=len(input.unperturbed)):
+        push, start = read_record(path, settings.pushes.layout), recordings[number][0].time[0]
+        # Filtered as the markers are.
+        same = lifting.filter.cutoff_Hz, lifting.filter.order
+        force = low_pass(push["force"], 1 / push.sampling_time, *same)
+        torques[number] = (push.time - start, settings.pushes.arm_m * force)
+    feedback = feedback_sentence(trials, torques, settings, stability)
     separation = separation_table(separation_frame(found, groups), groups, data, feedback)
     separation.write(stem(output.trial_separation))
     figure = trials_figure(trials, by_weight, settings, stability)

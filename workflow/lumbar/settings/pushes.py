@@ -3,7 +3,7 @@
 from typing import Literal
 
 from lumbar.settings.key import key, required, section, settings
-from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.layout import ColumnLayout, MarkerLayout, columns
 
 
 @settings
@@ -14,6 +14,18 @@ class LegMarkers:
     ankle: tuple[str, ...] = required(min_length=1)
     heel: tuple[str, ...] = required(min_length=1)
     toe: tuple[str, ...] = required(min_length=1)
+
+
+@settings
+class PushRecords:
+    """Recorded forces of the pushes, for the person's own feedback."""
+
+    files: tuple[str, ...] = required(min_length=1)
+    arm_m: float = required(within="(0, 2]")
+    layout: ColumnLayout = section(
+        default_factory=ColumnLayout,
+        columns=columns(time=("time_s", "s", "time"), force=("force_N", "N", "force")),
+    )
 
 
 @settings
@@ -29,8 +41,16 @@ class PerturbationsSettings:
     plane: Literal["lateral_bending", "flexion_extension"] = required()
     unperturbed: tuple[str, ...] = required(min_length=3)
     perturbed: tuple[str, ...] = required(min_length=1)
+    pushes: PushRecords | None = key(default=None)
     legs: LegMarkers | None = key(default=None)
     markers: MarkerLayout = section(default_factory=MarkerLayout)
+
+    def __post_init__(self):
+        if self.pushes is not None and len(self.pushes.files) != len(self.perturbed):
+            raise ValueError(
+                f"pushes.files: {len(self.pushes.files)} files for {len(self.perturbed)} perturbed trials; one of each is "
+                "needed, in the same order"
+            )
 
 
 @settings

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lumbar.settings.improvement import RecordSetSettings, system_of
-from lumbar.settings.layout import ColumnLayout
+from lumbar.settings.layout import ColumnLayout, RecordSettings
 from lumbar.settings.plain import plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -112,7 +112,9 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
         ],
     }
     if settings.perturbations:
-        files["perturbations"] = [*settings.perturbations.unperturbed, *settings.perturbations.perturbed]
+        trials = settings.perturbations
+        pushes = trials.pushes.files if trials.pushes else ()
+        files["perturbations"] = [*trials.unperturbed, *trials.perturbed, *pushes]
     lifted = not LIFTED.isdisjoint(study.settings.chapters)
     return {
         chapter: names
@@ -193,6 +195,11 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
                 _marker_reading(study, chapter, name, layout)
                 for name in (*trials.unperturbed, *trials.perturbed)
             ]
+            if pushes := trials.pushes:
+                records = [
+                    RecordSettings(f"push_{number}", file) for number, file in enumerate(pushes.files, 1)
+                ]
+                plan += [_column_reading(study, chapter, record, pushes.layout, None) for record in records]
         elif chapter == "survey":
             path, layout = study.recording(settings.survey.file), plain(settings.survey.layout)
             plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": layout})

@@ -1,96 +1,372 @@
-"""A person's own feedback, from repeated trials.
+"""A person's own feedback, gains and delay, from repeated trials with recorded pushes; and the basin with it.
 
-Around their mean movement the trials deviate by e and ω at equal phase. With the pendulum of Eq. 4.1,
+With the pendulum of Eq. 4.1 and the torque p of a push about its pivot, deviations e and ω from the mean movement obey
 
-    −(I·α + b·ω + σmgℓ·(sin(θ0 + e) − sin θ0)) = K1(t)·e + K2(t)·ω − disturbance,
+    I·θ̈ + b·ω + σmgℓ·sin θ − p = c(t) − K1(t)·e(t − τ) − K2(t)·ω(t − τ) + d.
 
-so that K follows by least squares with a low order in time. The disturbance must change faster than the states, or it is
-mistaken for feedback; noise in the states makes the gains too small. Intervals leave out one trial after the other (jackknife)
-and are Student's with trials − 1 degrees of freedom.
+c is the same in all trials and goes with their mean at equal time. The person's own noise d goes round the loop, and a
+regression on the states takes it for feedback (van der Kooij et al. 2005). Pushes know nothing of it. So the instruments are
+the states with which the linear loop of the last estimate answers the pushes (Young and Jakeman 1979): four for K1 and K2,
+linear in time, one for the delay. Noise of the angles does not bias them either. Intervals leave out one trial after the other.
+
+Whether a linear feedback is all that the pushes call forth is asked of three instruments more: two cubic in that answer, one
+quadratic in time (Hansen 1982).
 """
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lumbar.base.errors import InputError
+from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.pushes.roc import jackknife_interval
 from lumbar.lifting.stability.comparison.perturbed_trials import PHASE_POINTS, Trial, mean_trajectory
-from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
-from lumbar.settings.pushes import PerturbationsSettings
+from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather, remainder
+from lumbar.lifting.stability.model.eq_4_2_regulator import regulate, weights_of
+from lumbar.settings.pushes import OutcomeSettings, PerturbationsSettings
 from lumbar.settings.stability import StabilitySettings
 
-FEWEST_TRIALS = 4
+FEWEST_TRIALS, FEWEST_DIFFERENT = 8, 3
+NOT_RECORDED = (
+    "The person's own feedback cannot be told, and the regulator stays assumed: without recorded forces nobody can tell the "
+    f"feedback from the noise that goes round its loop. At least {FEWEST_TRIALS} trials would be needed, some without a push and "
+    "some with one forward or backward at different times, the force named in perturbations.pushes"
+)
+LONGEST_DELAY_S, LARGEST_SHIFT_S, DELAY_TOLERANCE_S = 0.35, 0.05, 1e-4
+"""Of the delay: the most, the most of one step and below 0, and the last step."""
+PASSES, SETTLED = 60, 2
+"""Most steps towards the estimate, and those after which the instruments stay."""
+WIDEST, SIGNIFICANCE = 0.5, 0.05
+"""Half-width of an interval as a share of its gain with which the feedback still counts as known; p of no linear feedback."""
+RETURNING = 5.0
+"""How many times as far as the first a loop may answer the pushes that still makes instruments."""
+FURTHEST_DEG = OutcomeSettings().lean_deg
+"""From the movement, beyond which nobody returns."""
+DIRECTIONS, LARGEST_START, FALLING_1_S = 32, 4.0, 5.0
+"""In which starts are looked for, and how far: in `FURTHEST_DEG`, velocities in that times about the rate of a fall."""
+EDGE = 2
+"""Points at either end that second differences spoil."""
 
 
-def estimate_feedback(
-    pendulum: Pendulums, error: np.ndarray, rate: np.ndarray, acceleration: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate K1(t) and K2(t), linear in phase, from deviations of trials about their mean.
+@dataclass(frozen=True)
+class Feedback:
+    """Estimates from all trials, followed by those without each; first axis 1 + trials."""
 
-    The angle of the one pendulum at `points` even phases is the mean movement; deviations of angle, angular velocity and
-    angular acceleration have shape (trials, points). Returned are the ends of the pointwise 95 % interval, shape (points, 2)
-    each, in N·m/rad and N·m·s/rad.
+    gains: np.ndarray
+    """Shape (1 + trials, points, 2): K1(t) in N·m/rad and K2(t) in N·m·s/rad."""
+    delay: np.ndarray
+    """Shape (1 + trials,): τ in s; noise may put a short one below 0."""
+    p_linear: float
+    """How often a feedback linear in states and time leaves as much that hangs on the pushes."""
+    unknown: tuple[str, ...]
+    """Why the trials cannot tell the feedback, and which experiment would; empty where they can."""
+
+
+def follow_errors(
+    pendulum: Pendulums, gains: np.ndarray, delay: np.ndarray, push: np.ndarray, start: np.ndarray
+) -> np.ndarray:
+    """Follow errors through loops with delay and the true sine, by Heun's method; before t = 0 there is no error.
+
+    One pendulum has many loops: `gains` of shape (loops, points, 2), `delay` (loops,), `push` (loops or 1, points) in N·m and
+    `start` (2, loops). Returned is the error of angle and velocity, shape (2, loops, points).
     """
-    if len(error) < FEWEST_TRIALS:
-        raise InputError(
-            f"feedback: {len(error)} trials; at least {FEWEST_TRIALS} are needed to estimate gains and their intervals"
-        )
-    mean = pendulum.angle[:, 0]
-    torque = -(
-        pendulum.inertia[0] * acceleration
-        + pendulum.damping[0] * rate
-        + pendulum.gravity_torque[0] * (np.sin(mean + error) - np.sin(mean))
+    points, loops = len(pendulum.angle), np.arange(start.shape[1])
+    a21, a22, b2 = pendulum.linearisation(pendulum.angle)
+    curved = pendulum.gravity_torque / pendulum.inertia
+    step = float(pendulum.duration[0]) / (points - 1)
+    whole, part = np.divmod(np.maximum(delay, 0.0) / step, 1.0)
+    whole = whole.astype(int)
+    # The error before t = 0, all zero, stands first.
+    before = int(whole.max()) + 1
+    state = np.zeros((before + points, 2, len(loops)))
+    state[before] = start
+
+    def rate(point: int) -> np.ndarray:
+        late, (e, w) = before + point - whole, state[before + point]
+        felt = (1 - part) * state[late, :, loops].T + part * state[late - 1, :, loops].T
+        torque = push[:, point] - (gains[:, point].T * felt).sum(axis=0)
+        gravity = a21[point] * e - curved * remainder(pendulum.angle[point], e)
+        return np.stack([w, gravity + a22 * w + b2 * torque])
+
+    for point in range(points - 1):
+        first, here = rate(point), state[before + point]
+        state[before + point + 1] = here + step * first
+        state[before + point + 1] = here + 0.5 * step * (first + rate(point + 1))
+    return np.moveaxis(state[before:], 0, -1)
+
+
+def delayed(values: np.ndarray, lag: float) -> np.ndarray:
+    """Return values at `lag` points earlier, linear between points, 0 before the first; time is the last axis."""
+    last = values.shape[-1] - 1
+    place = np.minimum(np.arange(last + 1) - lag, last)
+    low = np.clip(place.astype(int), 0, last - 1)
+    return (values[..., low] + (place - low) * (values[..., low + 1] - values[..., low])) * (place >= 0)
+
+
+@dataclass(frozen=True)
+class _Trials:
+    """Deviations of trials from their mean at equal time, shape (trials, points) each."""
+
+    pendulum: Pendulums
+    states: np.ndarray
+    """Shape (2, trials, points): rad and rad/s."""
+    torque: np.ndarray
+    """Of the feedback and the person's noise, N·m."""
+    push: np.ndarray
+    step: float
+    """Seconds between points."""
+    basis: np.ndarray
+    """Constant and linear in time, shape (points, 2)."""
+
+    def gains(self, found: np.ndarray) -> np.ndarray:
+        """Return K1(t) and K2(t), shape (..., points, 2), of coefficients whose first four are theirs."""
+        return np.einsum("pi,...ki->...pk", self.basis, found[..., :4].reshape(*found.shape[:-1], 2, 2))
+
+    def columns(self, states: np.ndarray, delay: float) -> np.ndarray:
+        """Return delayed states times the basis, shape (trials, points, 4)."""
+        late = delayed(states, delay / self.step)
+        return np.concatenate([item[..., None] * self.basis for item in late], axis=-1)
+
+    def answer(self, gains: np.ndarray, delay: float) -> np.ndarray:
+        """Return angle, velocity and acceleration with which a loop answers the pushes, shape (3, trials, points)."""
+        count = len(self.push)
+        each = np.broadcast_to(gains, (count, *gains.shape))
+        e, w = follow_errors(self.pendulum, each, np.full(count, delay), self.push, np.zeros((2, count)))
+        answer = np.stack([e, w, np.gradient(w, self.step, axis=1)])
+        return answer - answer.mean(axis=1, keepdims=True)
+
+    def instruments(self, answer: np.ndarray, gains: np.ndarray, delay: float) -> np.ndarray:
+        """Return four instruments for the gains and the torque's slope over the delay, shape (trials, points, 5)."""
+        _, w, a = delayed(answer, delay / self.step)
+        slope = -(gains[:, 0] * w + gains[:, 1] * a)[..., None]
+        return np.concatenate([self.columns(answer[:2], delay), slope], axis=-1)
+
+
+def identify_feedback(pendulum: Pendulums, angle: np.ndarray, push: np.ndarray) -> Feedback:
+    """Estimate K1(t), K2(t) and their delay.
+
+    Parameters
+    ----------
+    pendulum : Pendulums
+        One, about the mean movement.
+    angle : numpy.ndarray, shape (trials, points)
+        θ in rad at the even times of the pendulum, from an event before the push.
+    push : numpy.ndarray, shape (trials, points)
+        Torque of the push about the pivot in N·m, positive as the angle and filtered as it; zero in trials without.
+
+    Raises
+    ------
+    InputError
+        Fewer than `FEWEST_TRIALS` trials, or no pushes that differ between trials.
+    NumericalError
+        No delay up to `LONGEST_DELAY_S` explains the answers.
+    """
+    trials = _trials(pendulum, angle, push)
+    # The first guess: twice what gravity asks, well damped, a tenth of a second late.
+    stiffness = 2 * np.abs(pendulum.gravity_torque[0])
+    gains = np.tile([stiffness, np.sqrt(2 * pendulum.inertia[0] * stiffness)], (angle.shape[1], 1))
+    delay = 0.1
+    answer = trials.answer(gains, delay)
+    reach, instruments = np.abs(answer[0]).max(), np.empty(0)
+    for count in range(PASSES):
+        # A loop that does not return answers nothing of use: the last one that did stays.
+        again = trials.answer(gains, delay)
+        answer = again if np.abs(again[0]).max() < RETURNING * reach else answer
+        newest = trials.instruments(answer, gains, delay)
+        instruments = newest if count < SETTLED else instruments
+        regressors = np.concatenate([trials.columns(trials.states, delay), newest[..., 4:]], axis=-1)
+        squares, products = map(_sums, _moments(instruments, regressors, trials.torque))
+        every = np.linalg.solve(squares, products[..., None])[..., 0]
+        gains, shift = trials.gains(every[0]), every[0, 4]
+        moved = delay + np.clip(shift, -LARGEST_SHIFT_S, LARGEST_SHIFT_S)
+        delay = float(np.clip(moved, -LARGEST_SHIFT_S, LONGEST_DELAY_S))
+        if count >= SETTLED and abs(shift) < DELAY_TOLERANCE_S:
+            further = _beyond(delayed(answer[:2], delay / trials.step), trials.basis[:, 1] ** 2)
+            p_linear = _p_zero(*_moments(further, regressors, trials.torque), every)
+            return _feedback(pendulum, trials.gains(every), delay - shift + every[:, 4], p_linear)
+    raise NumericalError(
+        f"feedback: no linear feedback with a delay of up to {LONGEST_DELAY_S:g} s explains how {len(push)} trials answer their "
+        "pushes; record more trials or larger pushes, and see that forces and markers share one clock"
     )
-    phase = np.linspace(0.0, 1.0, error.shape[1])
-    basis = np.polynomial.legendre.legvander(2 * phase - 1, 1)
-    # Trial by trial the normal equations, so that leaving one out is a subtraction.
-    columns = np.concatenate([error[..., None] * basis, rate[..., None] * basis], axis=-1)
-    squares = np.einsum("tpi,tpj->tij", columns, columns)
-    products = np.einsum("tpi,tp->ti", columns, torque)
 
-    def gains(matrix, vector) -> np.ndarray:
-        coefficients = np.linalg.solve(matrix, vector[..., None])[..., 0]
-        both = coefficients.reshape(*coefficients.shape[:-1], 2, 2)
-        return np.einsum("...ki,pi->...pk", both, basis)
 
-    whole = squares.sum(axis=0), products.sum(axis=0)
-    return jackknife_interval(gains(*whole), gains(whole[0] - squares, whole[1] - products))
+def _trials(pendulum: Pendulums, angle: np.ndarray, push: np.ndarray) -> _Trials:
+    if len(angle) < FEWEST_TRIALS:
+        raise InputError(
+            f"feedback: {len(angle)} trials; at least {FEWEST_TRIALS} are needed for gains, delay and their intervals"
+        )
+    other = np.abs(push - np.median(push, axis=0)).max(axis=1) > 1e-6 * np.abs(push).max()
+    if (differ := int(other.sum())) < FEWEST_DIFFERENT:
+        raise InputError(
+            f"feedback: the push differs from the others' in {differ} trials, at least {FEWEST_DIFFERENT} are needed; record "
+            "trials with and without a push, forward and backward, at different times"
+        )
+    step = float(pendulum.duration[0]) / (angle.shape[1] - 1)
+    rate = np.gradient(angle, step, axis=1, edge_order=2)
+    acceleration = np.zeros_like(angle)
+    acceleration[:, 1:-1] = np.diff(angle, 2, axis=1) / step**2
+    moving = pendulum.inertia * acceleration + pendulum.damping * rate
+    torque = moving + pendulum.gravity_torque * np.sin(angle) - push
+    apart = [values - values.mean(axis=0) for values in (angle, rate, torque, push)]
+    basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, angle.shape[1]), 1)
+    return _Trials(pendulum, np.stack(apart[:2]), *apart[2:], step, basis)
+
+
+def _beyond(answer: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Return three columns that gains linear in time do not explain, shape (trials, points, 3)."""
+    e, w = answer / np.sqrt(np.mean(answer**2, axis=(1, 2), keepdims=True))
+    columns = np.stack([e**3, w * e**2, e * basis], axis=-1)
+    return columns - columns.mean(axis=0)
+
+
+def _moments(*columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what every trial adds to the equations: regressors and negative torque on the instruments."""
+    instruments, regressors, torque = (item[:, EDGE:-EDGE] for item in columns)
+    squares = np.einsum("tpi,tpj->tij", instruments, regressors)
+    return squares, -np.einsum("tpi,tp->ti", instruments, torque)
+
+
+def _sums(parts: np.ndarray) -> np.ndarray:
+    """Sum over all trials and, with the mean over the others, without each; shape (1 + trials, ...)."""
+    whole = parts.sum(axis=0)
+    return np.concatenate([whole[None], whole - len(parts) / (len(parts) - 1) * parts])
+
+
+def _p_zero(squares: np.ndarray, products: np.ndarray, every: np.ndarray) -> float:
+    """Test that what is left has no part in further instruments (Hotelling's T² of the jackknife)."""
+    from scipy.stats import f
+
+    left = _sums(products) - np.einsum("tij,tj->ti", _sums(squares), every)
+    trials, count = len(squares), left.shape[1]
+    scatter = (trials - 1) * np.cov(left[1:], rowvar=False, bias=True)
+    square = left[0] @ np.linalg.solve(scatter, left[0])
+    return float(f.sf((trials - count) / (count * (trials - 1)) * square, count, trials - count))
+
+
+def _feedback(pendulum: Pendulums, gains: np.ndarray, delay: np.ndarray, p_linear: float) -> Feedback:
+    """Judge the estimates at half the movement."""
+    middle, trials = gains.shape[1] // 2, len(gains) - 1
+    first, second = gains[:, middle].T
+    unknown = []
+    for name, values in (("K1", first), ("K2", second)):
+        low, high = interval_of(values)
+        share = (high - low) / (2 * abs(values[0]))
+        if share > WIDEST:
+            times = (share / WIDEST) ** 2
+            unknown.append(
+                f"{name} is known to ±{100 * share:.0f} %, ±{100 * WIDEST:.0f} % are needed: {np.ceil(times * trials):.0f} such "
+                f"trials would do, or pushes {np.sqrt(times):.1f} times as large"
+            )
+    # What is left of stiffness, and of damping to the first order of the delay.
+    net = (
+        first + pendulum.gravity_torque * np.cos(pendulum.angle[middle]),
+        second + pendulum.damping - delay * first,
+    )
+    if min(interval_of(values)[0] for values in net) <= 0:
+        unknown.append(
+            "the intervals hold a loop that does not return, with which nobody moves: record more trials or larger pushes"
+        )
+    if p_linear < SIGNIFICANCE:
+        unknown.append(
+            f"a feedback linear in states and time does not explain the answers (p = {p_linear:.2g}): pushes of three sizes at "
+            "one instant would tell from which size on the person acts, pushes of one size at three instants how the gains change"
+        )
+    return Feedback(gains, delay, p_linear, tuple(unknown))
+
+
+def interval_of(values: np.ndarray) -> tuple[float, float]:
+    """Return the 95 % interval of a number of every estimate, shape (1 + trials,)."""
+    low, high = jackknife_interval(values[0], values[1:])
+    return float(low), float(high)
+
+
+def basin_area(
+    pendulum: Pendulums, gains: np.ndarray, delay: np.ndarray, stability: StabilitySettings
+) -> np.ndarray:
+    """Return the area in rad²/s of all starts at t = 0 from which loops with delay return, shape (loops,).
+
+    They do when they end in the goal set and never stray further than `FURTHEST_DEG` from the movement, with the true sine and
+    nothing wrong before t = 0. Other than a funnel this needs no V, and holds with a delay. The edge is found in `DIRECTIONS`
+    directions, to a thousandth of its furthest place.
+    """
+    goal, furthest = weights_of(stability).terminal, np.radians(FURTHEST_DEG)
+    turn = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)
+    scale = furthest * np.array([1.0, FALLING_1_S])
+    direction = np.tile(scale[:, None] * np.stack([np.cos(turn), np.sin(turn)]), len(gains))
+    every = [np.repeat(part, DIRECTIONS, axis=0) for part in (gains, delay)]
+    quiet = np.zeros((1, gains.shape[1]))
+
+    def returns(radius: np.ndarray) -> np.ndarray:
+        # Loops that do not return may overflow.
+        with np.errstate(over="ignore", invalid="ignore"):
+            e, w = follow_errors(pendulum, *every, quiet, radius * direction)
+            near = (np.abs(e) < furthest).all(axis=1)
+            last, speed = e[:, -1], w[:, -1]
+            value = goal[0] * last**2 + 2 * goal[1] * last * speed + goal[2] * speed**2
+            return near & (value <= stability.goal_level)
+
+    radius, step = np.zeros(direction.shape[1]), LARGEST_START / 2
+    while step > LARGEST_START / 1000:
+        radius = np.where(returns(radius + step), radius + step, radius)
+        step /= 2
+    return scale.prod() * np.pi * np.mean(radius.reshape(-1, DIRECTIONS) ** 2, axis=1)
+
+
+def trials_at_equal_time(
+    trials: list[Trial],
+    torques: list[tuple[np.ndarray, np.ndarray] | None],
+    settings: PerturbationsSettings,
+    stability: StabilitySettings,
+) -> tuple[Pendulums, np.ndarray, np.ndarray]:
+    """Return what `identify_feedback` takes: trials from their start to the end of the shortest, standing upright.
+
+    `torques` has of each trial the times in s since its start and the torque in N·m, None without a push.
+    """
+    from scipy.interpolate import CubicSpline
+
+    duration = min(trial.duration for trial in trials)
+    time, phase = np.linspace(0.0, duration, PHASE_POINTS), np.linspace(0.0, 1.0, PHASE_POINTS)
+    cut = [
+        replace(trial, duration=duration, angle=CubicSpline(phase * trial.duration, trial.angle)(time))
+        for trial in trials
+    ]
+    knots, given = (PHASE_POINTS + 1) // 2, stability.pendulum
+    mean = mean_trajectory(cut, settings)
+    pendulum = gather([mean], "inverted", given.damping_N_m_s, given.gravity_m_s2, knots)
+    push = [np.zeros(PHASE_POINTS) if one is None else np.interp(time, *one, 0.0, 0.0) for one in torques]
+    return pendulum, np.array([trial.angle for trial in cut]), np.array(push)
 
 
 def feedback_sentence(
-    trials: list[Trial], settings: PerturbationsSettings, stability: StabilitySettings
+    trials: list[Trial],
+    torques: list[tuple[np.ndarray, np.ndarray] | None],
+    settings: PerturbationsSettings,
+    stability: StabilitySettings,
 ) -> str:
-    """Say what the trials of a person tell of the feedback at half the movement, with gravity as on a standing person.
+    """Say what the trials of a person tell of the feedback, or why they do not, and what the basin is with it.
 
-    Deviations are those from the mean of the unperturbed trials; accelerations are derivatives of splines.
+    Arguments are those of `trials_at_equal_time`.
     """
-    quiet = [item for item in trials if item.group == "unperturbed"]
-    parts = []
-    for name, chosen in (("unperturbed", quiet), ("all", trials)):
-        low, high = (end[PHASE_POINTS // 2] for end in _feedback_of(chosen, quiet, settings, stability))
-        parts.append(
-            f"K1 {low[0]:.0f} to {high[0]:.0f} N·m/rad and K2 {low[1]:.0f} to {high[1]:.0f} N·m·s/rad from {name} ({len(chosen)} "
-            "trials)"
-        )
-    return (
-        f"What would be the person's own feedback at half the movement (inverted pendulum, 95 %, jackknife over trials): "
-        f"{'; '.join(parts)}. The deviations hold differences of tempo and the perturbations, whose forces were not recorded: no "
-        "basin is made of these gains, and the regulator stays assumed"
+    if settings.pushes is None:
+        return NOT_RECORDED
+    try:
+        pendulum, angle, push = trials_at_equal_time(trials, torques, settings, stability)
+        found = identify_feedback(pendulum, angle, push)
+    except (InputError, NumericalError) as error:
+        return f"The person's own feedback cannot be told, and the regulator stays assumed: {error}"
+    first, second = (interval_of(values) for values in found.gains[:, PHASE_POINTS // 2].T)
+    delay = [1000 * max(end, 0.0) for end in interval_of(found.delay)]
+    words = (
+        f"The person's own feedback at half the movement (inverted pendulum, 95 %, jackknife over {len(trials)} trials): K1 "
+        f"{first[0]:.0f} to {first[1]:.0f} N·m/rad, K2 {second[0]:.0f} to {second[1]:.0f} N·m·s/rad, delay {delay[0]:.0f} to "
+        f"{delay[1]:.0f} ms"
     )
-
-
-def _feedback_of(trials, quiet, settings: PerturbationsSettings, stability: StabilitySettings):
-    from scipy.interpolate import CubicSpline
-
-    mean, pendulum = mean_trajectory(quiet, settings), stability.pendulum
-    knots = (PHASE_POINTS + 1) // 2
-    loop = gather([mean], ["inverted"], [pendulum.damping_N_m_s], pendulum.gravity_m_s2, knots)
-    phase = np.linspace(0.0, 1.0, PHASE_POINTS)
-    acceleration = [
-        CubicSpline(phase * item.duration, item.angular_velocity)(phase * item.duration, 1) for item in trials
-    ]
-    return estimate_feedback(
-        loop,
-        np.array([item.angle for item in trials]) - mean.angle,
-        np.array([item.angular_velocity for item in trials]) - mean.angular_velocity,
-        np.array(acceleration) - mean.angular_acceleration,
+    if found.unknown:
+        return f"{words}. It counts as not told, and the regulator stays assumed: {'; '.join(found.unknown)}"
+    low, high = interval_of(basin_area(pendulum, found.gains, found.delay, stability))
+    gains = regulate(pendulum, weights_of(stability)).gains.transpose(1, 0, 2)
+    assumed = basin_area(pendulum, gains, np.zeros(1), stability)
+    return (
+        f"{words}. Starts from which this feedback brings the person back (into the goal set, never further than "
+        f"{FURTHEST_DEG:g}° from the movement) fill {max(low, 0):.2g} to {high:.2g} rad²/s, with the study's regulator "
+        f"{assumed[0]:.2g}"
     )
