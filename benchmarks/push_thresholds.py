@@ -218,7 +218,7 @@ def bodies(persons: int, phases: tuple[float, ...], pushes: int = 24) -> pd.Data
     for number in range(pushes):
         done = records(persons, rows, phases)
         posterior = posterior_of(done, number)
-        chosen = [next_push(done, posterior, str(one)) for one in range(persons)]
+        chosen = [next_push(done, posterior, str(one), 1.5) for one in range(persons)]
         ways = np.array([WAYS.index(item.direction) for item in chosen])
         phase, size = (
             np.array([getattr(item, name) for item in chosen]) for name in ("phase", "impulse_N_s")

@@ -40,7 +40,7 @@ def quadrature(sheet: pd.DataFrame) -> np.ndarray:
     )
     likelihood = np.zeros_like(t)
     for one, share in zip(unit, weight, strict=True):
-        p = 0.01 + 0.98 / (1 + np.exp(-np.clip((size[:, None] - t) / (0.12 * np.exp(0.7 * one)), -500, 500)))
+        p = 0.01 + 0.98 / (1 + np.exp(-np.clip((size[:, None] - t) / (0.12 * np.exp(one)), -500, 500)))
         likelihood += share * np.where(stepped[:, None], p, 1 - p).prod(axis=0)
     return np.interp([0.025, 0.5, 0.975], np.cumsum(prior * likelihood) / (prior @ likelihood), t)
 

@@ -51,7 +51,9 @@ def next_push(
     options = []
     for direction, (low, high) in enumerate(records.ranges):
         stood = records.size[(records.person == own) & (records.direction == direction) & ~records.stepped]
-        most, sizes = max(low, step * stood.max(initial=0.0)), np.geomspace(low, high, SIZES)
+        # Other sizes each time: repeats of a size bracket a threshold no further.
+        shares = (np.arange(SIZES) + 0.618 * len(records.size) % 1) / SIZES
+        most, sizes = max(low, step * stood.max(initial=0.0)), np.r_[low, low * (high / low) ** shares]
         options += [(direction, phase, size) for size in sizes[sizes <= most] for phase in records.phases]
     way, phase, size = (np.array(item) for item in zip(*options, strict=True))
     curve = t[:, way], phase, posterior.phase[:, way], posterior.width[:, way]

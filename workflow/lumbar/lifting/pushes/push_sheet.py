@@ -10,16 +10,7 @@ from lumbar.lifting.pushes.dose_response import PushRecords
 
 NEEDED = ("person", "direction", "impulse_N_s", "stepped")
 KNOWN = (*NEEDED, "phase", "mass_kg")
-OUTCOMES = {
-    "1": True,
-    "1.0": True,
-    "yes": True,
-    "true": True,
-    "0": False,
-    "0.0": False,
-    "no": False,
-    "false": False,
-}
+YES, NO = ("1", "1.0", "yes", "true"), ("0", "0.0", "no", "false")
 PHASES = (0.25, 0.5, 0.75)
 """At which pushes may be given where the sheet has phases."""
 
@@ -37,61 +28,49 @@ def records_of(
         With the row and column of every problem; the first row below the header is row 2.
     """
     problems = Problems(name)
-    for column in NEEDED:
-        if column not in sheet:
-            problems.add(
-                "header", f"no column {column!r}", f"there are: {', '.join(map(str, sheet.columns))}"
-            )
+    for column in [column for column in NEEDED if column not in sheet]:
+        problems.add("header", f"no column {column!r}", f"there are: {', '.join(map(str, sheet.columns))}")
     problems.raise_if_any()
 
     def check(column: str, right, allowed: str) -> None:
         for row in np.flatnonzero(~np.asarray(right)):
-            problems.add(
-                f"row {row + 2}, column {column}", f"{sheet[column].iloc[row]!s:.40}", f"needed: {allowed}"
-            )
+            problems.add(f"row {row + 2}, column {column}", f"{sheet[column].iloc[row]!s:.40}", allowed)
 
+    numbers = {"phase": np.full(len(sheet), 0.5)}
+    for column, least, most in (("impulse_N_s", 1e-9, 1e9), ("phase", 0.0, 1.0), ("mass_kg", 1e-9, 1e9)):
+        if column in sheet:
+            values = numbers[column] = pd.to_numeric(sheet[column], errors="coerce").to_numpy(float)
+            allowed = "0 to 1" if column == "phase" else "numbers above 0"
+            check(column, (values >= least) & (values <= most), f"allowed: {allowed}, with a decimal point")
     words = {column: sheet[column].astype(str).str.strip() for column in NEEDED}
-    numbers = {
-        column: pd.to_numeric(sheet[column], errors="coerce").to_numpy(float)
-        for column in ("impulse_N_s", "phase", "mass_kg")
-        if column in sheet
-    }
-    size, stepped = numbers["impulse_N_s"], words["stepped"].str.lower().map(OUTCOMES)
-    phase = numbers.get("phase", np.full(len(sheet), 0.5))
     for column in ("person", "direction"):
-        check(column, sheet[column].notna(), "a name")
-    for column, values in numbers.items():
-        least, most, also = (0, 1, ", a share of the movement") if column == "phase" else (1e-9, 1e9, "")
-        check(
-            column,
-            (values >= least) & (values <= most),
-            f"a number from {least:g} to {most:g}{also}, with a decimal point",
-        )
-    check("stepped", stepped.notna(), "1 or 0, yes or no")
+        check(column, sheet[column].notna(), "a name is needed")
+    stepped = words["stepped"].str.lower()
+    check("stepped", stepped.isin(YES + NO), "allowed: 1 or 0, yes or no")
     problems.raise_if_any()
-    there = dict(tuple(pd.Series(size).groupby(words["direction"].to_numpy(), sort=False)))
-    ranges = sizes or {direction: (float(own.min()), float(own.max())) for direction, own in there.items()}
-    if not ranges:
-        problems.add(
-            "", "no push yet", "say the directions and sizes that may be given, e.g. --sizes forward=2:30"
-        )
-    for direction in there.keys() - ranges.keys():
-        problems.add("sizes", f"none of direction {direction!r}", f"there are: {', '.join(ranges)}")
-    for direction, (low, high) in (sizes or {}).items():
+    size, direction = numbers["impulse_N_s"], words["direction"].to_numpy()
+    found = {
+        name: (size[direction == name].min(), size[direction == name].max())
+        for name in dict.fromkeys(direction)
+    }
+    ranges = sizes or found
+    for name in found.keys() - ranges.keys():
+        problems.add("sizes", f"none of direction {name!r}", f"there are: {', '.join(ranges)}")
+    for name, (low, high) in (sizes or {}).items():
         if not 0 < low < high < np.inf:
-            problems.add(
-                "sizes", f"{direction} from {low:g} to {high:g}", "from above 0 N·s to a larger size"
-            )
+            problems.add("sizes", f"{name} from {low:g} to {high:g}", "from above 0 N·s to a larger size")
+    if not ranges:
+        problems.add("", "no push yet", "say which may be given, e.g. --sizes forward=2:30")
     problems.raise_if_any()
-    persons = list(dict.fromkeys(words["person"]))
+    person, persons = pd.factorize(words["person"])
     return PushRecords(
         tuple(persons),
         tuple(ranges),
-        np.array([persons.index(item) for item in words["person"]], dtype=int),
-        np.array([list(ranges).index(item) for item in words["direction"]], dtype=int),
-        phase,
+        person,
+        np.array([list(ranges).index(name) for name in direction], dtype=int),
+        numbers["phase"],
         size,
-        stepped.to_numpy(bool),
+        stepped.isin(YES).to_numpy(bool),
         np.array(list(ranges.values()), dtype=float),
         PHASES if "phase" in sheet else (0.5,),
     )

@@ -17,6 +17,8 @@ from lumbar.settings.pushes import ScoringSettings
 
 NOBODY = "a person not pushed yet"
 ENDS = (0.5, 0.025, 0.975)
+FEWEST_OPEN = 3.0
+"""Outcomes that were open, each counted as p(1 − p), below which no sum of them is normal."""
 BANDS = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
 """Of predicted chances, by which pushes are counted together."""
 
@@ -96,10 +98,10 @@ def trends(records: PushRecords, told: np.ndarray) -> tuple[float, float]:
         here = records.person == person
         order[here] = np.linspace(-1, 1, here.sum()) if here.sum() > 1 else 0.0
     bend = (records.phase - 0.5) ** 2
-    found = []
+    found, open_ = [], told * (1 - told)
     for course in (order, bend - bend.sum() / max(len(bend), 1)):
-        scatter = np.sqrt((told * (1 - told) * course**2).sum())
-        found.append(float(((records.stepped - told) * course).sum() / scatter) if scatter > 0 else 0.0)
+        scatter, more = np.sqrt((open_ * course**2).sum()), ((records.stepped - told) * course).sum()
+        found.append(float(more / scatter) if scatter > 0 and open_.sum() > FEWEST_OPEN else 0.0)
     return found[0], found[1]
 
 
