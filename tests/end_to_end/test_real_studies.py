@@ -85,10 +85,7 @@ def test_sit_to_stand(folder, shared):
     for sign in ("inverted", "hanging"):
         assert largest[sign, "perturbed"] > 2 * largest[sign, "unperturbed"]
     page = (results / "tables" / "perturbed_trials.html").read_text(encoding="utf-8")
-    assert "insufficient data: 5 trials" in page and "assumed 70 kg" in page
+    assert "own feedback cannot be told" in page and "assumed 70 kg" in page
     assert page.count("trials that lie inside throughout") == 2
-    apart = pd.read_csv(results / "tables" / "trial_separation.csv").set_index("measure")
-    assert apart.loc["margin_forward", "auc"] == apart.loc["basin", "auc"] == 1.0
-    assert apart["p_exact"].min() == pytest.approx(2 / 252)
     quality = pd.read_csv(results / "tables" / "quality_of_trials.csv")
     assert len(quality) == 10 and set(quality.findings) == {"none"}

@@ -10,9 +10,7 @@ if study.has("perturbations"):
             pushes=[recording(path) for path in getattr(settings.perturbations.pushes, "files", ())],
             checked="<results>/checked/perturbations.json",
         output:
-            **published(
-                "quality_of_trials", "perturbed_trials", "trial_separation", "perturbed_trials_figure"
-            ),
+            **published("quality_of_trials", "perturbed_trials", "perturbed_trials_figure"),
         log:
             "<logs>/perturbed_trials.log",
         benchmark:

@@ -18,12 +18,6 @@ def main(
     """Read all trials, compare them, write table and figure."""
     from lumbar.lifting.movement.cleaning import low_pass
     from lumbar.lifting.pushes.feedback import feedback_sentence
-    from lumbar.lifting.pushes.trial_separation import (
-        body_trial,
-        measures_of_trial,
-        separation_frame,
-        separation_table,
-    )
     from lumbar.lifting.quality.screening import read_screened
     from lumbar.lifting.quality.sheet import quality_table
     from lumbar.lifting.stability.comparison.perturbed_trials import (
@@ -36,33 +30,26 @@ def main(
     from lumbar.publishing.figures.style import save
     from lumbar.records.columns import read_record
 
-    trials, sheets, recordings = [], [], []
+    trials, sheets, starts = [], [], []
     for group in ("unperturbed", "perturbed"):
         for number, path in enumerate(input[group], start=1):
             recording, sheet = read_screened(path, settings.markers)
             trials.append(trial_of(recording, group, settings, lifting))
-            recordings.append((recording, group))
+            starts.append(recording.time[0])
             sheets.append({"lift": f"{group}_{number}", **sheet.as_dict()})
     quality_table(sheets, data).write(stem(output.quality_of_trials))
     frame = compare_trials(trials, settings, stability)
     by_weight = inside_by_weight(trials, settings, stability)
-    trials_table(frame, by_weight, trials, settings, stability, data).write(stem(output.perturbed_trials))
-    standing = frame[frame["sign"] == "inverted"].set_index("trial")["largest_value"]
-    found = [{"basin": float(standing[recording.name])} for recording, _ in recordings]
-    if settings.legs:
-        for values, (recording, group) in zip(found, recordings, strict=True):
-            values |= measures_of_trial(body_trial(recording, group, settings, lifting), settings)
-    groups = [group for _, group in recordings]
     torques = [None] * len(trials)
     for number, path in enumerate(input.pushes, start=len(input.unperturbed)):
-        push, start = read_record(path, settings.pushes.layout), recordings[number][0].time[0]
+        push, start = read_record(path, settings.pushes.layout), starts[number]
         # Filtered as the markers are.
         same = lifting.filter.cutoff_Hz, lifting.filter.order
         force = low_pass(push["force"], 1 / push.sampling_time, *same)
         torques[number] = (push.time - start, settings.pushes.arm_m * force)
     feedback = feedback_sentence(trials, torques, settings, stability)
-    separation = separation_table(separation_frame(found, groups), groups, data, feedback)
-    separation.write(stem(output.trial_separation))
+    table = trials_table(frame, by_weight, feedback, settings, stability, data)
+    table.write(stem(output.perturbed_trials))
     figure = trials_figure(trials, by_weight, settings, stability)
     save(figure, stem(output.perturbed_trials_figure), data)
 

@@ -7,16 +7,6 @@ from lumbar.settings.layout import ColumnLayout, MarkerLayout, columns
 
 
 @settings
-class LegMarkers:
-    """Markers of legs and feet, for measures of the whole body; null leaves them out."""
-
-    knee: tuple[str, ...] = required(min_length=1)
-    ankle: tuple[str, ...] = required(min_length=1)
-    heel: tuple[str, ...] = required(min_length=1)
-    toe: tuple[str, ...] = required(min_length=1)
-
-
-@settings
 class PushRecords:
     """Recorded forces of the pushes, for the person's own feedback."""
 
@@ -42,7 +32,6 @@ class PerturbationsSettings:
     unperturbed: tuple[str, ...] = required(min_length=3)
     perturbed: tuple[str, ...] = required(min_length=1)
     pushes: PushRecords | None = key(default=None)
-    legs: LegMarkers | None = key(default=None)
     markers: MarkerLayout = section(default_factory=MarkerLayout)
 
     def __post_init__(self):

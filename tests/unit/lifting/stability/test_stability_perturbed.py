@@ -64,11 +64,11 @@ def test_table_says_what_is_seen_with_both_signs_and_other_weights(trials):
         own = frame[(frame["sign"] == sign) & (frame["whole_inside"] == "yes")].groupby("group").size()
         for group in ("unperturbed", "perturbed"):
             assert counts[sign, 0.03, group] == own.get(group, 0)
-    notes = trials_table(frame, by_weight, trials, SETTINGS, STABILITY, "test").notes
+    notes = trials_table(frame, by_weight, "no feedback", SETTINGS, STABILITY, "test").notes
     assert "Hanging, R = 0.03. Unperturbed: 4 of 4 trials lie inside" in notes[0]
     assert "Hanging, R = 0.03. Perturbed: 1 of 2 trials lie inside" in notes[1]
     assert notes[2].startswith("Inverted, R = 0.03. Unperturbed:")
-    assert "insufficient data" in " ".join(notes) and notes[5].count("R = ") == 5
+    assert notes[6] == "no feedback" and notes[5].count("R = ") == 5
 
 
 def test_too_few_unperturbed_trials_are_refused(trials):

@@ -226,12 +226,12 @@ def inside_by_weight(
 def trials_table(
     frame: pd.DataFrame,
     by_weight: pd.DataFrame,
-    trials: list[Trial],
+    feedback: str,
     settings: PerturbationsSettings,
     stability: StabilitySettings,
     data: str,
 ) -> Table:
-    """Return the comparison as a published table, with what is seen and how it hangs on the control weight."""
+    """Return the comparison as a published table, with what is seen, how it hangs on the control weight, and on the feedback."""
     weight = stability.regulator.control_weight
     notes = [
         f"{sign.capitalize()}, R = {weight:g}. {_finding(frame[frame['sign'] == sign], group)}"
@@ -239,6 +239,7 @@ def trials_table(
         for group in GROUPS
     ]
     notes += [_by_weight(by_weight, sign) for sign in signs_of(stability)]
+    notes.append(feedback)
     notes.append(
         f"Pendulum: {settings.mass_share:g} of an assumed {settings.body_mass_kg:g} kg at "
         f"{settings.centre_share:g} of the way from {' + '.join(settings.pivot)} to "
