@@ -76,6 +76,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python benchmarks/alternation.py
 	python benchmarks/population.py
 	python benchmarks/feedback.py
+	python benchmarks/push_thresholds.py
 	python benchmarks/runtime.py
 	python benchmarks/browser.py
 	python benchmarks/pendulum.py

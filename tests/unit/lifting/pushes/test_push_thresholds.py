@@ -28,33 +28,36 @@ def pushed(persons: int, pushes: int, seed: int = 0, drift: float = 0.0) -> pd.D
     return pd.DataFrame({**columns, "margin": own, "noise": rng.standard_normal(person.size)})
 
 
-def quadrature(sheet: pd.DataFrame) -> np.ndarray:
-    """Quantiles of one person's ln threshold, by sums over grids of it, of the persons' scatter and of the curve's width."""
-    size, stepped = np.log(sheet["impulse_N_s"].to_numpy()), sheet["stepped"].to_numpy(bool)
-    low, high = size.min(), size.max()
-    t, unit = np.linspace(low - 3, high + 3, 2001), np.linspace(-4.5, 4.5, 91)
-    weight = np.exp(-(unit**2) / 2)
-    variance = np.maximum(1, (high - low) / 2) ** 2 + (0.25 * np.exp(0.7 * unit[:, None])) ** 2
-    prior = (weight[:, None] * np.exp(-((t - (low + high) / 2) ** 2) / 2 / variance) / np.sqrt(variance)).sum(
-        axis=0
-    )
-    likelihood = np.zeros_like(t)
-    for one, share in zip(unit, weight, strict=True):
-        p = 0.01 + 0.98 / (1 + np.exp(-np.clip((size[:, None] - t) / (0.12 * np.exp(one)), -500, 500)))
-        likelihood += share * np.where(stepped[:, None], p, 1 - p).prod(axis=0)
-    return np.interp([0.025, 0.5, 0.975], np.cumsum(prior * likelihood) / (prior @ likelihood), t)
+def quadrature(sheet: pd.DataFrame, sought: str) -> np.ndarray:
+    """Quantiles of a person's ln threshold by sums over grids of all persons', their mean and scatter, and the curve's width."""
+    low, high = np.log(sheet["impulse_N_s"]).agg(["min", "max"])
+    t, unit = np.linspace(low - 3, high + 3, 801), np.linspace(-4, 4, 41)
+    fine = np.linspace(-4, 4, 161)
+    mean = (low + high) / 2 + max(1, (high - low) / 2) * fine[:, None, None]
+    scatter, weight = 0.25 * np.exp(0.7 * unit[:, None]), np.exp(-(unit**2) / 2)
+    among = np.exp(-(((t - mean) / scatter) ** 2) / 2) / scatter
+    own = {}
+    for person, rows in sheet.groupby("person"):
+        odds = (np.log(rows["impulse_N_s"].to_numpy())[:, None] - t) / (0.12 * np.exp(unit[:, None, None]))
+        p = 0.01 + 0.98 / (1 + np.exp(-np.clip(odds, -500, 500)))
+        own[person] = np.where(rows["stepped"].to_numpy(bool)[:, None], p, 1 - p).prod(axis=1)
+    joint = np.exp(-(fine[:, None, None] ** 2) / 2) * weight[:, None] * weight
+    for person in own.keys() - {sought}:
+        joint = joint * (among @ own[person].T)
+    inside = joint.reshape(-1, len(unit)).T @ among.reshape(-1, len(t))
+    density = (inside * own[sought]).sum(axis=0)
+    return np.interp([0.025, 0.5, 0.975], np.cumsum(density) / density.sum(), t)
 
 
-@pytest.mark.parametrize("stepped", [None, False, True])
-def test_thresholds_of_a_person_are_those_of_a_quadrature(stepped):
-    sheet = pushed(1, 12, 3)
-    if stepped is not None:  # never or always
-        sheet["stepped"] = stepped
-    draws = np.concatenate(
-        [posterior_of(records_of(sheet), seed).log_threshold[:, 0, 0] for seed in range(8)]
-    )
-    expected = quadrature(sheet)
-    assert np.quantile(draws, [0.025, 0.5, 0.975]) == pytest.approx(expected, abs=0.06 * np.ptp(expected))
+@pytest.mark.parametrize(("persons", "stepped"), [(3, None), (3, False), (1, None), (1, True)])
+def test_thresholds_are_those_of_a_quadrature(persons, stepped):
+    sheet = pushed(persons, 10, 4)
+    if stepped is not None:  # the first one never, or always
+        sheet.loc[sheet["person"] == "p0", "stepped"] = stepped
+    draws = [posterior_of(records_of(sheet), seed).log_threshold[:, 0, 0] for seed in range(6)]
+    expected = quadrature(sheet, "p0")
+    found = np.quantile(np.concatenate(draws), [0.025, 0.5, 0.975])
+    assert found == pytest.approx(expected, abs=0.06 * np.ptp(expected))
 
 
 def test_persons_lend_each_other_what_they_have_in_common():

@@ -19,11 +19,11 @@ LAPSE = 0.01
 """Chance of a step that no push explains, and of none whatever the push."""
 PRIOR = {"spread": (0.25, 0.7), "width": (0.12, 1.0), "phase": 0.7, "turn": 0.7}
 """τ and s as shares of the threshold: median, and standard deviation of the logarithm; standard deviations about 0 of b and of
-the what a direction shares with those before it. That of μ about the middle of the range is half the range, or 1."""
+what a direction shares with those before it. That of μ about the middle of the range is half the range, or 1."""
 DRAWS, OWN_DRAWS, KEPT = (500, 1000, 2000, 2000, 2000, 2000), 12, 2000
-ENOUGH = 600
+ENOUGH = 500
 """Effective draws, after which no more are taken."""
-FREEDOM = 6.0
+FREEDOM = 3.0
 """Of the t distributions that are drawn from."""
 WIDER = 1.15
 """Than the posterior about its mode they are."""
