@@ -102,9 +102,8 @@ class _Model:
     def parts(self, x: np.ndarray) -> tuple[np.ndarray, ...]:
         """μ, diag(τ)·L, b and s of unknowns of shape (n, unknowns)."""
         level, spread, effect, width, turns = np.split(np.clip(x, -6, 6), self.ways * np.arange(1, 5), axis=1)
-        tau, s = (
-            PRIOR[k][0] * np.exp(PRIOR[k][1] * item) for k, item in (("spread", spread), ("width", width))
-        )
+        (middle, scatter), (steep, doubt) = PRIOR["spread"], PRIOR["width"]
+        tau, s = middle * np.exp(scatter * spread), steep * np.exp(doubt * width)
         factor = np.repeat(np.eye(self.ways)[None], len(x), axis=0)
         factor[:, *np.tril_indices(self.ways, -1)] = PRIOR["turn"] * turns
         factor *= (tau / np.linalg.norm(factor, axis=2))[:, :, None]
@@ -140,15 +139,11 @@ class _Model:
         t = np.repeat(mean[:, None], self.people, axis=1)
         for _ in range(BOUND_STEPS):
             odds = self.odds(t, effect, width)
+            odds = np.where(np.abs(odds) < 1e-6, 1e-6, odds)
             bare = 1 / (1 + np.exp(-odds))
-            near = np.abs(odds) < 1e-3
-            curvature = self.by_threshold(
-                np.where(near, 0.25, (bare - 0.5) / np.where(near, 1.0, odds)) / s**2
-            )
-            pull = (
-                self.by_threshold((bare - self.stepped) / s)[..., None]
-                - prior @ (t - mean[:, None])[..., None]
-            )
+            curvature = self.by_threshold((bare - 0.5) / odds / s**2)
+            pull = self.by_threshold((bare - self.stepped) / s)[..., None]
+            pull -= prior @ (t - mean[:, None])[..., None]
             t = t + np.linalg.solve(prior + curvature[..., None] * each, pull)[..., 0]
         return t, prior + self.by_threshold(bare * (1 - bare) / s**2)[..., None] * each
 
@@ -169,19 +164,14 @@ class _Model:
         share = np.cumsum(np.exp(weights - top), axis=0)
         chosen = (share < share[-1] * rng.random(top.shape)).sum(axis=0)
         inner = top + np.log(share[-1]) + np.linalg.slogdet(root)[1]
-        return inner.sum(axis=1) - 0.5 * (x**2).sum(axis=1), np.take_along_axis(
-            t, chosen[None, ..., None], axis=0
-        )[0]
+        taken = np.take_along_axis(t, chosen[None, ..., None], axis=0)[0]
+        return inner.sum(axis=1) - 0.5 * (x**2).sum(axis=1), taken
 
 
-def _students(
-    rng: np.random.Generator, shape: tuple[int, ...], dimensions: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _students(rng: np.random.Generator, shape: tuple, dimensions: int) -> tuple[np.ndarray, np.ndarray]:
     """Draws of the t distribution, shape (*shape, dimensions), and their log density without its constant."""
-    z = (
-        rng.standard_normal((*shape, dimensions))
-        / np.sqrt(rng.chisquare(FREEDOM, shape) / FREEDOM)[..., None]
-    )
+    z = rng.standard_normal((*shape, dimensions))
+    z /= np.sqrt(rng.chisquare(FREEDOM, shape) / FREEDOM)[..., None]
     return z, -0.5 * (FREEDOM + dimensions) * np.log1p((z**2).sum(axis=-1) / FREEDOM)
 
 

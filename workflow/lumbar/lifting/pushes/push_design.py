@@ -38,9 +38,7 @@ class NextPush:
         )
 
 
-def next_push(
-    records: PushRecords, posterior: Posterior, person: str, step: float, seed: int = 0
-) -> NextPush:
+def next_push(records: PushRecords, posterior: Posterior, person: str, step: float, seed=0) -> NextPush:
     """Choose the next push of a person; one who was never pushed begins with the smallest size.
 
     `step` is how many times the largest size after which the person stood may be given.

@@ -49,10 +49,11 @@ def curve_notes(records: PushRecords, posterior: Posterior) -> list[str]:
             f"{direction}: ln thresholds of persons scatter by {span(100 * spread[:, way])} %; a person's chance goes from 1/4 "
             f"to 3/4 within {span(100 * np.log(9) * posterior.width[:, way])} % of the threshold"
         )
-        growth = (
-            f"; from the movement's begin to its end it grows {span(np.exp(posterior.phase[:, way]))} times"
-        )
-        notes.append(note + (growth if len(records.phases) > 1 else ""))
+        if len(records.phases) > 1:
+            note += (
+                f"; from begin to end of the movement it grows {span(np.exp(posterior.phase[:, way]))} times"
+            )
+        notes.append(note)
     return notes
 
 
@@ -72,19 +73,17 @@ def calibration_rows(records: PushRecords, told: np.ndarray) -> list[dict]:
     """Return pushes by predicted chance, with the share that stepped and Wilson's interval of it."""
     from statsmodels.stats.proportion import proportion_confint
 
-    band, rows = np.clip(np.searchsorted(BANDS, told, side="right") - 1, 0, len(BANDS) - 2), []
+    band, rows = np.digitize(told, BANDS[1:-1]), []
     for index in np.unique(band):
         outcomes = records.stepped[band == index]
         low, high = proportion_confint(outcomes.sum(), len(outcomes), method="wilson")
-        shares = {
-            "mean_predicted": told[band == index].mean(),
+        row = {
+            "predicted": f"{BANDS[index]:g} to {BANDS[index + 1]:g}",
             "stepped": outcomes.mean(),
             "low": low,
-            "high": high,
         }
-        rows.append(
-            {"predicted": f"{BANDS[index]:g} to {BANDS[index + 1]:g}", **shares, "pushes": len(outcomes)}
-        )
+        row |= {"high": high, "mean_predicted": told[band == index].mean(), "pushes": len(outcomes)}
+        rows.append(row)
     return rows
 
 
@@ -110,7 +109,8 @@ def increment_rows(
 ) -> list[dict]:
     """Return what each column of numbers that the sheet has beside adds to size, direction and, where known, mass."""
     rows = []
-    known = np.log([records.size, sheet["mass_kg"]] if "mass_kg" in sheet else [records.size])
+    mass = [pd.to_numeric(sheet["mass_kg"])] if "mass_kg" in sheet else []
+    known = np.log([records.size, *mass])
     for name in sheet.columns.difference(KNOWN, sort=False):
         values = pd.to_numeric(sheet[name], errors="coerce").to_numpy(float)
         here = np.isfinite(values)
