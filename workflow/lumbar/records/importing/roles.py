@@ -4,10 +4,12 @@ import re
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.importing.raw_table import SPEEDS, Asked, RawColumn, RawTable, Unit, find_unit, told_unit
 
 ROLES = ("time", "position", "force")
@@ -16,28 +18,12 @@ NONE = "none"
 QUANTITIES = {"time": ("time",), "position": ("length", "angle"), "force": ("force", "torque")}
 _TAKEN = {**QUANTITIES, "position": (*QUANTITIES["position"], *SPEEDS.values())}
 """What a role is made of: a velocity is integrated."""
-_VELOCITIES = "velocity vel speed geschwindigkeit vitesse velocidad velocita snelheid prędkość скорость 速度"
-_WORDS = {
-    "time": "time zeit temps tiempo tempo tijd tid aika timestamp elapsed laufzeit pruefzeit testzeit x_value "
-    "czas cas время 时间 時間",
-    "position": "position posicion posizione positie pos displacement displ disp extension stroke crosshead travel weg "
-    "verfahrweg traversenweg standardweg auslenkung deplacement desplazamiento spostamento verplaatsing depth "
-    "indentation eindringtiefe tiefe hub lvdt encoder angle winkel angulo rotation stellung "
-    "przemieszczenie перемещение 位移 変位",
-    "force": "force kraft pruefkraft standardkraft load last fuerza forza kracht forca effort carga carico loadcell "
-    "torque drehmoment moment couple siła сила усилие нагрузка 力 荷重",
-}
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+_VELOCITIES, _UNMEASURED = _SAID["velocity"].split(), frozenset(_SAID["unmeasured"].split())
 _WEAK = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
 """Names of one letter, which others use for other things."""
-_OTHERS = (
-    f"{_VELOCITIES} acceleration acc accel beschleunigung strain stress "
-    "dehnung spannung temperature temp temperatur current strom index idx sample samples cycle cycles zyklus count "
-    "command cmd commanded setpoint soll sollwert target ref reference error segment rate"
-)
+_OTHERS = frozenset([*_VELOCITIES, *_UNMEASURED, *_SAID["others"].split()])
 """Words of what is measured or commanded beside the three; a column named so is taken on request only."""
-_UNMEASURED = frozenset(
-    ["command", "cmd", "commanded", "setpoint", "soll", "sollwert", "target", "ref", "reference", "error"]
-)
 _SMOOTHER = 5.0
 """How many times smoother one of two nameless columns must be to pass for the position."""
 _COARSE = 1e-4
@@ -120,8 +106,8 @@ def named_so(name: str, role: str) -> int:
     >>> named_so("Prüfkraft", "force"), named_so("actforce1", "force"), named_so("F", "force"), named_so("vel", "force")
     (3, 2, 1, -1)
     """
-    tokens, words = _tokens(name), set(_WORDS[role].split())
-    if set(_OTHERS.split()) & set(tokens):
+    tokens, words = _tokens(name), set(_SAID[role].split())
+    if _OTHERS & set(tokens):
         return -1
     if words & {*tokens, _plain(name)}:
         return 3
@@ -232,7 +218,7 @@ def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
 def named_velocity(name: str) -> bool:
     """Whether a name says that a velocity was measured, and no command or error of one."""
     tokens = set(_tokens(name))
-    return bool(tokens & {_plain(word) for word in _VELOCITIES.split()}) and not tokens & _UNMEASURED
+    return bool(tokens & {_plain(word) for word in _VELOCITIES}) and not tokens & _UNMEASURED
 
 
 def _is_speed(column: RawColumn) -> bool:

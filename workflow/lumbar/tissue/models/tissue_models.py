@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.parameter import Parameter
 from lumbar.tissue.models.printing import symbol_latex
@@ -162,32 +164,26 @@ def _kelvin_boltzmann_elements(
     }
 
 
-_STIFFNESS, _VISCOSITY = "{y}/{x}", "{y}·s/{x}"
-_K = Element("k", _STIFFNESS, "stiffness")
-_B = Element("b", _VISCOSITY, "viscosity of the dashpot")
+_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
-LE = TissueModel(
-    name="LE",
-    base=BASES["LE"],
-    title="Linear elastic",
-    equation="f(t) = k x(t)",
-    transfer="b0",
-    elements=(_K,),
+
+def _model(name: str, **computed) -> TissueModel:
+    """A model by its name, with what is said of it; the parameters of its base are those of the base of that name."""
+    said = _SAID["models"][name]
+    elements = tuple(Element(*element) for element in said.pop("elements", ()))
+    relations = tuple(said.pop("relations", ()))
+    return TissueModel(name, base=BASES.get(name), elements=elements, relations=relations, **said, **computed)
+
+
+LE = _model(
+    "LE",
     network=Spring("k"),
-    references="Hooke 1678 [48, 57]",
     structure=ArxStructure(order=0, input_lags=(0,)),
     derive=lambda spring_stiffness: {"k": spring_stiffness},
 )
-MAXWELL = TissueModel(
-    name="Maxwell",
-    base=BASES["Maxwell"],
-    title="Maxwell",
-    equation="f(t) = b x'(t) − α f'(t)",
-    transfer="b (z − 1)/(z − a)",
-    elements=(_K, _B, Element("alpha", "s", "relaxation time")),
-    relations=("α = b/k",),
+MAXWELL = _model(
+    "Maxwell",
     network=Series((Spring("k"), Dashpot("b"))),
-    references="Maxwell 1867 [48, 57]",
     structure=ArxStructure(order=1, input_lags=(0, 1), zero_static_gain=True),
     derive=lambda branch_stiffness, relaxation_time: {
         "k": branch_stiffness,
@@ -195,81 +191,28 @@ MAXWELL = TissueModel(
         "alpha": relaxation_time,
     },
 )
-KV = TissueModel(
-    name="KV",
-    base=BASES["KV"],
-    title="Kelvin–Voigt",
-    equation="f(t) = k x(t) + b x'(t)",
-    transfer="b1 z − b0 (eq. 3.5, improper)",
-    elements=(_K, _B),
+KV = _model(
+    "KV",
     network=Parallel((Spring("k"), Dashpot("b"))),
-    references="Thomson 1865, Voigt 1892 [48, 57–59]",
     derive=lambda spring_stiffness, viscosity: {"k": spring_stiffness, "b": viscosity},
-    no_parameters_because="its transfer function b1 z − b0 (Eq. 3.5) is improper: it is not identified",
 )
 """Eq. 3.5: improper, not identified."""
-KB = TissueModel(
-    name="KB",
-    base=BASES["KB"],
-    title="Kelvin–Boltzmann",
-    equation="f(t) = k x(t) + ν x'(t) − γ f'(t)",
-    transfer="(b1 z − b0)/(z − a0) (eq. 3.4)",
-    elements=(
-        Element("k", _STIFFNESS, "stiffness at rest"),
-        Element("nu", _VISCOSITY, "viscosity"),
-        Element("gamma", "s", "relaxation time"),
-        Element("k1", _STIFFNESS, "stiffness parallel to the dashpot"),
-        Element("k2", _STIFFNESS, "stiffness in series, felt by fast motion"),
-        _B,
-    ),
-    relations=("k = k1 k2/(k1 + k2)", "ν = b k2/(k1 + k2)", "γ = b/(k1 + k2)"),
+KB = _model(
+    "KB",
     network=Series((Parallel((Spring("k1"), Dashpot("b"))), Spring("k2"))),
-    references="Thomson 1865, Boltzmann 1876 [48, 57]",
     structure=ArxStructure(order=1, input_lags=(0, 1)),
     derive=_kelvin_boltzmann_elements,
 )
 """Eq. 3.4."""
-MW = TissueModel(
-    name="MW",
-    title="Maxwell, Eq. 3.3",
-    equation="f[k] = a0 f[k−1] + b0 x[k−1]",
-    transfer="b0/(z − a0) (eq. 3.3)",
-    network=MAXWELL.network,
-    structure=ArxStructure(order=1, input_lags=(1,)),
-    no_parameters_because=(
-        "Eq. 3.3 has a static force, a spring and dashpot in series has none: "
-        "k and b are recovered from Maxwell only"
-    ),
-)
+MW = _model("MW", network=MAXWELL.network, structure=ArxStructure(order=1, input_lags=(1,)))
 """Eq. 3.3, as published: no spring and dashpot in series, which is `MAXWELL`."""
-HO = TissueModel(
-    name="HO",
-    title="Higher order",
-    equation="f[k] = Σ b x[k−j] − Σ a f[k−i]",
-    transfer="eq. 3.9, n ≥ 2, proper or biproper",
-    no_parameters_because="a black box has no mechanical elements",
-)
+HO = _model("HO")
 """Eq. 3.9."""
-IL = TissueModel(
-    name="IL",
-    title="Inverted linear",
-    equation="f(t) = −(f_max/x_max) x(t)",
-    transfer="−f_max/x_max, not identified",
-    network=Spring("k"),
-    no_parameters_because="its slope is set by the device's largest force, not identified",
-)
+IL = _model("IL", network=Spring("k"))
 
 MODELS = {model.name: model for model in (LE, MAXWELL, KV, KB, MW, HO, IL)}
 """Every model by its short name."""
-REFERENCES = (
-    "Hooke, Lectures de potentia restitutiva, London 1678",
-    "Thomson (Lord Kelvin), Proc. R. Soc. London 14 (1865) 289–297",
-    "Maxwell, Phil. Trans. R. Soc. London 157 (1867) 49–88",
-    "Boltzmann, Ann. Phys., Ergänzungsband 7 (1876) 624–654",
-    "Voigt, Ann. Phys. 283 (1892) 671–693",
-    "Fung, Biomechanics: Mechanical Properties of Living Tissues, Springer 1993, chapter 2: all of them",
-    "Famaey & Vander Sloten, Comput. Methods Biomech. Biomed. Eng. 11 (2008) 351–366: in surgical simulation and robotics",
-)
+REFERENCES: tuple[str, ...] = tuple(_SAID["references"])
 """Of the models of Table 2.1, in full; the thesis's numbers are those of its own list."""
 TABLE_2_1 = (LE, MAXWELL, KV, KB)
 """The viscoelastic models of Table 2.1, in its order."""
