@@ -5,12 +5,13 @@ With the pendulum of Eq. 4.1 and the torque p of a push about its pivot, deviati
     I·θ̈ + b·ω + σmgℓ·sin θ − p = c(t) − K1(t)·e(t − τ) − K2(t)·ω(t − τ) + d.
 
 c is the same in all trials and goes with their mean at equal time. The person's own noise d goes round the loop, and a
-regression on the states takes it for feedback (van der Kooij et al. 2005). Pushes know nothing of it. So the instruments are
-the states with which the linear loop of the last estimate answers the pushes (Young and Jakeman 1979): four for K1 and K2,
-linear in time, one for the delay. Noise of the angles does not bias them either. Intervals leave out one trial after the other.
+regression on the states takes it for feedback (van der Kooij et al., J. Neurosci. Methods 145 (2005) 175–203). Pushes know
+nothing of it. So the instruments are the states with which the loop of an early estimate answers the pushes (Young and
+Jakeman, Int. J. Control 29 (1979) 1–30): four for K1 and K2, linear in time, one for the delay. Noise of the angles does not
+bias them either. Intervals leave out one trial after the other.
 
 Whether a linear feedback is all that the pushes call forth is asked of three instruments more: two cubic in that answer, one
-quadratic in time (Hansen 1982).
+quadratic in time (Hansen, Econometrica 50 (1982) 1029–1054).
 """
 
 from dataclasses import dataclass, replace
@@ -173,6 +174,7 @@ def identify_feedback(pendulum: Pendulums, angle: np.ndarray, push: np.ndarray) 
         answer = again if np.abs(again[0]).max() < RETURNING * reach else answer
         newest = trials.instruments(answer, gains, delay)
         instruments = newest if count < SETTLED else instruments
+        # The slope over the delay is always that of the newest loop: the intervals hang on it.
         regressors = np.concatenate([trials.columns(trials.states, delay), newest[..., 4:]], axis=-1)
         squares, products = map(_sums, _moments(instruments, regressors, trials.torque))
         every = np.linalg.solve(squares, products[..., None])[..., 0]
