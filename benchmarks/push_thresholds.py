@@ -141,24 +141,24 @@ def coverage(cohorts: int) -> pd.DataFrame:
 
 
 def session(people: People, known: list[tuple], design: str, seed: int) -> tuple[int, list[bool], int]:
-    """Push the last person until both thresholds are known: pushes, whether intervals hold the truth, largest steps up."""
+    """Push the last person at mid-movement until both thresholds are known: pushes, whether intervals hold them, steps."""
     person, rows, at, rng = len(people.t) - 1, [], [None, None], people.rng
     for number in range(MOST):
         way, phase = number % 2, 0.5
         if design.startswith("next"):
-            done = records(person + 1, known + rows)
+            done = records(person + 1, known + rows, (0.5,))
             step = 1.5 if design == DESIGNS[0] else 1e6
             push = next_push(done, posterior_of(done, seed), str(person), step)
             way, phase, size = WAYS.index(push.direction), push.phase, push.impulse_N_s
         elif design == "staircase":
             size = RANGES[way, 0] if at[way] is None else at[way]
         else:
-            phase, size = rng.random(), rng.uniform(*RANGES[way])
+            size = rng.uniform(*RANGES[way])
         stepped = bool(people.step(person, way, phase, size, number / 48))
         at[way] = float(np.clip(size / 1.25 if stepped else size * 1.25, *RANGES[way]))
         rows.append((person, way, phase, size, stepped))
         if number + 1 in LOOKED_AT:
-            low, high, _ = ends_of(posterior_of(records(person + 1, known + rows), seed), person)
+            low, high, _ = ends_of(posterior_of(records(person + 1, known + rows, (0.5,)), seed), person)
             if (high - low).mean() <= WIDTH:
                 break
     held = (low <= people.t[person]) & (people.t[person] <= high)
