@@ -16,24 +16,7 @@ from lumbar.base.files import is_device
 from lumbar.base.yaml_file import shipped_yaml
 
 SEED = 2023
-UNITS = {
-    **{word: word for word in ("s", "ms", "Hz", "m", "mm", "kg", "N", "rad", "dB")},
-    "um": "µm",
-    "deg": "°",
-    "percent": "%",
-    "m_s": "m/s",
-    "mm_s": "mm/s",
-    "rad_s": "rad/s",
-    "m_s2": "m/s²",
-    "mm_s2": "mm/s²",
-    "N_m": "N·m",
-    "N_s": "N·s",
-    "N_s_m": "N·s/m",
-    "N_per_mm": "N/mm",
-    "N_per_mm3": "N/mm³",
-    "1_s": "1/s",
-    "per_kg": "1/kg",
-}
+UNITS: dict[str, str] = shipped_yaml(Path(__file__).parent / "labels" / "units.yaml")
 """Of a key's value, by the words in which the key's name ends."""
 
 Kind = TypeVar("Kind")

@@ -7,10 +7,12 @@ import math
 import operator
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial, reduce
+from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.expression import (
     Expression,
     Number,
@@ -242,24 +244,7 @@ _OPERATOR_DERIVATIVES: dict[str, Callable[..., Expression]] = {
     "/": _quotient_derivative,
     "**": _power_derivative,
 }
-_FUNCTION_DERIVATIVES = {
-    "abs": ("sign(x)",),
-    "sign": ("0",),
-    "sqrt": ("1/(2*sqrt(x))",),
-    "exp": ("exp(x)",),
-    "expm1": ("expm1(x) + 1",),
-    "tanh": ("1 - tanh(x)**2",),
-    "sinh": ("sqrt(1 + sinh(x)**2)",),
-    "sin": ("cos(x)",),
-    "cos": ("-sin(x)",),
-    "arctan": ("1/(1 + x**2)",),
-    "softplus": ("(1 + tanh(x/2))/2",),
-    "smoothstep": ("6*clip(x, 0, 1)*(1 - clip(x, 0, 1))",),
-    "hypot": ("x/hypot(x, y)", "y/hypot(x, y)"),
-    "max": ("where(x > y, 1, 0)", "where(x > y, 0, 1)"),
-    "min": ("where(x < y, 1, 0)", "where(x < y, 0, 1)"),
-    "clip": ("where(x < y, 0, where(x > w, 0, 1))", "where(x < y, 1, 0)", "where(x > w, 1, 0)"),
-}
+_DERIVATIVES: dict[str, list[str]] = shipped_yaml(Path(__file__).with_name("functions.yaml"))["derivatives"]
 """By each operand x, y, w."""
 
 
@@ -267,7 +252,7 @@ def _function_derivative(called: Operation, *inner: Expression) -> Expression:
     given = dict(zip("xyw", called.operands, strict=False))
     terms = (
         multiply(substitute(parse(text), given), slope)
-        for text, slope in zip(_FUNCTION_DERIVATIVES[called.name], inner, strict=True)
+        for text, slope in zip(_DERIVATIVES[called.name], inner, strict=True)
         if slope != Number(0.0)
     )
     return reduce(add, terms)

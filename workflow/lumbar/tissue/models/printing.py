@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 
 from lumbar.base.errors import InputError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.expression import (
     COMPARISONS,
     Expression,
@@ -56,24 +58,7 @@ def latex(expression: Expression, names: Mapping[str, str]) -> str:
 
 
 _SUM, _SIGNED, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4, 5
-_CALLED = {
-    "sqrt": r"\sqrt{{{0}}}",
-    "exp": r"e^{{{0}}}",
-    "expm1": r"(e^{{{0}}} - 1)",
-    "tanh": r"\tanh({0})",
-    "sinh": r"\sinh({0})",
-    "sin": r"\sin({0})",
-    "cos": r"\cos({0})",
-    "arctan": r"\arctan({0})",
-    "abs": r"|{0}|",
-    "sign": r"\mathrm{{sign}}({0})",
-    "softplus": r"\ln(1 + e^{{{0}}})",
-    "smoothstep": r"\mathrm{{step}}({0})",
-    "min": r"\min({0}, {1})",
-    "max": r"\max({0}, {1})",
-    "clip": r"\min(\max({0}, {1}), {2})",
-    "hypot": r"\sqrt{{{0}^2 + {1}^2}}",
-}
+_CALLED: dict[str, str] = shipped_yaml(Path(__file__).with_name("functions.yaml"))["latex"]
 _RELATIONS = {"<": "<", "<=": r"\leq", ">": ">", ">=": r"\geq"}
 _OPPOSITE = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 
