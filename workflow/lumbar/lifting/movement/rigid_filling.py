@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.lifting.movement.gaps import FILLED, Gap
-from lumbar.lifting.quality.sheet import NOTED, Clock, Finding
+from lumbar.lifting.quality.sheet import Clock, Finding
 from lumbar.records.marker_aliases import labels_of
 from lumbar.records.stretches import runs
 from lumbar.settings.lifting import LiftingSettings
@@ -197,12 +197,7 @@ class BodyFilling:
         misfit = None if shape is None else _misfit(shape, points)
         if misfit is None or misfit <= OTHER_BODY_M:
             return shape
-        evidence = (
-            f"the {body} of the static trial and of this recording differ by {1e3 * misfit:.0f} mm (root mean square); its shape "
-            "fills no gap here"
-        )
-        cause = "the static trial of another person, markers that were placed anew, or labels exchanged in one of both"
-        self.findings.append(clock.finding("static", NOTED, tuple(labels), evidence, cause))
+        self.findings.append(clock.finding("static", tuple(labels), body=body, misfit=1e3 * misfit))
         return None
 
 

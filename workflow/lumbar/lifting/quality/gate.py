@@ -50,10 +50,6 @@ _RMS_OF_STEPS = 0.504
 median 1.538 of a chi distribution with three degrees of freedom."""
 _FEWEST_TOGETHER = 5
 _SAMPLES = 400
-_EXCHANGED_HERE = (
-    "their labels are exchanged in these frames, which are gaps of both until somebody labels them again in the capture "
-    "software"
-)
 _IMPOSSIBLE_TEMPO = 3.0
 
 
@@ -162,8 +158,7 @@ def _unit(
     far = np.concatenate([np.abs(places[np.isfinite(places)]).ravel() for places in sampled.values()])
     stature, count = stature_found(sampled, named)
     if np.median(far) > LABORATORY_M and not 0 < stature < LABORATORY_M:
-        cause = "no laboratory is so large: set markers.scale or markers.unit"
-        return [clock.finding("unit", ERROR, (), f"coordinates of {np.median(far):.3g} m", cause)]
+        return [clock.finding("unit of no laboratory", far=np.median(far))]
     if count >= 2:
         low, high = (height_m / _WRONG_UNIT, height_m * _WRONG_UNIT) if height_m else _STATURES_M
         size, expected = stature, height_m or _PERSON_M
@@ -176,7 +171,7 @@ def _unit(
         evidence = f"the markers of one frame fill {size:.3g} m"
     if not np.isfinite(size) or low <= size <= high:
         return []
-    return [clock.finding("unit", ERROR, (), evidence, _which_unit(size / expected))]
+    return [clock.finding("unit", evidence=evidence, cause=_which_unit(size / expected))]
 
 
 def _cloud(points: dict[str, np.ndarray]) -> float:
@@ -229,15 +224,9 @@ def _leaps(
             whole = [item for item in whole if frozenset(item[0]) != exchange.pair]
         wrong = longer if exchange in flipped else shorter
         findings += _exchange_findings(points, straight, exchange, wrong, changing, clock)
-    for pair, evidence in whole:
-        cause = (
-            f"their labels are exchanged: if so, let {pair[0]} and {pair[1]} change places in markers.aliases; until then both "
-            "are left out of all frames"
-        )
-        findings.append(clock.finding("exchanged", PROPOSED, pair, evidence, cause))
+    findings += [clock.finding("exchanged", pair, evidence=evidence, pair=pair) for pair, evidence in whole]
     if mirrored:
-        cause = "the labels of both sides are exchanged, or an axis of the file is mirrored"
-        findings.append(clock.finding("mirrored", ERROR, (), mirrored, cause))
+        findings.append(clock.finding("mirrored", evidence=mirrored))
     return findings, straight
 
 
@@ -305,7 +294,7 @@ def _exchange_findings(
             mended = length(points, exchange.second, mate, stretch) * 1e3
             evidence += f"; {exchange.first} is {usual:.0f} mm from {mate}, here {there:.0f} mm"
             evidence += f", with labels exchanged {mended:.0f} mm"
-        findings.append(clock.finding("exchanged", PROPOSED, pair, evidence, _EXCHANGED_HERE, stretch))
+        findings.append(clock.finding("exchanged here", pair, stretch, evidence=evidence))
     return findings
 
 
@@ -318,17 +307,14 @@ def _displaced(
     for label, positions in points.items():
         count = len(leaps[label]) + len(spikes[label])
         if count > most:
-            evidence = f"{count} leaps of more than 20 mm from one frame to the next"
-            cause = "a reflection, or two markers under one label"
-            findings.append(clock.finding("restless", NOTED, (label,), evidence, cause))
+            findings.append(clock.finding("restless", (label,), count=count))
             continue
         stretches, untold = displacements(points, label, leaps, clock.rate)
         findings += [_jump(points, label, stretch, clock) for stretch in stretches]
         findings += [_untold(label, leap, clock) for leap in untold]
         for spike in spikes[label]:
-            evidence = f"off its way by up to {_off_way(positions, spike) * 1e3:.0f} mm and back"
-            cause = "a reflection taken for the marker"
-            findings.append(clock.finding("spike", LEFT_OUT, (label,), evidence, cause, spike))
+            off = _off_way(positions, spike) * 1e3
+            findings.append(clock.finding("spike", (label,), spike, off=off))
     return findings
 
 
@@ -340,28 +326,18 @@ def _off_way(positions: np.ndarray, spike: slice) -> float:
 def _jump(points, label: str, stretch: Displacement, clock: Clock) -> Finding:
     leap = stretch.leap
     other = lands_on(leap, label, points)
-    cause = (
-        f"it lies where {other} was: labels were taken for each other"
-        if other
-        else "another reflection under this label, or a marker that came off"
-    )
-    evidence = f"leaps {leap.size * 1e3:.0f} mm at {clock.time[leap.first]:.2f} s, {stretch.seen}"
-    return clock.finding("jump", LEFT_OUT, (label,), evidence, cause, stretch.frames)
+    words = {"size": leap.size * 1e3, "at": clock.time[leap.first], "seen": stretch.seen, "other": other}
+    return clock.finding("jump onto another" if other else "jump", (label,), stretch.frames, **words)
 
 
 def _untold(label: str, leap: Leap, clock: Clock) -> Finding:
-    evidence = (
-        f"leaps {leap.size * 1e3:.0f} mm at {clock.time[leap.first]:.2f} s; its distances to other markers do not show "
-        "whether it is wrong before or after"
-    )
-    cause = "look at it in the capture software: nothing is left out"
-    return clock.finding("jump", NOTED, (label,), evidence, cause, slice(leap.last, leap.first + 1))
+    frames = slice(leap.last, leap.first + 1)
+    return clock.finding("untold jump", (label,), frames, size=leap.size * 1e3, at=clock.time[leap.first])
 
 
 def _rigid_parts(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
-    cause = "another marker under this label, or one that came off"
     return [
-        clock.finding("off its part", LEFT_OUT, (label,), evidence, cause, stretch)
+        clock.finding("off its part", (label,), stretch, evidence=evidence)
         for label, stretch, evidence in off_its_part(points, clock.rate)
     ]
 
@@ -372,24 +348,16 @@ def _stature(
     stature, count = stature_found(_sampled(points), named)
     if not height_m or count < 2 or 1 / _OTHER_STATURE < stature / height_m < _OTHER_STATURE:
         return []
-    evidence = (
-        f"{count} lengths of the body are those of a person {stature:.2f} m tall; height_m is {height_m:g}"
-    )
-    return [clock.finding("stature", NOTED, (), evidence, "another person's recording, or a wrong height_m")]
+    return [clock.finding("stature", count=count, stature=stature, height_m=height_m)]
 
 
 def _tempo(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
     found = frequency_scale(points, clock.rate)
     if found is None or LOWEST_HZ <= found <= HIGHEST_HZ:
         return []
-    evidence = f"accelerations and velocities give {found:.2g} Hz; people who lift, squat, walk or stand up have 0.4 to 0.8 Hz"
-    seconds = len(clock.time) / clock.rate
-    cause = (
-        f"the rate of {clock.rate:g} Hz may be wrong, by a factor of about {found / USUAL_HZ:.2g}: where the recording "
-        f"did not last {seconds:.3g} s, set markers.rate_Hz"
-    )
     outcome = ERROR if max(found / HIGHEST_HZ, LOWEST_HZ / found) > _IMPOSSIBLE_TEMPO else NOTED
-    return [clock.finding("rate", outcome, (), evidence, cause)]
+    words = {"rate": clock.rate, "factor": found / USUAL_HZ, "seconds": len(clock.time) / clock.rate}
+    return [clock.finding("rate", outcome=outcome, found=found, **words)]
 
 
 def _jitter(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
@@ -400,16 +368,7 @@ def _jitter(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
         usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
         if usual > _JITTER_M:
             noisy[label] = _RMS_OF_STEPS * usual * 1e3
-    how = "(root mean square distance from a smooth way)"
     if len(noisy) > _FEWEST_TOGETHER and 2 * len(noisy) > len(points):
-        least, most = min(noisy.values()), max(noisy.values())
-        evidence = (
-            f"noise of about {least:.1f} to {most:.1f} mm {how} in {len(noisy)} of {len(points)} markers"
-        )
-        cause = "badly calibrated cameras, or coordinates that were rounded or resampled"
-        return [clock.finding("jitter", NOTED, (), evidence, cause)]
-    cause = "few cameras see it, or they are badly calibrated"
-    return [
-        clock.finding("jitter", NOTED, (label,), f"noise of about {noise:.1f} mm {how}", cause)
-        for label, noise in noisy.items()
-    ]
+        words = {"least": min(noisy.values()), "most": max(noisy.values()), "count": len(noisy)}
+        return [clock.finding("jitter of most", of=len(points), **words)]
+    return [clock.finding("jitter", (label,), noise=noise) for label, noise in noisy.items()]

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lumbar.lifting.quality.sheet import ERROR, Clock, Finding
+from lumbar.lifting.quality.sheet import Clock, Finding
 from lumbar.records.stretches import runs
 
 SMALLEST_M = 0.02
@@ -266,9 +266,5 @@ def _count_leaping(steps: list[tuple[np.ndarray, np.ndarray]], frame: int) -> tu
 
 def _finding(frame: int, leaping: int, seen: int, clock: Clock) -> Finding:
     others = "; the others hardly move" if leaping < seen else ""
-    evidence = f"all markers leap together at {clock.time[frame]:.2f} s ({leaping} of {seen}{others}): frames are missing there"
-    cause = (
-        "export the recording again with all its frames, or only the part before or after; markers that were not seen are to "
-        "be gaps, not frames that are cut out"
-    )
-    return clock.finding("missing frames", ERROR, (), evidence, cause, slice(frame - 1, frame + 1))
+    words = {"at": clock.time[frame], "leaping": leaping, "seen": seen, "others": others}
+    return clock.finding("missing frames", (), slice(frame - 1, frame + 1), **words)

@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
@@ -20,17 +21,7 @@ from lumbar.tables.table import Table
 ERROR, LEFT_OUT, PROPOSED, NOTED = "error", "left out", "proposed", "noted"
 """What a finding leads to: the trial stops; the stretch becomes a gap; an exchange of labels is proposed, and until somebody
 exchanges them the stretch is a gap; nothing, it is said."""
-_AGAIN = "label it again in the capture software"
-REMEDIES = {
-    "beyond laboratory": "export it again, or take another marker in markers.aliases",
-    "frozen": "delete the frozen frames in the capture software, where longer gaps can be filled",
-    "copied": _AGAIN,
-    "jump": f"{_AGAIN}, or take another marker in markers.aliases",
-    "spike": _AGAIN,
-    "off its part": f"{_AGAIN}, or take another marker in markers.aliases",
-    "exchanged": "label both again in the capture software",
-}
-"""What brings back the frames that a finding leaves out, by its kind."""
+_SAID: dict[str, dict[str, str]] = shipped_yaml(Path(__file__).with_name("findings.yaml"))
 FINE_RATE = "rate off by less than four times"
 """What the tempo of a movement does not tell."""
 _SHOWN = 5
@@ -63,7 +54,7 @@ class Finding:
     @property
     def remedy(self) -> str:
         """What to do so that its frames can be used."""
-        return REMEDIES[self.kind]
+        return _SAID[self.kind]["remedy"]
 
     @property
     def frames(self) -> slice:
@@ -87,18 +78,14 @@ class Clock:
     """Frames per second."""
 
     def finding(
-        self,
-        kind: str,
-        outcome: str,
-        markers: tuple[str, ...],
-        evidence: str,
-        cause: str = "",
-        frames: slice | None = None,
+        self, name: str, markers: tuple[str, ...] = (), frames: slice | None = None, **words
     ) -> Finding:
-        """Return a finding about some frames, or about all of them."""
+        """Return a finding of ``findings.yaml`` about some frames, or about all; `words` stand for what is in braces there."""
         first, stop = (frames.start, frames.stop) if frames else (0, len(self.time))
         seconds = float(self.time[first]), (stop - first) / self.rate
-        return Finding(kind, outcome, markers, int(first), int(stop - first), *seconds, evidence, cause)
+        outcome, *told = (_SAID[name][key].format(**words) for key in ("outcome", "evidence", "cause"))
+        kind = _SAID[name].get("kind", name)
+        return Finding(kind, outcome, markers, int(first), int(stop - first), *seconds, *told)
 
 
 @dataclass(frozen=True)

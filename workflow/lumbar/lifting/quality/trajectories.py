@@ -11,7 +11,7 @@ import numpy as np
 
 from lumbar.lifting.quality.body import levels_found
 from lumbar.lifting.quality.landmarks import level
-from lumbar.lifting.quality.sheet import LEFT_OUT, NOTED, Clock, Finding
+from lumbar.lifting.quality.sheet import Clock, Finding
 from lumbar.records.stretches import runs
 
 LABORATORY_M = 100.0
@@ -37,9 +37,8 @@ def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Findi
             largest = np.abs(positions).max(axis=1)
             far = largest > LABORATORY_M
         for stretch in runs(far):
-            evidence = f"coordinates up to {largest[stretch].max():.3g} m"
-            cause = "the file holds numbers that are no positions"
-            findings.append(clock.finding("beyond laboratory", LEFT_OUT, (label,), evidence, cause, stretch))
+            most = largest[stretch].max()
+            findings.append(clock.finding("beyond laboratory", (label,), stretch, most=most))
     return findings
 
 
@@ -65,9 +64,7 @@ def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findin
             if not near or np.median(steady[near, run].mean(axis=1)) > _OTHERS_STILL:
                 continue
             stretch = slice(run.start, run.stop + 1)
-            evidence = f"the same coordinates to the last digit in {length + 1} frames while the markers near it move"
-            cause = "a gap filled with the last position seen, or a stuck channel"
-            findings.append(clock.finding("frozen", LEFT_OUT, (label,), evidence, cause, stretch))
+            findings.append(clock.finding("frozen", (label,), stretch, frames_alike=length + 1))
     return findings
 
 
@@ -96,16 +93,10 @@ def held_samples(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Find
             held_in.setdefault(every, []).append(label)
     findings = []
     for every, labels in held_in.items():
-        evidence = (
-            f"{len(labels)} of {len(points)} markers move in one of {every} frames alone and keep their coordinates to the last "
-            "digit in between"
-        )
-        cause = (
-            f"recorded at {clock.rate / every:g} Hz and written at {clock.rate:g} Hz by repeating samples: export it again at "
-            "the rate of the cameras, for speeds are steps until then"
-        )
+        words = {"count": len(labels), "of": len(points), "every": every}
+        rates = {"own_rate": clock.rate / every, "rate": clock.rate}
         named = tuple(labels) if 2 * len(labels) < len(points) else ()
-        findings.append(clock.finding("held", NOTED, named, evidence, cause))
+        findings.append(clock.finding("held", named, **words, **rates))
     return findings, {label for labels in held_in.values() for label in labels}
 
 
@@ -170,14 +161,12 @@ def _copy(
 ) -> Finding:
     first, second = pair
     distance = np.linalg.norm(points[first][stretch] - points[second][stretch], axis=1).max() * 1e3
-    evidence = f"{first} and {second} are at most {distance:.2g} mm apart, closer than two markers can be"
     copies = _which_leapt(points, pair, stretch) or _which_is_off_level(points, named, pair, stretch)
-    cause = (
-        f"{copies[0]} is a copy of {second if copies[0] == first else first}"
-        if copies
-        else "one is a copy of the other, which of them cannot be seen"
-    )
-    return clock.finding("copied", LEFT_OUT, copies or (first, second), evidence, cause, stretch)
+    words = {"first": first, "second": second, "distance": distance}
+    if not copies:
+        return clock.finding("copied, not seen which", pair, stretch, **words)
+    words |= {"copy": copies[0], "other": second if copies[0] == first else first}
+    return clock.finding("copied", copies, stretch, **words)
 
 
 def _which_leapt(points, pair: tuple[str, str], stretch: slice) -> tuple[str, ...]:
