@@ -147,8 +147,8 @@ class PushThresholds(Result):
 
     def __str__(self) -> str:
         lines = [
-            f"{row.person}, {row.direction}: {row.threshold_N_s:.3g} N·s ({row.low:.3g} to {row.high:.3g}), {row.steps} steps "
-            f"after {row.pushes} pushes"
+            f"{row.person}, {row.direction}: {row.threshold_N_s:.3g} N·s ({row.low:.3g} to {row.high:.3g}), stepped after "
+            f"{row.steps} of {row.pushes}"
             for row in self.table.frame.itertuples()
         ]
         return "\n".join([*lines, *self.table.notes[1:]])
