@@ -9,6 +9,7 @@ from lumbar.records.record import Record
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
+from lumbar.tissue.diagnosis.residuals.residual import said
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 
 RESAMPLES = 300
@@ -79,19 +80,8 @@ class Comparison:
     @property
     def sentence(self) -> str:
         """The comparison in words."""
-        words = (
-            f"{self.record}: the model explains {self.vaf.value:.4g} % of the output's variance "
-            f"({self.vaf.low:.4g} to {self.vaf.high:.4g} %); its error is {self.rms.value:.3g} {self.unit} RMS"
-        )
-        if self.floor is None:
-            return f"{words}; no record repeats, so how much of it is noise is unknown."
-        noise = f"{self.floor.rms:.3g} {self.unit} of noise"
-        if self.is_noise:
-            return f"{words}, no more than the {noise}."
-        return (
-            f"{words} beside {noise}: {self.explainable_rms:.3g} {self.unit}, {self.explainable_percent:.2g} % of the "
-            "variance, is left for a better model to explain."
-        )
+        left = "unknown_noise" if self.floor is None else "only_noise" if self.is_noise else "beside_noise"
+        return said("explained", of=self) + said(left, of=self)
 
 
 def compare_record(

@@ -80,12 +80,8 @@ def whiteness_view(residual: Residual) -> View:
         "limit": np.full(lags, _NORMAL_975 / np.sqrt(len(whitened))),
     }
     noise = "noise of the floor's colour" if len(residual.whitening) > 1 else "white noise"
-    tested = f"Ljung–Box over {lags} lags, {probability(p_value)}"
-    if p_value < SIGNIFICANT:
-        told = f"is not {noise} ({tested}); neighbouring samples correlate by {correlation[0]:.2f}"
-    else:
-        told = f"cannot be told from {noise} ({tested})"
-    sentence = f"Whiteness: the error {told}."
+    words = {"noise": noise, "lags": lags, "chance": probability(p_value), "next": correlation[0]}
+    sentence = said("not_noise" if p_value < SIGNIFICANT else "noise", **words)
     return View("whiteness", 0.0, p_value, sentence, table)
 
 
@@ -103,11 +99,7 @@ def linear_view(residual: Residual) -> View:
 
     share = residual.share_beyond_chance(explained, float(np.trace(covariance)) / len(residual.values))
     if p_value < SIGNIFICANT:
-        told = (
-            "a richer linear model is worth trying"
-            if share > _MOSTLY
-            else "the rest is not linear in the input"
-        )
+        told = said("richer" if share > _MOSTLY else "not_richer")
         words = {"share": only(share), "chance": probability(p_value), "told": told}
         sentence = said("linear", residual=residual, **words)
     else:
@@ -219,31 +211,25 @@ def cross_correlation(residual: Residual, signal: np.ndarray) -> tuple[np.ndarra
 
 def _correlation_sentence(table: dict[str, np.ndarray], numbers: dict, p_value: float) -> str:
     if p_value >= SIGNIFICANT:
-        return f"Correlations: the error is related to no function of the input that was tried ({probability(p_value)})."
+        return said("not_related", chance=probability(p_value))
     found = []
-    for kind, names, meaning in (
-        ("position and velocity", LINEAR_FUNCTIONS, "linear dynamics"),
-        (
-            "even functions",
-            EVEN_FUNCTIONS,
-            "an even nonlinearity: a force that is not mirrored with the motion",
-        ),
-        ("odd functions", ODD_FUNCTIONS, "an odd nonlinearity: a force that is mirrored with the motion"),
-    ):
+    for kind, names in (("linear", LINEAR_FUNCTIONS), ("even", EVEN_FUNCTIONS), ("odd", ODD_FUNCTIONS)):
         if min(1.0, len(names) * min(numbers[f"p {name}"] for name in names)) < SIGNIFICANT:
             mine = np.isin(table["function"], names)
             top = int(np.argmax(np.abs(table["correlation"][mine])))
-            found.append((table["correlation"][mine][top], table["function"][mine][top], kind, meaning))
+            found.append((table["correlation"][mine][top], table["function"][mine][top], kind))
     found.sort(key=lambda item: -abs(item[0]))
     weak = _WEAK * abs(found[0][0])
-    strong = [
-        f"{kind} (up to {value:+.2f} with {name}; {words})"
-        for value, name, kind, words in found
-        if abs(value) > weak
-    ]
-    faint = [f"{kind} ({value:+.2f} with {name})" for value, name, kind, _ in found if abs(value) <= weak]
-    listed = f"to {', '.join(strong)}" + (f"; weakly also to {', '.join(faint)}" if faint else "")
-    return f"Correlations: the error is related {listed}; noise alone stays below {np.median(table['limit']):.2g}."
+    strong, faint = (
+        ", ".join(
+            said(f"{kind}_{how}", value=value, name=name)
+            for value, name, kind in found
+            if (abs(value) > weak) == (how == "strongly")
+        )
+        for how in ("strongly", "weakly")
+    )
+    also = said("weakly", faint=faint) if faint else ""
+    return said("related", strong=strong, also=also, limit=np.median(table["limit"]))
 
 
 _SHARES = np.linspace(0, 1, 9)
@@ -254,13 +240,6 @@ _LEAST = 0.01
 """Share of the explainable error below which a cause is not told."""
 _SMALLEST = 1e-10
 """Eigenvalue of the columns' products, as a share of the largest, below which a direction is rounding."""
-MEANINGS = {
-    "time": "it does not repeat with the motion, as a drift, a softening or a disturbance",
-    "position and velocity": "a damping or friction that depends on the present velocity",
-    "depth": "a stiffness that depends on depth, a contact or a limit of the force",
-    "reversals": "a memory of the last reversal, as hysteresis or play",
-    "linear dynamics": "linear dynamics that the model lacks, as inertia, delay or another relaxation",
-}
 
 
 @dataclass(frozen=True)
@@ -386,9 +365,7 @@ def causes_sentence(causes: Sequence[Cause], records: int, of: str) -> str:
     first, *others = told
     beside = f", {percent(first.share_of_rest)} of what linear dynamics leave"
     beside = "" if first.name in ("linear dynamics", "time") else beside
-    sentence = (
-        f"{where}: {first.name} first ({percent(first.share)} of the {of}{beside}): {MEANINGS[first.name]}"
-    )
+    sentence = f"{where}: {first.name} first ({percent(first.share)} of the {of}{beside}): {said(f'{first.name} means')}"
     if first.name == "linear dynamics" and 1 - first.share > _WORTH:
         sentence += f", though {percent(1 - first.share)} of it is not linear in the motion"
     listed = ", ".join(f"{item.name} ({percent(item.share)})" for item in others)
