@@ -9,10 +9,12 @@ of the difference instead, which does not reward mere length: a small difference
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Self
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
@@ -24,6 +26,7 @@ from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.multisine import schroeder_phases
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band, peak_kinematics
 
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 _LONGEST, _ENOUGH = 0.3, 3000
 """Share of the training record's samples, and samples, up to the larger of which an excitation lasts unless it repeats the
 record."""
@@ -321,24 +324,10 @@ def separation_sentence(separation: Separation, diagnosis: Verdict) -> str:
     """The proposal in words."""
     unit = diagnosis.experiment.output_unit
     pair = f"{effects_text(diagnosis.selected)} from {effects_text(separation.closest)}"
+    words = {"pair": pair, "found": separation, "unit": unit, "own": diagnosis.experiment.training.name}
     if not separation.separates:
-        return (
-            f"None of {separation.tried} excitations tried within the machine's limits would tell {pair}: the best, "
-            f"{separation.excitation.words}, by {separation.distance:.2g} noise standard deviations: both answer alike."
-        )
+        return _SAID["not_separated"].format(**words)
     if not separation.improves:
-        return (
-            f"The records at hand separate {pair} better ({separation.recorded:.2g} noise standard deviations) than any of "
-            f"{separation.tried} excitations tried within the machine's limits ({separation.distance:.2g}): no further "
-            "record of these kinds is proposed."
-        )
-    beyond_range = (
-        ""
-        if separation.excitation.within
-        else " It leaves the range of your record: both models are extrapolated there."
-    )
-    own = f"your record {diagnosis.experiment.training.name}: {separation.recorded:.2g}"
-    return (
-        f"To tell {pair}, record {separation.excitation.words} and fit on it: it would separate them by "
-        f"{separation.distance:.2g} noise standard deviations ({separation.rms:.2g} {unit} RMS); {own}.{beyond_range}"
-    )
+        return _SAID["separated_already"].format(**words)
+    beyond_range = "" if separation.excitation.within else _SAID["extrapolated"]
+    return _SAID["separated"].format(**words) + beyond_range

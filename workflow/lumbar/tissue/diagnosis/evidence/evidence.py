@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.files import write_json, write_text
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.settings.signals import MachineSettings
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separating_excitation
@@ -37,6 +38,7 @@ from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band
 
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 ALIKE = 15.0
 """Degrees: candidates of one cluster add forces that differ by no more (97 % of the force in common)."""
 _STARTS = 3
@@ -270,24 +272,14 @@ def limitations(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     experiment = diagnosis.experiment
     found = [_range(experiment)]
     if experiment.tests[0].name == experiment.training.name:
-        found.append(
-            "Whether the model holds for another specimen or day: there is one table only. Record a second one."
-            if experiment.points
-            else "Whether the model holds for another excitation: there is one record only, and its last part stands in for an "
-            "unseen one. Record a second excitation."
-        )
+        found.append(_SAID["one_table" if experiment.points else "one_record"])
     if experiment.points:
-        found.append("Whether what remains is noise: measure the same positions again, in another order.")
+        found.append(_SAID["positions_once"])
     elif experiment.floor is None:
-        found.append(
-            "Whether what remains is noise: no record repeats. Record at least three periods of one excitation and give its "
-            "period."
-        )
+        found.append(_SAID["nothing_repeats"])
     if diagnosis.tied_with:
         others = " or ".join(effects_text(item.effects) for item in diagnosis.tied_with)
-        found.append(
-            f"Whether it is {effects_text(diagnosis.selected)} or {others}: both explain the records equally well."
-        )
+        found.append(_SAID["either"].format(named=effects_text(diagnosis.selected), others=others))
     found += _other_forms_as_good(diagnosis, evidence)
     found += _wide_parameters(diagnosis)
     return found + _too_small(diagnosis, evidence)
@@ -296,21 +288,15 @@ def limitations(diagnosis: Verdict, evidence: Evidence) -> list[str]:
 def _range(experiment: Experiment) -> str:
     motions = [item.motion for item in (experiment.training, *experiment.tests)]
     positions = np.concatenate([item.position for item in motions])
+    words = {"low": positions.min(), "high": positions.max(), "unit": experiment.input_unit}
     if experiment.points:
-        return (
-            f"Anything outside {positions.min():.3g} to {positions.max():.3g} {experiment.input_unit}, and whatever depends on "
-            "time, speed or direction: points of a static test do not show it."
-        )
+        return _SAID["outside_points"].format(**words)
     speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
     training = experiment.training.motion
     band = occupied_band(training.position, training.sampling_time)
     bottom, top = (f"{frequency:.2g}" for frequency in band)
     frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"
-    unit = experiment.input_unit
-    return (
-        f"Anything outside {positions.min():.3g} to {positions.max():.3g} {unit}, above {speed:.3g} {unit}/s or "
-        f"{frequencies}: the tool did not move there."
-    )
+    return _SAID["outside"].format(**words, speed=speed, frequencies=frequencies)
 
 
 def _other_forms_as_good(diagnosis: Verdict, evidence: Evidence) -> list[str]:
@@ -349,11 +335,8 @@ def _too_small(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     listed = ", ".join(
         f"{readable(item.effect)} {item.easiest:.2g} to {item.hardest:.2g}" for item in hardest
     )
-    return [
-        f"Effects too small to be seen. To be selected, one must add at least {easiest.easiest:.2g} {unit} RMS to the "
-        f"training record ({readable(easiest.effect)}); hardest to see in this excitation, depending on their "
-        f"parameters: {listed} {unit}."
-    ]
+    words = {"least": easiest.easiest, "unit": unit, "effect": readable(easiest.effect), "listed": listed}
+    return [_SAID["too_small"].format(**words)]
 
 
 def write_diagnosis(diagnosis: Verdict, gather: Callable[[], Evidence], folder: Path, data: str) -> None:

@@ -4,9 +4,11 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -42,6 +44,7 @@ from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.model_data import unit_of
 from lumbar.tissue.models.parameter import NonlinearParameter, Parameter
 
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 NAME = "proposed_law"
 CONFIRMED = 3.09
 """Standard errors by which the loss must fall on unseen seconds that no choice has looked at (one-sided 0.1 %: a few laws are
@@ -135,55 +138,39 @@ class Proposal:
     @property
     def validity(self) -> str:
         """Where the law was found, and what is known of it beyond."""
-        found, unit, force = self.range, self.experiment.input_unit, self.experiment.output_unit
-        where = f"z from {found.low:.3g} to {found.high:.3g} {unit}, |v| up to {found.speed:.3g} {unit}/s"
-        tried = self.extrapolation
-        if self.is_surface:
-            return f"{where}; beyond that range it is held as it ends there, which is a guess"
-        if tried is None:
-            return f"{where}; whether it holds beyond that range was not tried: the records are too short"
-        said = (
-            f"{where}; fitted to the inner {100 * INNER:.0f} % of that range it errs by {tried.inner_rms:.3g} {force} outside, "
-            f"beside {tried.all_rms:.3g} {force} when fitted to all"
-        )
-        if tried.beyond_rms is not None:
-            said += f", and by {tried.beyond_rms:.3g} {force} on unseen samples beyond the range"
-        return f"{said}; farther on it is a guess" if tried.holds else f"{said}: it does not extrapolate"
+        tried, force = self.extrapolation, self.experiment.output_unit
+        where = _SAID["range"].format(found=self.range, unit=self.experiment.input_unit)
+        if self.is_surface or tried is None:
+            return where + _SAID["held" if self.is_surface else "not_tried"]
+        parts = ("inner",) if tried.beyond_rms is None else ("inner", "beyond")
+        told = "".join(_SAID[part].format(inner=100 * INNER, tried=tried, force=force) for part in parts)
+        return where + told + _SAID["guess" if tried.holds else "no_guess"]
 
     @property
     def sentences(self) -> list[str]:
         """The proposal, in plain English."""
         unit, floor, before = self.experiment.output_unit, self.experiment.floor, self.before
         beside = "" if floor is None else f", noise floor {floor.rms:.3g} {unit}"
-        said = f"unseen error {before.test_rms:.3g} {unit}{beside}"
         name = "+".join([before.fit.structure.base.name, *before.effects])
         if not self.is_needed:
-            return [f"No law is needed: {name} leaves nothing but noise ({said})."]
-        best = self.surfaces[0]
+            return [_SAID["no_law"].format(name=name, before=before, unit=unit, beside=beside)]
         on = "+".join([before.fit.structure.base.name, *self.start.effects])
-        seen = (
-            f"Without a formula, the best smooth function of {best.first.words} and {best.second.words} explains "
-            f"{100 * best.share:.0f} % of what {on} leaves to explain."
-        )
+        seen = _SAID["surface"].format(best=self.surfaces[0], percent=100 * self.surfaces[0].share, on=on)
         if self.law is None:
             tried = [(" + ".join(term.name for term in law.terms), refused) for law, refused in self.tried]
             return [
-                f"No short formula found for what {name} leaves ({said}).",
+                _SAID["no_formula"].format(name=name, before=before, unit=unit, beside=beside),
                 seen,
                 *(f"Not proposed: {terms}: {refused}." for terms, refused in tried),
             ]
         states = "".join(f", d{symbol}/dt = {rate}" for symbol, rate in self.form.state)
-        told = f"Proposed for {on}: F = {self.form.equation}{states} ({self.words}); {MARK}."
-        if self.is_surface:
-            told = (
-                f"No short formula found that comes near what {on} leaves; a {self.words}, stands in its place ({MARK}). "
-                f"refined.json of a diagnosis holds it as {on}+{SURFACE}, to be compared and exported as any other model."
-            )
+        formula = f"{self.form.equation}{states}"
+        words = {"on": on, "formula": formula, "words": self.words, "mark": MARK, "surface": SURFACE}
+        rms = {"before": before.test_rms, "after": self.law.candidate.test_rms}
+        gone = {"percent": 100 * self.share_removed, "certainty": self.certainty}
         return [
-            told,
-            f"The unseen error falls from {before.test_rms:.3g} to {self.law.candidate.test_rms:.3g} {unit}{beside}; "
-            f"{100 * self.share_removed:.0f} % of what was missing is gone on unseen seconds that no choice has looked at "
-            f"({self.certainty:.1f} standard errors).",
+            _SAID["proposed_surface" if self.is_surface else "proposed"].format(**words),
+            _SAID["falls"].format(**rms, unit=unit, beside=beside, **gone),
             seen,
             f"It was found for {self.validity}.",
         ]

@@ -232,13 +232,11 @@ def headline(diagnosis: Verdict) -> str:
     if diagnosis.verdict == "tied":
         others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
         return _SAID["tied"].format(named=named, fall=fall, others=others)
-    missing = f"Something is missing from the {base} model and no effect of the catalogue explains it"
+    missing = _SAID["unexplained"].format(base=base)
     if not diagnosis.selected:
         return f"{missing}."
-    removed = f"remove{'s' if len(diagnosis.selected) == 1 else ''} {share} of the error on unseen records"
-    if diagnosis.explainable_share_removed < EXPLAINS:
-        return f"{missing}; it looks a little like {named}, which {removed}."
-    return f"{missing}; {named}, which come{'s' if len(diagnosis.selected) == 1 else ''} nearest, {removed}."
+    near = "a_little" if diagnosis.explainable_share_removed < EXPLAINS else "nearest"
+    return missing + _SAID[near].format(named=named, s="s" * (len(diagnosis.selected) == 1), share=share)
 
 
 def _percent(share: float) -> str:
