@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
 from lumbar.publishing.explorer.plots import ANSWER, ASIDE, FIRST, SECOND, page_models
 from lumbar.publishing.explorer.shown import (
@@ -50,15 +52,8 @@ if TYPE_CHECKING:
 
 
 PAGE = "publishing/explorer/explorer.html.jinja"
-PICTURES = (
-    ("course", "Measured and simulated over time", True, "time"),
-    ("residual", "Measured less simulated over time; grey: ± the noise's RMS", True, "cycles"),
-    ("loop", "Output over input in the time that is shown: loops", False, "linear dynamics"),
-    ("plane", "Error of the first model in the motion", False, "position and velocity"),
-    ("depth", "Mean error over depth; ▲ advancing, ▼ retracting", False, "depth"),
-    ("turns", "Mean error around reversals, along the motion after them", False, "reversals"),
-    ("spectrum", "Spectrum of the error; grey: noise", True, "frequency"),
-)
+_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+PICTURES: list[tuple[str, str, bool, str]] = _SAID["pictures"]
 """Name, caption, whether it takes the page's whole width, and which of `locate`'s views speaks of it."""
 CURVES = (
     ("measured", "measured", "var(--ink)", ""),
@@ -67,7 +62,7 @@ CURVES = (
     ("aside", "the path set aside", ASIDE, "dashed"),
 )
 """Curves that are switched: name, words, colour, line."""
-LINES = {"circle": "● excited", "square": "■ even", "triangle": "▲ odd ones that were left out"}
+LINES: dict[str, str] = _SAID["lines"]
 """Marks of the spectrum's lines in words."""
 _FIRST_SHOWN_S = 10.0
 """Seconds that are shown at first of records that do not repeat; of others a period."""

@@ -232,18 +232,13 @@ def _diagnosis(results: Path, files: Sequence[str]) -> str:
     return diagnosis_sentence(read_json(results / found[0])) if found else ""
 
 
-_VERDICTS = {
-    "named": "{base} is missing {effects}.",
-    "tied": "{base} is missing {effects}, or what these records cannot tell from it.",
-    "unexplained": "What {base} leaves is unexplained; {effects} comes nearest.",
-    "adequate": "Nothing is missing from {base}, as far as these records tell.",
-}
+_SAID: dict[str, dict[str, str]] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def diagnosis_sentence(diagnosis: dict) -> str:
     """Say what a diagnosis found, from the content of its ``diagnosis.json``."""
     base, effects = diagnosis["base"], " and ".join(name.replace("_", " ") for name in diagnosis["selected"])
-    found = _VERDICTS[diagnosis["verdict"]].format(base=base, effects=effects or "no effect")
+    found = _SAID["verdicts"][diagnosis["verdict"]].format(base=base, effects=effects or "no effect")
     first, last = (diagnosis["ladder"][place].get("test_rms") for place in (0, -1))
     if first is None or last is None:
         return found
@@ -253,13 +248,7 @@ def diagnosis_sentence(diagnosis: dict) -> str:
     return f"{found} Error on unseen records (RMS): {first:.3g}{with_them}{noise}."
 
 
-SHOWN_WITH = {
-    "bandwidth": "surgeon_psd",
-    "multisine": "signal_properties",
-    "models": "figure_3_5",
-    "survey": "table_3_2",
-    "boa": "basin_areas",
-}
+SHOWN_WITH = _SAID["shown_with"]
 """Artefact with which a claim is shown, by the evidence that it is judged on; others stand with the table of that name."""
 CELLS = {"table_3_1": 2, "table_3_2": 1}
 """How many parts of a claim's name tell the row, by table: ``table_3_1.<record>.<model>.<column>``. Table 4.1 has the

@@ -2,11 +2,13 @@
 
 import os
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import write_text
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.record import Record
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.device_identification.free_motion import PARAMETERS, cut
@@ -29,16 +31,7 @@ TOO_MUCH, LARGEST_SPRING = 0.05, 0.05
 """Share of the motion that is unexplained from which the equation is refused; force of a spring that is not in the recording,
 as a share of the commanded force."""
 _CONFOUNDED = 0.9
-_CAUSES = (
-    "possible causes: a hand or a cable at the stylus, motors that do not give what is commanded, cogging, friction that "
-    "changes with place or speed, parts that swing on their own, columns that do not belong together"
-)
-_MORE = {
-    "mass": "command forces that change faster",
-    "damping": "let it slide faster and longer, as after a push",
-    "friction": "let it slide both slowly and fast, and come to rest by itself",
-    "delay": "command forces that change faster, as a chirp to higher frequencies",
-}
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 @dataclass(frozen=True)
@@ -92,18 +85,9 @@ class IdentifiedDevice:
         write_text(path, "\n".join([*said, "runtime:", "  device:", *keys, ""]))
 
     def __str__(self) -> str:
-        left = f"left     {self.unexplained:.2%} of the motion, beyond the encoder's errors"
-        if self.unexplained > NOTICED:
-            left += f": the intervals do not hold what follows from that; {_CAUSES}"
-        return "\n".join(
-            [
-                f"{self.data} at {self.rate_Hz:.6g} Hz, with 95 % intervals",
-                *(f"{name:9}{getattr(self, name)}" for name in _KEYS),
-                f"besides  a constant force of {self.offset_N:.2g} N, a spring of {self.spring_N_m:.2g} N/m",
-                f"encoder  {f'steps of {self.encoder_um:.4g} µm' if self.encoder_um else 'no steps to be seen'}",
-                left,
-            ]
-        )
+        steps = f"steps of {self.encoder_um:.4g} µm" if self.encoder_um else "no steps to be seen"
+        more = _SAID["more_is_left"].format(causes=_SAID["causes"]) if self.unexplained > NOTICED else ""
+        return _SAID["device"].format(device=self, steps=steps) + more
 
 
 def identify(recording: Record) -> IdentifiedDevice:
@@ -126,14 +110,9 @@ def identify(recording: Record) -> IdentifiedDevice:
     if share > TOO_MUCH:
         turned = replace(stretches, forces=-stretches.forces)
         if fit_device(turned, regress(turned)[0]).unexplained() < NOTICED:
-            raise InputError(
-                f"{name}: the stylus moves as if every force were turned round; a positive force must push towards growing "
-                "positions: turn the sign of one of the two columns"
-            )
-        raise InputError(
-            f"{name}: no mass with damping, dry friction and a delay was found that moves so: {share:.1%} of the motion is left, "
-            f"at most {TOO_MUCH:.0%} may be; {_CAUSES}; or other pushes, with releases, and a chirp are needed"
-        )
+            raise InputError(_SAID["turned"].format(name=name))
+        words = {"share": share, "most": TOO_MUCH, "causes": _SAID["causes"]}
+        raise InputError(_SAID["unlike"].format(name=name, **words))
     half, correlations = fit.intervals()
     _check_told(fit, share, half, correlations, Problems(name))
     intervals = [
@@ -156,9 +135,9 @@ def _check_told(
     for index, name in enumerate(_KEYS):
         if half[index] > max(TOLD * abs(values[index]), enough[index]):
             why = "the motion depends on it too little, or as on the others together"
-            more = _MORE[name]
+            more = _SAID[name]
             if share > NOTICED:
-                why, more = f"{share:.1%} of the motion is left", _CAUSES
+                why, more = f"{share:.1%} of the motion is left", _SAID["causes"]
             elif others[index].max() > _CONFOUNDED:
                 why = f"in this motion another {PARAMETERS[others[index].argmax()]} makes up for it"
             problems.add(name, f"not told: {why}", more)
@@ -172,8 +151,4 @@ def _check_told(
     problems.raise_if_any()
     pull = abs(values[spring]) * float(np.std(stretches.readings)) / force
     if pull > LARGEST_SPRING and half[spring] < TOLD * abs(values[spring]):
-        raise InputError(
-            f"{problems.subject}: with a spring of {values[spring]:.3g} N/m that is not in the forces, {pull:.0%} of theirs, the "
-            "motion fits best; nobody may hold it, a spring of the device or its controller belongs into the column of forces, "
-            "and pushes with releases and a chirp tell more"
-        )
+        raise InputError(_SAID["spring"].format(name=problems.subject, spring=values[spring], pull=pull))
