@@ -52,7 +52,7 @@ if study.has("stability"):
             published=source("resources/thesis/table_4_1.csv"),
         output:
             **published(
-                *("table_4_1", "table_4_1_controls", "table_4_1_grid", "grid_figure"),
+                *("table_4_1", "table_4_1_controls", "table_4_1_parts", "table_4_1_grid", "grid_figure"),
                 *("table_4_1_alternations", "basin_areas", "extended_basins", "missing_basins"),
             ),
             boa="<results>/stability/boa.csv",

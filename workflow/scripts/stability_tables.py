@@ -13,6 +13,7 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
 
     from lumbar.base.files import read_json, write_csv
     from lumbar.lifting.stability.basins import DTYPES, areas_table
+    from lumbar.lifting.stability.comparison.decomposition import decomposition_table
     from lumbar.lifting.stability.comparison.percent_differences import Study
     from lumbar.lifting.stability.comparison.table_4_1 import alternations_table, tables_4_1
     from lumbar.lifting.stability.comparison.table_4_1_grid import grid_table
@@ -51,12 +52,15 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     boa, disagreements = cross_check(boa, study.trajectories(), settings)
     failures = join_rows([failures, failures_frame(disagreements)])
     table, controls, differences, failures = tables_4_1(study, failures)
+    parts, without = decomposition_table(study)
+    failures = join_rows([failures, failures_frame(without)])
     if "thesis_method" in settings.checks:
         alternations_table(study).write(stem(output.table_4_1_alternations))
     write_csv(output.boa, boa)
     write_csv(output.failures, failures)
     table.write(stem(output.table_4_1))
     controls.write(stem(output.table_4_1_controls))
+    parts.write(stem(output.table_4_1_parts))
     grid_table(differences, settings, data).write(stem(output.table_4_1_grid))
     save(grid_figure(differences), stem(output.grid_figure), data)
     if "extended" in settings.checks:

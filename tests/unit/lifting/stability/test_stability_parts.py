@@ -1,0 +1,79 @@
+"""What differences of Table 4.1 come from: contributions of additive and of single parts by hand, sums against the table."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_stability_areas import lift
+from test_stability_grid import INVERTED, OWN, lift_states, study_of
+
+from lumbar.lifting.stability.comparison.decomposition import (
+    EXCHANGED,
+    PARTS,
+    contributions,
+    decomposition_table,
+    exchanged,
+)
+from lumbar.lifting.stability.comparison.percent_differences import percent_differences
+
+
+def table(lifts, project):
+    published = pd.read_csv(project / "resources" / "thesis" / "table_4_1.csv")
+    study = study_of(lifts, INVERTED, published)
+    found, failures = decomposition_table(study)
+    assert not failures
+    return study, found.frame
+
+
+def test_contributions_of_what_adds_are_the_summands_and_alike_parts_share_a_product():
+    own = dict(zip(PARTS, (1.0, 2.0, -0.5, 0.0, 4.0), strict=True))
+    summed = np.array([10 + sum(own[part] for part in taken) for taken in EXCHANGED])
+    assert contributions(summed) == pytest.approx([10, 20, -5, 0, 40])
+    product = np.array([2.0 ** len({"length", "mass"} & taken) for taken in EXCHANGED])
+    assert contributions(product) == pytest.approx([0, 150, 150, 0, 0])
+
+
+def test_nothing_and_everything_exchanged_are_the_two_pendulums():
+    before, after = lift(subject="novice", duration=1.9)[3], lift(box=15.0)[3]
+    after = replace(after, angle=after.angle + 0.05)
+    for taken, whole in ((EXCHANGED[0], before), (EXCHANGED[-1], after)):
+        found = exchanged(before, after, taken)
+        assert (found.duration, found.mass_kg, found.length_m) == pytest.approx(
+            (whole.duration, whole.mass_kg, whole.length_m)
+        )
+        for name in ("angle", "angular_velocity", "angular_acceleration"):
+            np.testing.assert_allclose(getattr(found, name), getattr(whole, name), atol=1e-12)
+    slower = exchanged(before, after, frozenset({"course"}))
+    assert slower.duration == pytest.approx(before.duration)
+    assert np.gradient(slower.angle, slower.time)[50] == pytest.approx(slower.angular_velocity[50], rel=0.01)
+
+
+def test_the_five_add_up_to_the_table_and_a_box_acts_by_its_mass(project):
+    study, frame = table([lift_states(), lift_states(box=15.0), lift_states("novice", duration=1.9)], project)
+    assert np.allclose(frame[[f"{part}_percent" for part in PARTS]].sum(axis=1), frame["percent"])
+    areas = study.areas("exact", OWN)
+    printed = pd.DataFrame(percent_differences(areas, "mean_area", study.people)).set_index(
+        ["comparison", "com"]
+    )
+    for row in frame.itertuples():
+        assert row.percent == pytest.approx(printed.loc[(row.comparison, row.com), row.plane], abs=0.05)
+        assert row.pairs == 1 and np.isnan(row.mass_low_percent)
+    boxes = frame[frame["comparison"] == "decrease_in_mass_expert"]
+    assert np.allclose(boxes["mass_percent"], boxes["percent"]) and (boxes["percent"].abs() > 1).all()
+    people = frame[frame["comparison"] == "expert_vs_novice"]
+    assert np.allclose(people["mass_percent"] + people["length_percent"], 0, atol=1e-6)
+    assert (people["duration_percent"].abs() > 0.1).all()
+
+
+def test_persons_give_an_interval(project):
+    lifts = []
+    for number in range(3):
+        for label, duration in (("expert", 1.5), ("novice", 1.8)):
+            made = lift_states(label, duration=duration + 0.05 * number, body=17.0 + number)
+            lifts.append(replace(made, facts={**made.facts, "subject": f"{label}_{number}"}))
+    _, frame = table(lifts, project)
+    people = frame[frame["comparison"] == "expert_vs_novice"]
+    assert (people["pairs"] == 3).all()
+    assert (people["duration_low_percent"] < people["duration_percent"]).all()
+    assert (people["duration_percent"] < people["duration_high_percent"]).all()

@@ -1,0 +1,117 @@
+"""What each difference of Table 4.1 comes from: duration, length, mass, posture at the start, and the course of the movement.
+
+Two pendulums differ in these five parts. Any of them may be taken from the one and the rest from the other, which makes 32
+pendulums and as many areas. A part's contribution is what it adds to the area, averaged over all orders in which the parts can be
+exchanged (Shapley, in Contributions to the Theory of Games II (1953) 307–317): the five add up to the difference.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+import pandas as pd
+
+from lumbar.lifting.pushes.roc import jackknife_interval
+from lumbar.lifting.stability.comparison.percent_differences import (
+    Study,
+    comparison_definition,
+    comparisons,
+    headline_words,
+)
+from lumbar.lifting.stability.comparison.table_4_1_controls import varied_areas
+from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.trajectories import COMS, PLANES, Failure, Trajectory
+from lumbar.tables.described import described
+from lumbar.tables.table import Table
+
+PARTS = ("duration", "length", "mass", "start", "course")
+EXCHANGED = [frozenset(taken) for count in range(len(PARTS) + 1) for taken in combinations(PARTS, count)]
+"""Every choice of parts that are taken from the pendulum after."""
+MOST_PAIRS = 30
+FEWEST_PAIRS = 3
+"""Pairs of lifts that are decomposed at most, and that an interval needs."""
+
+
+def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> Trajectory:
+    """Return the pendulum before with some parts of the one after."""
+    of = {part: after if part in taken else before for part in PARTS}
+    course, faster = of["course"], of["course"].duration / of["duration"].duration
+    return replace(
+        before,
+        time=(course.time - course.time[0]) / faster,
+        angle=of["start"].angle[0] + course.angle - course.angle[0],
+        angular_velocity=course.angular_velocity * faster,
+        angular_acceleration=course.angular_acceleration * faster**2,
+        mass_kg=of["mass"].mass_kg,
+        length_m=of["length"].length_m,
+    )
+
+
+def contributions(areas: np.ndarray) -> np.ndarray:
+    """Return what each of `PARTS` adds, in percent of the area before; `areas`, shape (..., 32), are by `EXCHANGED`."""
+    index = {taken: position for position, taken in enumerate(EXCHANGED)}
+    found = []
+    for part in PARTS:
+        total = 0.0
+        for taken in EXCHANGED:
+            if part not in taken:
+                others = len(PARTS) - 1 - len(taken)
+                weight = factorial(len(taken)) * factorial(others) / factorial(len(PARTS))
+                total = total + weight * (areas[..., index[taken | {part}]] - areas[..., index[taken]])
+        found.append(100 * total / areas[..., 0])
+    return np.stack(found, axis=-1)
+
+
+def decomposition_table(study: Study) -> tuple[Table, list[Failure]]:
+    """Return the contributions to every difference of the headline, and the pendulums between that have no basin."""
+    lifts: dict[tuple, list[Trajectory]] = {}
+    for item in study.trajectories():
+        lifts.setdefault((item.experience, item.box_mass_kg, item.com, item.plane), []).append(item)
+    rows, failures = [], []
+    for name, before, after, status in comparisons(study.people, study.settings.compare.groups):
+        for com in COMS if status == "computed" else ():
+            for plane in PLANES:
+                pairs = _pairs(*(lifts.get((*side, com, plane), []) for side in (before, after)))
+                areas = _areas(pairs, study, failures)
+                if len(areas):
+                    rows.append({"comparison": name, "com": com, "plane": plane, **_row(areas)})
+    words = {"comparison": comparison_definition(study.settings), "headline": headline_words(study.settings)}
+    columns = ["comparison", "com", "plane", "percent"]
+    columns += [f"{part}{end}_percent" for part in PARTS for end in ("", "_low", "_high")] + ["pairs"]
+    frame = pd.DataFrame(rows, columns=columns)
+    return described(__file__, "table_4_1_parts", frame, study.data, words), failures
+
+
+def _pairs(before: list[Trajectory], after: list[Trajectory]) -> list[tuple[Trajectory, Trajectory]]:
+    """Pair the lifts of one person, or person by person; evenly chosen where there are many."""
+    own = {item.subject: item for item in after}
+    same = [(item, own[item.subject]) for item in before if item.subject in own]
+    pairs = same or list(zip(before, after, strict=False))
+    return [
+        pairs[i] for i in np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), MOST_PAIRS)).astype(int))
+    ]
+
+
+def _areas(pairs: list, study: Study, failures: list[Failure]) -> np.ndarray:
+    """Areas of all that lies between the two of each pair, shape (pairs, 32), without pairs in which a basin is missing."""
+    found = []
+    for pair in pairs:
+        between = [exchanged(*pair, taken) for taken in EXCHANGED]
+        for attempt in attempts([between[0]], "Table 4.1, its parts", failures):
+            with attempt:
+                found.append(varied_areas({"parts": between}, study.settings)["parts"])
+    return np.array(found)
+
+
+def _row(areas: np.ndarray) -> Mapping[str, float]:
+    whole, count = contributions(areas.mean(axis=0)), len(areas)
+    row = {"percent": float(whole.sum()), "pairs": count}
+    ends = np.full((2, len(PARTS)), np.nan)
+    if count >= FEWEST_PAIRS:
+        left_out = (areas.sum(axis=0) - areas) / (count - 1)
+        ends = np.array(jackknife_interval(whole, contributions(left_out)))
+    for part, value, low, high in zip(PARTS, whole, *ends, strict=True):
+        row |= {f"{part}_percent": value, f"{part}_low_percent": low, f"{part}_high_percent": high}
+    return row
