@@ -13,6 +13,7 @@ from lumbar.base.errors import InputError
 from lumbar.interface.movement import measure_movement
 from lumbar.interface.pushing import pooled_prediction, push_outcomes, push_prediction, push_states
 from lumbar.lifting.measures.course import Lifter
+from lumbar.lifting.population.contrast import jackknife_interval
 from lumbar.lifting.pushes import prediction, roc
 from lumbar.lifting.pushes.body import centre_of_mass
 from lumbar.lifting.pushes.contest import Contest
@@ -25,7 +26,6 @@ from lumbar.lifting.pushes.roc import (
     best_threshold,
     cross_validated_rates,
     curve,
-    jackknife_interval,
     sensitivity_at,
     sort_scores,
 )

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.lifting.pushes.roc import jackknife_interval
+from lumbar.lifting.population.contrast import jackknife_interval
 from lumbar.lifting.stability.comparison.perturbed_trials import PHASE_POINTS, Trial, mean_trajectory
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather, remainder
 from lumbar.lifting.stability.model.eq_4_2_regulator import regulate, weights_of

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from lumbar.base.errors import InputError
+from lumbar.lifting.population.contrast import jackknife_interval
 from lumbar.lifting.pushes.chances import ADDED, ALONE, KNOWN, KNOWN_WORDS, chances_of
 from lumbar.lifting.pushes.contest import Contest, contest_of, push_bodies
 from lumbar.lifting.pushes.levels import BASELINES, DIRECTIONS, PREDICTORS, Levels
@@ -21,7 +22,6 @@ from lumbar.lifting.pushes.roc import (
     area_interval,
     areas,
     cross_validated_rates,
-    jackknife_interval,
     left_out,
     sensitivity_at,
     sort_scores,

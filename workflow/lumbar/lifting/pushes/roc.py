@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lumbar.lifting.population.contrast import jackknife_interval
+
 SPECIFICITY = 0.95
 """At which the sensitivity is told."""
-COVERAGE = 0.95
 AT_ONCE = 2**17
 """Weights of scores that are held at once: memory does not grow with samples times scores."""
 
@@ -62,19 +63,6 @@ def areas(scores: SortedScores, weights: np.ndarray) -> np.ndarray:
 def left_out(persons: int) -> np.ndarray:
     """Weights of persons that leave out one after the other, shape (persons, persons)."""
     return 1.0 - np.eye(persons)
-
-
-def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Student's 95 % interval of an estimate from those without each person or trial, shape (persons, ...).
-
-    Percentiles of a bootstrap of 6 to 20 persons cover 77 to 93 % of areas instead (``benchmarks/population.py``).
-    """
-    from scipy.stats import t
-
-    count = len(left_out)
-    error = np.sqrt((count - 1) * np.var(left_out, axis=0))
-    reach = t.ppf(0.5 + COVERAGE / 2, count - 1) * error
-    return value - reach, value + reach
 
 
 def area_interval(whole: float, parts: np.ndarray) -> tuple[float, float] | None:

@@ -13,7 +13,7 @@ from math import factorial
 import numpy as np
 import pandas as pd
 
-from lumbar.lifting.pushes.roc import jackknife_interval
+from lumbar.lifting.population.contrast import jackknife_interval
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
