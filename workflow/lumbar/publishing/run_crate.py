@@ -20,7 +20,7 @@ METADATA = "ro-crate-metadata.json"
 MAIN = "Snakefile"
 LICENCE = "https://spdx.org/licenses/MIT"
 _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-PROFILES: dict[str, list[str]] = _SAID["profiles"]
+PROFILES: list[dict[str, str]] = _SAID["profiles"]
 FORMATS: dict[str, str] = _SAID["formats"]
 OLDEST = (1980, 1, 1, 0, 0, 0)
 """Time of every member of the archive: the oldest that ZIP knows."""
@@ -84,21 +84,11 @@ def metadata(run: Run, contents: Mapping[str, bytes]) -> dict:
         *(_reference(item["@id"]) for item in recordings),
     ]
     records = [
-        _descriptor(),
+        _SAID["descriptor"],
         _root(run, [MAIN, *files, *folders, *(item["@id"] for item in recordings)]),
-        *(
-            {"@id": key, "@type": "CreativeWork", "name": name, "version": version}
-            for key, (name, version) in PROFILES.items()
-        ),
+        *PROFILES,
         _workflow(run, contents[MAIN], software),
-        {
-            "@id": "#snakemake",
-            "@type": "ComputerLanguage",
-            "name": "Snakemake",
-            "url": "https://snakemake.github.io/",
-        },
-        {"@id": "#developers", "@type": "Organization", "name": "The lumbar developers"},
-        {"@id": LICENCE, "@type": "CreativeWork", "name": "MIT License", "identifier": LICENCE},
+        *_SAID["named"],
         _action(run, inputs, variables),
         *(_file(name, contents[name], run.outputs.get(name, "")) for name in files),
         *({"@id": name, "@type": "Dataset", "name": f"{name} of the project"} for name in folders),
@@ -106,8 +96,7 @@ def metadata(run: Run, contents: Mapping[str, bytes]) -> dict:
         *software,
         *variables,
     ]
-    context = ["https://w3id.org/ro/crate/1.1/context", "https://w3id.org/ro/terms/workflow-run/context"]
-    return {"@context": context, "@graph": records}
+    return {"@context": _SAID["context"], "@graph": records}
 
 
 def _folders(names: Iterable[str]) -> list[str]:
@@ -119,16 +108,6 @@ def _reference(key: str) -> dict:
     return {"@id": key}
 
 
-def _descriptor() -> dict:
-    versions = ("https://w3id.org/ro/crate/1.1", "https://w3id.org/workflowhub/workflow-ro-crate/1.0")
-    return {
-        "@id": METADATA,
-        "@type": "CreativeWork",
-        "about": _reference("./"),
-        "conformsTo": [_reference(version) for version in versions],
-    }
-
-
 def _root(run: Run, parts: list[str]) -> dict:
     return {
         "@id": "./",
@@ -137,7 +116,7 @@ def _root(run: Run, parts: list[str]) -> dict:
         "description": f"Run of the study {run.study}: code, inputs, environment and results. Data: {run.data}.",
         "datePublished": run.ended.isoformat(),
         "license": _reference(LICENCE),
-        "conformsTo": [_reference(profile) for profile in PROFILES],
+        "conformsTo": [_reference(profile["@id"]) for profile in PROFILES],
         "mainEntity": _reference(MAIN),
         "mentions": _reference("#run"),
         "hasPart": [_reference(part) for part in parts],

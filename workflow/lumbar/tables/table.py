@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_text
 from lumbar.base.templates import template
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tables.layout import (
     EMPTY,
     Column,
@@ -40,22 +41,7 @@ LATEX_WIDTH = 52
 PAGE_ROWS = 45
 """Rows of one page of LaTeX: what is longer goes on in a table without a number of its own."""
 _WORDS = 30
-_ESCAPES = str.maketrans(
-    {
-        "\\": r"\textbackslash{}",
-        "&": r"\&",
-        "%": r"\%",
-        "$": r"\$",
-        "#": r"\#",
-        "_": r"\_",
-        "{": r"\{",
-        "}": r"\}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-        "<": r"\textless{}",
-        ">": r"\textgreater{}",
-    }
-)
+_ESCAPES = str.maketrans(shipped_yaml(Path(__file__).with_name("latex.yaml")))
 _POWER = re.compile("·10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
 _PLAIN = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _NUMBERED = re.compile(r"^Table \d+\.\d+[.:,]? *(as |the )?")
