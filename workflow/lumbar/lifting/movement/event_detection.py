@@ -9,11 +9,13 @@ markers on the box, the hands stand for it. An event that a recording does not h
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.movement.carried_object import (
     WRISTS,
     carried_object,
@@ -43,6 +45,7 @@ from lumbar.records.stretches import runs
 from lumbar.settings.lifting import EventSettings
 from lumbar.settings.subject import DeclaredEvents
 
+_HOW: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 TOES = ("L_TOE", "R_TOE")
 ONSET = 0.1
 """What rises or descends for good has begun to, without doubt, once it has gone this share of the way."""
@@ -229,11 +232,7 @@ def _lift_off(recording: MarkerRecording, box: np.ndarray, settings: EventSettin
     moved = _first_movement(recording, box, settings)
     if (box[moved:, 2] >= box[moved, 2] + settings.rise_m).any():
         return _rise(recording, box, moved, settings)
-    how = (
-        f"last rest of the box (slower than {settings.box_rest_m_s:g} m/s) before it first moves faster than "
-        f"{settings.box_speed_m_s:g} m/s for at least {settings.box_sustained_s:g} s; it never rises by {settings.rise_m:g} m"
-    )
-    return Event(float(recording.time[moved]), DETECTED, how)
+    return Event(float(recording.time[moved]), DETECTED, _HOW["never_rises"].format(settings=settings))
 
 
 def _rise(recording: MarkerRecording, points: np.ndarray, moved: int, settings: EventSettings) -> Event:
@@ -246,11 +245,8 @@ def _rise(recording: MarkerRecording, points: np.ndarray, moved: int, settings: 
     rise = height[high] - height[onset]
     latest = onset + int(np.flatnonzero(height[onset:] >= height[onset] + ONSET * rise)[0])
     slid = recording.time[onset] - recording.time[moved]
-    how = (
-        f"last instant at which it rises no faster than {settings.box_rest_m_s:g} m/s before it is {settings.rise_m:g} m "
-        f"higher; it moves from {recording.time[moved]:.2f} s on"
-        + (", sliding at first" if slid > 0.1 else "")
-    )
+    how = _HOW["rises"].format(settings=settings, moved=recording.time[moved])
+    how += ", sliding at first" if slid > 0.1 else ""
     times = recording.time[[onset, before[-1] if before.size else 0, latest]]
     return Event(float(times[0]), DETECTED, how, earliest_s=float(times[1]), latest_s=float(times[2]))
 
@@ -281,15 +277,10 @@ def _release(recording: MarkerRecording, box: np.ndarray, settings: EventSetting
         # Slow placing goes on below the threshold of movement; it ends at rest, or when the hands leave.
         rest = np.flatnonzero(pace[moving[-1] : end + 1] <= settings.box_rest_m_s)
         stop = int(moving[-1] + rest[0]) if rest.size else end
-        how = f"the box comes to rest (slower than {settings.box_rest_m_s:g} m/s){parted}"
-        return Event(float(time[stop]), DETECTED, how)
+        return Event(float(time[stop]), DETECTED, _HOW["rests"].format(settings=settings, parted=parted))
     if separation is None:
         raise NotFound(f"the box still moves at the last frame looked at, {time[-1]:.2f} s")
-    return Event(
-        float(time[separation]),
-        DETECTED,
-        f"the wrists part from the moving box by more than {settings.separation_m:g} m",
-    )
+    return Event(float(time[separation]), DETECTED, _HOW["parted"].format(settings=settings))
 
 
 def _separation(
@@ -347,16 +338,10 @@ def _hands_release(
     stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
     if stop >= len(time) - 1:
         raise NotFound(f"the hands still go down at the last frame looked at, {time[-1]:.2f} s")
-    parting = (
-        "the last great descent: whether they hold anything is not seen"
-        if held is None
-        else f"they part, or close, by more than {settings.separation_m:g} m at {time[parted]:.2f} s"
-    )
-    how = (
-        f"the hands go down no more (slower than {settings.box_rest_m_s:g} m/s) after "
-        f"{hands[top, 2] - hands[bottom, 2]:.2f} m; {parting}"
-    )
-    return Event(float(time[stop]), DETECTED, how)
+    words = {"settings": settings, "way": hands[top, 2] - hands[bottom, 2]}
+    if held is None:
+        return Event(float(time[stop]), DETECTED, _HOW["hands_last"].format(**words))
+    return Event(float(time[stop]), DETECTED, _HOW["hands_part"].format(**words, parted=time[parted]))
 
 
 def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: float, release: float) -> Event:
@@ -418,10 +403,7 @@ def _deposit_start(
     left = float(height[onset] - height[-1])
     not_down = np.flatnonzero(climb[: onset + 1] >= 0)
     latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET * left)[0])
-    how = (
-        f"last instant at which the {what} {goes} down no faster than {settings.box_rest_m_s:g} m/s before the last "
-        f"{left:.2f} m to the release"
-    )
+    how = _HOW["goes_down"].format(what=what, goes=goes, settings=settings, left=left)
     earliest = time[not_down[-1] if not_down.size else 0]
     return Event(
         starts["descent_s"],

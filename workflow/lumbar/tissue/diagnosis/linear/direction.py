@@ -8,9 +8,11 @@ force over position tells.
 
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
+from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.record import Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.tissue import TissueSettings
@@ -18,6 +20,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.signals.spectrum import spectral_edge
 
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 _SURE = 4.0
 """Standard errors by which an energy must differ from 0."""
 _LOSS = 0.1
@@ -82,19 +85,12 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
     layout = layout or TissueSettings().layout
     if all(pair.held and pair.jump > _BIG_JUMP and pair.follows < _FOLLOWS for pair in pairs):
         jump = float(np.median([pair.jump for pair in pairs]))
-        reason = (
-            f"the {experiment.input_quantity} jumps between levels, by {100 * jump:.0f} % of its range from one sample to the "
-            f"next, and the {experiment.output_quantity} follows it smoothly: no position moves so, a command does"
-        )
+        reason = _SAID["jumps"].format(experiment=experiment, percent=100 * jump)
         return _direction(experiment, layout, reason, jump)
     swapped, roughness = (_median(pairs, name) for name in ("swapped_energy", "roughness"))
     surely_taken = _standard_errors([pair.swapped_blocks for pair in pairs]) > _SURE
     if surely_taken and swapped > _LOSS and roughness > _ROUGHER:
-        reason = (
-            f"the {experiment.input_quantity} has {roughness:.2g} times the detail of the {experiment.output_quantity}, "
-            "and if it were the motion the material would give energy in place of taking it (or the output passes a "
-            "sensor slower than the motion)"
-        )
+        reason = _SAID["rougher"].format(experiment=experiment, roughness=roughness)
         return _direction(experiment, layout, reason, roughness)
     reason, value = _of_other_sign(pairs, experiment.input_quantity, experiment.output_quantity)
     return _sign(experiment, layout, reason, value) if reason else None
@@ -115,11 +111,10 @@ def _of_other_sign(pairs: list[_Pair], position: str, force: str) -> tuple[str, 
     detailed = roughness < _MUCH_SMOOTHER or (roughness < _SMOOTHER and correlation < _ALONG)
     against = roughness < _ROUGHER and correlation < -_ALONG
     if surely_given and energy < -_LOSS and (detailed or against):
-        reason = f"the material gives energy in place of taking it (correlation of {force} and speed {energy:+.2f})"
-        return f"over the records {reason}", energy
+        return _SAID["gives_energy"].format(force=force, energy=energy), energy
     if correlation < 0 and turned > as_counted + _BEYOND_MASS:
-        falls = f"the {force} falls where the {position} grows (correlation {correlation:+.2f})"
-        return f"{falls}, and no material at rest pulls away from its rest", correlation
+        said = _SAID["pulls_away"].format(force=force, position=position, correlation=correlation)
+        return said, correlation
     return "", 0.0
 
 
