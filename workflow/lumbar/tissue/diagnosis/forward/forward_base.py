@@ -228,20 +228,21 @@ class ForwardFit(joint_fit.Fit):
         return data.whiten(np.column_stack([slopes, data.zeros]))
 
 
-def fit_forward(
+def fit_by_simulation(
+    experiment: Experiment,
     structure: ForwardStructure,
-    data: FitData,
     linear: np.ndarray,
     nonlinear: np.ndarray,
     zero: float = 0.0,
     evaluations: int = EVALUATIONS,
-) -> ForwardFit:
-    """Fit a structure to records from one start of its parameters and of the zero of the motion's sensor.
+) -> Candidate:
+    """Fit a structure by the error of its simulation, from one start of its parameters and of the zero of the motion's sensor.
 
-    The motion of `data` is the force, its force the motion. The error is evaluated at most `evaluations` times.
+    The motion of the experiment's data is the force, their force the motion. The error is evaluated at most `evaluations` times.
     """
     from scipy.optimize import least_squares
 
+    data = experiment.training
     signs = np.array(structure.signs, dtype=int)
     size = np.where(linear != 0, np.abs(linear), _AT_ZERO * (np.abs(linear).max(initial=0.0) or 1.0))
     extent = float(np.std(data.force))
@@ -279,22 +280,8 @@ def fit_forward(
         lambda vector: error_of(vector.tobytes()), start, jac=jacobian, bounds=(lower, upper), x_scale="jac",
         xtol=1e-6, ftol=1e-7, gtol=1e-15, max_nfev=evaluations,
     )  # fmt: skip
-    return replace(
-        trial(found.x), squared_error=2 * float(found.cost) * extent**2, converged=bool(found.status > 0)
-    )
-
-
-def fit_by_simulation(
-    experiment: Experiment,
-    structure: ForwardStructure,
-    linear: np.ndarray,
-    nonlinear: np.ndarray,
-    zero: float = 0.0,
-    evaluations: int = EVALUATIONS,
-) -> Candidate:
-    """Fit a structure by the error of its simulation; arguments as of `fit_forward`."""
-    found = fit_forward(structure, experiment.training, linear, nonlinear, zero, evaluations)
-    return evaluate(found, experiment)
+    squared_error, converged = 2 * float(found.cost) * extent**2, bool(found.status > 0)
+    return evaluate(replace(trial(found.x), squared_error=squared_error, converged=converged), experiment)
 
 
 def resume_fit(experiment: Experiment, model: Candidate, evaluations: int = EVALUATIONS) -> Candidate:
