@@ -1,7 +1,6 @@
 """Parsing of the command line; each command imports its library when it runs."""
 
 import argparse
-import gc
 import os
 import re
 import sys
@@ -118,7 +117,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         error); 130 after Ctrl-C; argparse exits with 2 for a wrong command line.
     """
     use_one_thread()
-    gc.set_threshold(
         50_000
     )  # most of what a command makes are modules, which stay: looking through them takes a twentieth
     try:
