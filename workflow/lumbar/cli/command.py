@@ -117,8 +117,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         error); 130 after Ctrl-C; argparse exits with 2 for a wrong command line.
     """
     use_one_thread()
-        50_000
-    )  # most of what a command makes are modules, which stay: looking through them takes a twentieth
     try:
         options = build_parser().parse_args(arguments)
         _check_outputs(options)
