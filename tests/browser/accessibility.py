@@ -7,7 +7,7 @@ _FAULTS = """() => {
   const found = [];
   const width = document.documentElement.clientWidth;
   const named = (item) => `${item.tagName}${item.id && "#" + item.id} ${item.textContent.trim().slice(0, 40)}`;
-  const scrolls = (item) => item.closest(".scroll, .contents, pre");
+  const scrolls = (item) => item.closest(".scroll, .equation, .contents, pre");
   const seen = [...document.body.querySelectorAll("*")].filter((item) => item.checkVisibility());
   if (document.documentElement.scrollWidth > width) found.push(`the page is ${document.documentElement.scrollWidth} wide`);
   for (const item of seen) {

@@ -59,10 +59,10 @@ def picture(svg: str | Path, description: str) -> Markup:
 
 
 def equation(latex: str) -> Markup:
-    """Equation in a line of text."""
+    """Equation, which scrolls where there is less room: browsers do not break it into lines."""
     from markupsafe import Markup
 
-    return Markup(equation_mathml(latex))
+    return Markup(f'<span class="equation" tabindex="0">{equation_mathml(latex)}</span>')
 
 
 def figure(svg: str | Path, caption: str) -> Markup:
