@@ -187,7 +187,7 @@ def test_a_wrong_command_line(run, sources):
     assert run("import", sources / "labview.lvm")[0] == 2
     status, _, err = run("import", sources / "labview.lvm", "--dry-run", "--trim", "5")
     assert status == 2
-    assert "START:STOP in seconds is needed" in err
+    assert "START:STOP is needed, e.g. 1.5:20" in err
 
 
 def test_files_of_one_name(run, sources, tmp_path):

@@ -28,7 +28,7 @@ def _span(text: str) -> tuple[float, float]:
 def _named_span(text: str) -> tuple[str, tuple[float, float]]:
     name, equals, span = text.partition("=")
     if not equals:
-        raise argparse.ArgumentTypeError(f"{text!r}: NAME=START:STOP is needed")
+        raise argparse.ArgumentTypeError(f"{text!r}: NAME=START:STOP is needed, e.g. fit=0:60")
     return name, _span(span)
 
 
