@@ -124,7 +124,7 @@ def had(page: str, workplace) -> dict:
         person = subject_of(workplace / "ann.yaml")
         return {"recordings": [("trial.c3d", replace(person, name=name)) for name in ("ann", "bob")]}
     if page == "docs/tissue/doctor.md":
-        quick = partial(lumbar.doctor, effects=["backlash"], faults=False)
+        quick = partial(lumbar.doctor, effects=["backlash"])
         return {"records": example_records(), "lumbar": SimpleNamespace(doctor=quick)}
     return {"lumbar": lumbar} if page == "docs/lifting/body_model.md" else {}
 
