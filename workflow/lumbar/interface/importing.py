@@ -225,7 +225,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         """One row per recording: the numbers in which a slip shows."""
         import pandas as pd
 
-        return pd.DataFrame([_numbers(recording) for recording in self.recordings])
+        return pd.DataFrame([recording.numbers for recording in self.recordings])
 
     def save(
         self,
@@ -274,22 +274,6 @@ class ImportedRecordings(Sequence[ImportedRecording]):
 
     def _repr_html_(self) -> str:
         return self.table.to_html(index=False)
-
-
-def _numbers(recording: ImportedRecording) -> dict:
-    """What a person checks a record by."""
-    record, names = recording.record, recording.names
-    row: dict = {
-        "record": record.name,
-        "samples": len(record),
-        "rate (Hz)": round(1 / record.sampling_time, 4),
-    }
-    row["start (s)"], row["end (s)"] = record.time[0], record.time[-1]
-    for role in record.channels:
-        row[f"least {names[role]}"], row[f"largest {names[role]}"] = record[role].min(), record[role].max()
-    unit = record.channels["input"].unit
-    row[f"largest speed ({unit}/s)"] = np.abs(np.gradient(record["input"], record.sampling_time)).max()
-    return row
 
 
 def _report(recording: ImportedRecording) -> str:

@@ -105,19 +105,21 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
         the first samples, ``facts``, ``seconds``, and ``curves``: label and points of position and force over time.
     """
     recording = imported[0]
-    record, frame = recording.record, recording.frame()
-    facts = imported.table.iloc[0].to_dict()
+    record, columns = recording.record, recording.tidy
     return {
         "record": record.name,
         "form": recording.form,
         "grounds": {role: in_labels(words) for role, words in recording.grounds.items()},
         "found": recording.found,
         "notes": list(map(in_labels, recording.notes)),
-        "header": list(frame.columns),
-        "rows": [[f"{value:.6g}" for value in row] for row in frame.head(_ROWS).to_numpy()],
+        "header": list(columns),
+        "rows": [
+            [f"{value:.6g}" for value in row]
+            for row in zip(*(item[:_ROWS] for item in columns.values()), strict=True)
+        ],
         "facts": [
             f"{name}: {value}" if isinstance(value, str) else f"{name}: {value:.6g}"
-            for name, value in facts.items()
+            for name, value in recording.numbers.items()
         ],
         "seconds": record.duration,
         "curves": [

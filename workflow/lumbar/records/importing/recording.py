@@ -182,13 +182,34 @@ class ImportedRecording:
             for role, (quantity, unit) in described.items()
         }
 
+    @property
+    def tidy(self) -> dict[str, np.ndarray]:
+        """Columns of the tidy file, by their names."""
+        return {
+            name: self.record.time if role == "time" else self.record[role]
+            for role, name in self.names.items()
+        }
+
+    @property
+    def numbers(self) -> dict[str, str | float]:
+        """What a person checks the record by: the numbers in which a slip shows."""
+        record, names, unit = self.record, self.names, self.record.channels["input"].unit
+        row: dict = {"record": record.name, "samples": len(record)}
+        row["rate (Hz)"] = round(1 / record.sampling_time, 4)
+        row["start (s)"], row["end (s)"] = record.time[0], record.time[-1]
+        for role in record.channels:
+            row[f"least {names[role]}"], row[f"largest {names[role]}"] = (
+                record[role].min(),
+                record[role].max(),
+            )
+        row[f"largest speed ({unit}/s)"] = np.abs(np.gradient(record["input"], record.sampling_time)).max()
+        return row
+
     def frame(self):
         """Return the record as a data frame in its tidy form."""
         import pandas as pd
 
-        record = self.record
-        values = {"time": record.time, **{role: item.values for role, item in record.channels.items()}}
-        return pd.DataFrame({self.names[role]: values[role] for role in self.names})
+        return pd.DataFrame(self.tidy)
 
 
 def to_records(
