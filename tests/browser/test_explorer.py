@@ -11,6 +11,8 @@ from explorer_steps import CASE, add, errors_of
 
 import lumbar
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.fixture(scope="module")
 def diagnosis(shared):
@@ -65,7 +67,6 @@ def test_page_from_disk_shows_what_was_computed(new_page, saved, diagnosis):
     assert all(url.startswith(("file:", "data:", "blob:")) for url in page.asked)
 
 
-@pytest.mark.nightly
 def test_a_region_drawn_in_one_picture_is_marked_in_all(new_page, saved):
     page = new_page(saved, viewport={"width": 1280, "height": 1800})
     picture = page.locator("figure.wide").nth(0).locator("canvas").first
@@ -87,7 +88,6 @@ def test_a_region_drawn_in_one_picture_is_marked_in_all(new_page, saved):
     assert 0 < marked["times"][0] < marked["times"][1] < 100
 
 
-@pytest.mark.nightly
 def test_pictures_of_the_error_are_those_of_numpy(new_page, saved, diagnosis):
     """Mean error over depth by direction and around reversals, and what a band of frequencies holds of the error."""
     page = new_page(saved)
@@ -124,7 +124,6 @@ def test_pictures_of_the_error_are_those_of_numpy(new_page, saved, diagnosis):
     assert power == pytest.approx(np.mean(error**2), rel=0.02)
 
 
-@pytest.mark.nightly
 def test_two_paths_are_compared_and_reordered_with_what_was_computed(new_page, saved):
     page = new_page(saved)
     page.get_by_role("button", name="Set this path aside").click()
@@ -141,7 +140,6 @@ def test_two_paths_are_compared_and_reordered_with_what_was_computed(new_page, s
     assert len(errors_of(page)) == 1
 
 
-@pytest.mark.nightly
 def test_the_address_holds_the_session_and_opens_it_again(new_page, saved):
     page = new_page(saved)
     assert "#" not in page.url
@@ -203,7 +201,6 @@ def test_values_are_told_where_the_pointer_is_and_curves_are_switched(new_page, 
     assert measured == pytest.approx(shown["measured"][at], rel=1e-3)
 
 
-@pytest.mark.nightly
 def test_the_path_set_aside_is_drawn_beside_the_models(new_page, saved):
     page = new_page(saved)
     assert np.isnan(data_of(page, "whole")["aside"]).all()
@@ -228,7 +225,6 @@ def test_the_path_set_aside_is_drawn_beside_the_models(new_page, saved):
     assert np.isnan(data_of(page, "whole")["aside"]).all()
 
 
-@pytest.mark.nightly
 def test_python_to_copy_fits_what_is_shown(new_page, saved, shared, monkeypatch, capsys):
     page = new_page(saved)
     page.get_by_role("button", name="Base alone").click()
@@ -262,9 +258,7 @@ def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
     assert "was not computed" in page.locator("#message").inner_text()
 
 
-@pytest.mark.parametrize(
-    ("scheme", "width"), [("light", 1280), pytest.param("dark", 390, marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
 def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_page(new_page, saved, scheme, width):
     page = new_page(saved, viewport={"width": width, "height": 900}, color_scheme=scheme)
     page.get_by_role("button", name="Set this path aside").click()
@@ -297,7 +291,6 @@ def luminance(colour: str) -> float:
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
 
 
-@pytest.mark.nightly
 def test_a_mark_can_be_typed_either_way_round_and_cleared(new_page, saved):
     page = new_page(saved)
     told = []

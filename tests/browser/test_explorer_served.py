@@ -15,6 +15,8 @@ from explorer_steps import CASE, add, errors_of
 
 from running import FORKING, copy_project, snakemake
 
+pytestmark = pytest.mark.nightly
+
 STUDY = """
 study: blind
 title: A blind experiment
@@ -92,7 +94,6 @@ def made(project, *targets: str) -> list[dict]:
     return [json.loads(Path(project, file).read_text(encoding="utf-8"))["models"] for file in files]
 
 
-@pytest.mark.nightly
 def test_from_a_blind_experiment_to_the_workflow(new_page, served):
     project, addresses = served
     page, other = new_page(addresses["/tissue"], color_scheme="dark"), new_page(addresses["/again"])
@@ -171,7 +172,7 @@ def own(tmp_path_factory):
         yield addresses["/"]
 
 
-@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_own_recordings_page_is_for_everybody(new_page, own, scheme):
     options = {"color_scheme": scheme, "bypass_csp": True}  # axe-core is no script of the page
     page = new_page(own, ready="#choose", viewport={"width": 390, "height": 844}, **options)
@@ -211,7 +212,7 @@ def test_what_was_found_stands_in_the_fields_and_notes_are_no_errors(new_page, o
     assert note.get_attribute("class") == "note"
 
 
-@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_index_and_unknown_addresses_are_for_everybody_and_lead_on(new_page, own, scheme):
     page = new_page(own, ready="#choose", color_scheme=scheme, bypass_csp=True)
     assert page.get_by_role("link", name="an example to try").is_visible()

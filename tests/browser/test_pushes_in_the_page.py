@@ -16,6 +16,8 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.trajectories import LiftStates, headline
 from lumbar.settings.stability import StabilitySettings
 
+pytestmark = pytest.mark.nightly
+
 SETTINGS = StabilitySettings()
 PUSHES = np.array([[0.05, 0.4], [-0.3, 0.2], [0.0, -2.0], [1.2, 3.0]]).T
 """From inside every funnel to far outside; the last are limited by the torque."""
@@ -40,7 +42,6 @@ def trajectories(saved_lift):
     return states.trajectories(headline(SETTINGS, lift.facts))[0]
 
 
-@pytest.mark.nightly
 def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch):
     monkeypatch.setattr(monte_carlo_check, "LONGEST_STRIDE", 1)  # a step from knot to knot, as in the page
     assert len(trajectories) == 6
@@ -66,7 +67,6 @@ def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch
             assert pytest.approx(state[:, 0], rel=1e-7, abs=1e-7) == found[:, knot].T
 
 
-@pytest.mark.nightly
 def test_simulated_outline_is_the_goal_set_followed_backward(page, trajectories):
     item = trajectories[3]
     loops = close_loops([item], SETTINGS.pendulum.sign, SETTINGS)
@@ -144,9 +144,7 @@ def test_time_is_gone_through_by_keyboard_and_everything_follows(page):
     assert all(url.startswith(("file:", "data:", "blob:")) for url in page.asked)
 
 
-@pytest.mark.parametrize(
-    ("scheme", "width"), [pytest.param("light", 1280, marks=pytest.mark.nightly), ("dark", 390)]
-)
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 390)])
 def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_page(new_page, page_file, scheme, width):
     page = new_page(page_file, viewport={"width": width, "height": 900}, color_scheme=scheme)
     assert serious(page) == []

@@ -5,6 +5,8 @@ from accessibility import WIDTHS, fits, serious
 
 from small_report import make_results, page_of
 
+pytestmark = pytest.mark.nightly
+
 SIZES = """() => [document.documentElement.scrollWidth,
   [...document.querySelectorAll(".scroll")].filter(e => e.scrollWidth > e.clientWidth + 1).length]"""
 

@@ -156,6 +156,7 @@ def test_one_core_gives_the_same_bytes_as_two(coarse_run, tmp_path):
     assert {name for name in first | second if first.get(name) != second.get(name)} == set()
 
 
+@pytest.mark.nightly
 def test_only_the_mass_changed_moves_that_persons_basins_alone(coarse_run, copy):
     change_mass(copy, "expert")
     done(copy, "--cores", "2", "table_4_1", "table_3_1", "table_3_2")

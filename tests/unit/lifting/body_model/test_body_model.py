@@ -81,6 +81,7 @@ def test_the_noise_of_a_marker_is_told_from_what_is_faster_than_people(frames):
         assert np.mean(found) == pytest.approx(sd, rel=0.25 if frames == 40 else 0.1)
 
 
+@pytest.mark.statistical
 def test_a_noisy_pivot_does_not_make_the_pendulum_fast(movement, events):
     """With noise of 3 mm the angular velocity stays nearer to the truth than the rules', the ankles being the pivot."""
     rng = np.random.default_rng(6)

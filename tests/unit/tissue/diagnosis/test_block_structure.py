@@ -60,13 +60,8 @@ def experiment(kind: str, seed: int, samples: int = 4000) -> Experiment:
     return Experiment(records[0], [records[1]], None, "V", "V", "training")
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "Wiener-Hammerstein",
-        *(pytest.param(kind, marks=pytest.mark.statistical) for kind in ("Wiener", "Hammerstein")),
-    ],
-)
+@pytest.mark.statistical
+@pytest.mark.parametrize("kind", KINDS)
 def test_each_kind_is_recognised_with_its_curve(kind):
     found = block_structure(experiment(kind, 1), np.inf)
     assert found.kind == kind

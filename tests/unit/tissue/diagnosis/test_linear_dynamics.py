@@ -133,7 +133,8 @@ def test_dynamics_without_an_equation_are_no_base():
     assert linear_base(linear_dynamics(experiment(late))) is None
 
 
-@pytest.mark.parametrize("law", [False, pytest.param(True, marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("law", [False, True])
 def test_the_best_linear_model_is_told_kept_and_exported(law, tmp_path):
     settings = StudySettings(improvement=ImprovementSettings(propose_law=law))
     records = RecordSet(recorded(resonances))
