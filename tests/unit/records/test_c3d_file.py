@@ -204,11 +204,6 @@ def test_points_without_or_with_equal_labels_are_said(tmp_path):
     ("change", "said"),
     [
         ({"replace": {"POINT:RATE": [50.0]}}, "rate: 100 in the header, 50 in POINT:RATE"),
-        ({"replace": {"POINT:DATA_START": [9]}}, "data block"),
-        (
-            {"extra": {"POINT:LONG_FRAMES": [42.0]}},
-            "40 in the header, 40 in POINT:FRAMES, 42 in POINT:LONG_FRAMES",
-        ),
         ({"rate": 0.0}, "both must be positive"),
         ({"rate": np.nan}, "POINT:RATE: [nan]; finite numbers must stand there"),
         ({"extra": {"POINT:FRAMES": ["many"]}}, "POINT:FRAMES: ['many']; finite numbers must stand there"),
@@ -256,6 +251,13 @@ CHANNELS = {
     [
         ({"replace": {"POINT:FRAMES": [39]}}, "40 in the header, 39 in POINT:FRAMES; 39 were read"),
         ({"extra": {"POINT:LONG_FRAMES": [41.0]}}, "41 in POINT:LONG_FRAMES; 40 were read"),
+        # Where the file ends tells which of two statements is right.
+        ({"extra": {"POINT:LONG_FRAMES": [50.0]}}, "50 in POINT:LONG_FRAMES; 40 were read"),
+        (
+            {"replace": {"POINT:DATA_START": [1]}},
+            "POINT:DATA_START is 1, 3 in the header; 3 fits the file's size",
+        ),
+        ({"replace": {"POINT:USED": [9]}}, "POINT:USED is 9, 3 in the header; 3 fits the file's size"),
         ({"omit": ["POINT:SCALE"]}, "POINT:SCALE is missing; the header's -1 was taken"),
         ({"omit": ["POINT:RATE"]}, "POINT:RATE is missing; the header's 100 was taken"),
         # 200.7 Hz over 100 Hz are two samples per frame, as the header has them.
@@ -272,6 +274,23 @@ def test_harmless_contradictions_are_read_and_noted(tmp_path, points, change, sa
     assert len(file.time) in (39, 40)
     assert file.rate == 100
     assert any(said in note for note in file.notes), file.notes
+
+
+@pytest.mark.parametrize(
+    ("processor", "place", "new", "said"),
+    [
+        (INTEL, 2, b"\x09", "POINT:USED is 3, 9 in the header; 3 fits"),
+        (INTEL, 16, b"\x05", "POINT:DATA_START is 3, 5 in the header; 3 fits"),
+        (INTEL, 16, b"\x90", "POINT:DATA_START is 3, 144 in the header; 3 fits"),
+        (MIPS, 515, bytes([INTEL]), "processor type 84; it is 86 (MIPS)"),
+        (MIPS, 515, b"\x00", "processor type 0; it is 86 (MIPS)"),
+    ],
+)
+def test_a_header_that_the_size_contradicts(tmp_path, points, processor, place, new, said):
+    content = build_c3d(points, LABELS, processor=processor)
+    file = read_c3d(write(tmp_path, content[:place] + new + content[place + 1 :]))
+    np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
+    assert said in " ".join(file.notes)
 
 
 def test_reals_are_read_whatever_the_size_of_the_scale_factor(tmp_path, points):

@@ -23,9 +23,9 @@ BVH = b"HIERARCHY\nROOT A\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFra
 TABLE = "time_s,C7_x,C7_y,C7_z\n0.00,1,2,1450\n0.01,2,3,1451\n0.02,3,4,1452\n"
 
 
-def c3d(points=POINTS, labels=LABELS, cut=0, layout=None, **change):
+def c3d(points=POINTS, labels=LABELS, cut=0, more=0, layout=None, **change):
     content = build_c3d(points, labels, **change)
-    return "lift.c3d", content[: len(content) - cut], layout
+    return "lift.c3d", content[: len(content) - cut] + bytes(more), layout
 
 
 def trc(layout=None, lose=False, rate=100, frames=12, markers=2, names="C7\t\t\tSACRUM\t\t"):
@@ -51,6 +51,11 @@ def plate(**change):
     )
 
 
+def shifted():
+    name, content, layout = c3d()
+    return name, content[:-700] + b"\x7e" + content[-700:-1], layout
+
+
 def corrupt():
     name, content, layout = c3d()
     return name, content.replace(b"UNITS", b"UN\x01TS"), layout
@@ -60,13 +65,14 @@ CORNERS = PLATE["FORCE_PLATFORM:CORNERS"]
 FILES = {
     "not a C3D file": ("lift.c3d", b"<html>" * 400, None),
     "frames of": c3d(cut=100),
-    "the number of frames is": c3d(replace={"POINT:FRAMES": [38]}),
+    "the number of frames is": c3d(replace={"POINT:FRAMES": [38]}, more=3000),
     "scale factor:": c3d(scale=0.05, replace={"POINT:SCALE": [0.04]}),
-    "number of points:": c3d(replace={"POINT:USED": [4]}),
+    "number of points:": c3d(replace={"POINT:USED": [4]}, more=3000),
     "analog samples per frame:": c3d(replace={"ANALOG:USED": [3]}),
     "POINT:LABELS:": c3d(omit=["POINT:LABELS"]),
     "the parameter section is corrupt": corrupt(),
     "no points,": c3d(points=np.zeros((40, 0, 3)), labels=[""], analog=np.zeros((40, 6))),
+    "m away, first in frame": shifted(),
     "1 frame;": c3d(points=POINTS[:1]),
     "the file states no unit": table(unit="file"),
     "the file states 'mm'": c3d(layout=MarkerLayout(unit="m")),

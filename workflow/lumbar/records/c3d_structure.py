@@ -8,10 +8,12 @@ systems are known to write (a frame more or less, a rate rounded, a parameter wi
 noted.
 """
 
+import contextlib
 import math
 import mmap
 import struct
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -243,24 +245,29 @@ def _structure(path: Path, content: mmap.mmap, points_needed: bool) -> C3dStruct
         raise InputError(
             f"{path}: the parameter section should start at byte {start}; the file has {len(content)}"
         )
-    processor = content[start + 3]
+    stated = content[start + 3]
+    try:
+        return _of_processor(path, content, start, stated, points_needed)
+    except InputError:
+        # Of the other byte order alone: as DEC's reals a scale of -1 is positive, and half a file would fit.
+        for processor in {INTEL, MIPS} - {stated, INTEL if stated == DEC else None}:
+            with contextlib.suppress(InputError):
+                found = _of_processor(path, content, start, processor, points_needed)
+                if _fits(len(content), found.data_start, found.n_frames * found.frame_bytes):
+                    note = f"processor type {stated}; it is {processor} ({_PROCESSORS[processor]}) that fits the file's size"
+                    return replace(found, notes=(*found.notes, note))
+        raise
+
+
+def _of_processor(
+    path: Path, content: mmap.mmap, start: int, processor: int, points_needed: bool
+) -> C3dStructure:
     if processor not in _PROCESSORS:
         known = ", ".join(f"{number} ({name})" for number, name in _PROCESSORS.items())
         raise InputError(f"{path}: processor type {processor}; allowed are {known}")
     order = ">" if processor == MIPS else "<"
     points, analog, first, last, _, _, _, data_block, per_frame = struct.unpack(order + "9H", content[2:20])
-    data_start = (data_block - 1) * BLOCK
-    if not start < data_start < len(content):
-        raise InputError(
-            f"{path}: the data should start at byte {data_start}, after the parameters at {start} and before "
-            f"the end of the file at {len(content)}; the file is cut short or its header is corrupt"
-        )
-    if points_needed and not points and analog:
-        raise InputError(
-            f"{path}: no points, only analog channels, as a force plate writes them; give the recording of the markers"
-        )
     notes: list[str] = []
-    parameters = read_parameters(path, content, start + 4, data_start, processor, notes)
     header = {
         "n_points": points,
         "n_analog": analog,
@@ -271,16 +278,30 @@ def _structure(path: Path, content: mmap.mmap, points_needed: bool) -> C3dStruct
         "scale": real(content[12:16], processor),
         "rate": real(content[20:24], processor),
     }
+    within = start < _data_start(header) < len(content)
+    end = _data_start(header) if within else min(start + content[start + 2] * BLOCK, len(content))
+    parameters = read_parameters(path, content, start + 4, end, processor, notes)
     _check_types(path, parameters)
     _complete(header, parameters, notes)
-    if points_needed or points:
+    _settle(header, parameters, len(content), start, notes)
+    data_start = _data_start(header)
+    if not start < data_start < len(content):
+        raise InputError(
+            f"{path}: the data should start at byte {data_start}, after the parameters at {start} and before "
+            f"the end of the file at {len(content)}; the file is cut short or its header is corrupt"
+        )
+    if points_needed and not header["n_points"] and analog:
+        raise InputError(
+            f"{path}: no points, only analog channels, as a force plate writes them; give the recording of the markers"
+        )
+    if points_needed or header["n_points"]:
         _check_agreement(path, header, parameters)
     _check_header(path, header, points_needed)
     start_field = parameters.get("TRIAL:ACTUAL_START_FIELD")
     structure = C3dStructure(
         processor=processor,
-        n_points=points,
-        n_frames=_frame_count(path, header, parameters, notes),
+        n_points=header["n_points"],
+        n_frames=_frame_count(path, header, parameters, len(content), notes),
         first_frame=long_integer(start_field) if start_field else first,
         n_analog=analog,
         analog_per_frame=per_frame,
@@ -295,8 +316,43 @@ def _structure(path: Path, content: mmap.mmap, points_needed: bool) -> C3dStruct
     return replace(structure, notes=tuple(notes))
 
 
-def _frame_count(path: Path, header: dict, parameters: dict[str, list], notes: list[str]) -> int:
-    """Frames of points; every statement in the file that can hold the number must agree but for one frame."""
+def _data_start(header: dict) -> int:
+    return (header["data_block"] - 1) * BLOCK
+
+
+def _fits(size: int, start: int, data: int) -> bool:
+    """Whether a file ends in the block in which its data do."""
+    return 0 <= size - start - data < BLOCK
+
+
+def _frame_bytes(header: dict) -> int:
+    return (4 * header["n_points"] + header["n_analog"]) * (4 if header["scale"] < 0 else 2)
+
+
+def _settle(header: dict, parameters: dict[str, list], size: int, start: int, notes: list[str]) -> None:
+    """Where header and parameters differ in what the size of the file decides, take the ones of both that fit it."""
+    names = {"n_points": "POINT:USED", "data_block": "POINT:DATA_START"}
+    stated = {key: int((parameters.get(name) or [0])[0]) % 65536 for key, name in names.items()}
+    choices = [{header[key], stated[key] or header[key]} for key in names]
+    fitting = []
+    for pair in product(*choices):
+        one = header | dict(zip(names, pair, strict=True))
+        data = (frames * _frame_bytes(one) for frames in _stated_frames(header, parameters).values())
+        if _data_start(one) > start and any(_fits(size, _data_start(one), many) for many in data):
+            fitting.append(one)
+    if len(fitting) != 1:
+        return
+    for key, name in names.items():
+        if stated[key] not in (0, header[key]):
+            notes.append(
+                f"{name} is {stated[key]}, {header[key]} in the header; {fitting[0][key]} fits the file's size"
+            )
+            parameters[name] = [fitting[0][key]]
+    header |= fitting[0]
+
+
+def _stated_frames(header: dict, parameters: dict[str, list]) -> dict[str, int]:
+    """Frames of points by every statement in the file that can hold the number."""
     statements = {}
     if header["last"] < SATURATED:
         statements["the header"] = header["last"] - header["first"] + 1
@@ -313,20 +369,28 @@ def _frame_count(path: Path, header: dict, parameters: dict[str, list], notes: l
         statements["TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD"] = (
             long_integer(last) - long_integer(first) + 1
         )
+    return statements
+
+
+def _frame_count(path: Path, header: dict, parameters: dict[str, list], size: int, notes: list[str]) -> int:
+    """Frames of points; all statements must agree but for one frame, or those must that fit the size of the file."""
+    statements = _stated_frames(header, parameters)
     if not statements:
         raise InputError(
             f"{path}: 65535 frames or more, and neither POINT:LONG_FRAMES nor "
             "TRIAL:ACTUAL_END_FIELD says how many; cut the recording"
         )
-    count = min(statements.values())
+    counts = sorted(statements.values())
     found = ", ".join(f"{frames} in {place}" for place, frames in statements.items())
-    if max(statements.values()) - count > _FRAME_TOLERANCE:
-        raise InputError(f"{path}: the number of frames is {found}; export the recording again")
-    if count < 1:
-        raise InputError(f"{path}: {count} frames")
-    if count != max(statements.values()):
-        notes.append(f"the number of frames is {found}; {count} were read")
-    return count
+    if counts[-1] - counts[0] > _FRAME_TOLERANCE:
+        counts = [count for count in counts if _fits(size, _data_start(header), count * _frame_bytes(header))]
+        if not counts or counts[-1] - counts[0] > _FRAME_TOLERANCE:
+            raise InputError(f"{path}: the number of frames is {found}; export the recording again")
+    if counts[0] < 1:
+        raise InputError(f"{path}: {counts[0]} frames")
+    if counts[0] != max(statements.values()):
+        notes.append(f"the number of frames is {found}; {counts[0]} were read")
+    return counts[0]
 
 
 def _complete(header: dict, parameters: dict[str, list], notes: list[str]) -> None:

@@ -47,6 +47,8 @@ _UNIT_NAMES = {
 }
 SPREAD_M = (0.02, 50.0)
 """Plausible size of the cloud of all markers over a recording, in metres: a wrong unit lies far outside."""
+FARTHEST_M = 1e5
+"""Beyond what any unit makes of a laboratory: only bytes that stand elsewhere than they should make such a number."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -226,6 +228,13 @@ def _check_spread(points: dict[str, np.ndarray], file: MarkerFile) -> None:
         raise InputError(
             f"{file.source}: no marker was ever seen; left out: {', '.join(file.dropped) or 'nothing'}"
         )
+    for label, values in points.items():
+        far = np.flatnonzero((np.abs(values) > FARTHEST_M).any(axis=1))
+        if far.size:
+            raise InputError(
+                f"{file.source}: {label} lies {np.nanmax(np.abs(values)):.3g} m away, first in frame {far[0] + 1}; at most "
+                f"{FARTHEST_M:g} m are read: bytes were inserted, lost or changed; copy or export it again"
+            )
     if len(points) < 2:
         return
     centres = np.array([np.nanmedian(values, axis=0) for values in points.values()])
