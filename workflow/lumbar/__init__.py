@@ -13,42 +13,15 @@ The verbs of the command line and of the workflow, on objects::
     print(lumbar.basins(lift))
 """
 
+from pathlib import Path
+
 __version__ = "0.1.0"
 
-_VERBS = {
-    "load_settings": "lumbar.study.load_study",
-    "load_subject": "lumbar.study.load_study",
-    "read": "lumbar.interface.reading",
-    "import_recordings": "lumbar.interface.importing",
-    "bandwidth": "lumbar.interface.surgeons",
-    "design_signals": "lumbar.interface.surgeons",
-    "identify": "lumbar.interface.identification",
-    "compare": "lumbar.interface.refinement",
-    "locate": "lumbar.interface.refinement",
-    "diagnose": "lumbar.interface.diagnosis",
-    "refine": "lumbar.interface.refinement",
-    "doctor": "lumbar.interface.doctor",
-    "propose": "lumbar.interface.diagnosis",
-    "identify_device": "lumbar.interface.device_identification",
-    "export_fmu": "lumbar.interface.device",
-    "check_fmu": "lumbar.interface.device",
-    "load_models": "lumbar.interface.device",
-    "render": "lumbar.interface.device",
-    "analyse_survey": "lumbar.interface.participants",
-    "inspect": "lumbar.interface.inspecting",
-    "lift": "lumbar.interface.lift",
-    "basins": "lumbar.interface.lift_basins",
-    "lift_page": "lumbar.interface.lift_page",
-    "compare_groups": "lumbar.interface.people",
-    "sample_size": "lumbar.interface.people",
-    "measure_movement": "lumbar.interface.movement",
-    "push_prediction": "lumbar.interface.pushing",
-    "push_thresholds": "lumbar.interface.push_thresholds",
-    "report": "lumbar.interface.study_report",
-}
+_STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+_VERBS = {words[3]: words[1] for words in map(str.split, _STUB.splitlines()) if words[:1] == ["from"]}
 """Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
 
-__all__ = sorted(_VERBS)  # by name for type checkers: __init__.pyi
+__all__ = sorted(_VERBS)
 
 
 def __getattr__(name: str):

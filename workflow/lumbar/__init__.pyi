@@ -1,4 +1,4 @@
-"""What ``import lumbar`` offers, for type checkers: verbs are imported when first used."""
+"""What ``import lumbar`` offers, one import a line: for type checkers, and for the package, which imports verbs late."""
 
 from lumbar.interface.device import check_fmu as check_fmu
 from lumbar.interface.device import export_fmu as export_fmu

@@ -52,10 +52,9 @@ def test_import_loads_nothing_that_a_verb_needs_later():
     assert python("-c", script).strip() == ""
 
 
-def test_the_stub_offers_what_the_package_does(project):
-    stub = (project / "workflow/lumbar/__init__.pyi").read_text()
-    assert all(f"{name} as {name}" in stub for name in lumbar.__all__)
-    assert set(lumbar.__all__) <= set(dir(lumbar))
+def test_the_package_offers_its_stubs_verbs():
+    assert {"read", "diagnose", "lift"} <= set(lumbar.__all__) <= set(dir(lumbar))
+    assert all(callable(getattr(lumbar, verb)) for verb in lumbar.__all__)
 
 
 def test_records_are_found_by_name_and_number(records):
