@@ -47,6 +47,8 @@ class MarkerSet:
     """Standard name to the label or rule that fills it."""
     axes: tuple[str, str, float] | None
     """Of `lumbar.records.marker_axes.find_axes`."""
+    joints: bool = False
+    """Whether the file holds joint centres, and no markers on the skin."""
 
 
 def marker_set(recording: MarkerRecording) -> MarkerSet:
@@ -69,7 +71,7 @@ def marker_set(recording: MarkerRecording) -> MarkerSet:
     # Labels that are landmarks but no standard names stay labels.
     aliases = {name: term for name, term in aliases.items() if name in ALIASES or name.startswith("BOX_")}
     found = resolve_aliases(aliases, points, {}, {}, recording.source, [])
-    return MarkerSet(aliases, find_axes(found.positions))
+    return MarkerSet(aliases, find_axes(found.positions), recording.joints)
 
 
 def _derived(aliases: dict[str, Alias], points: Iterable[str]) -> dict[str, Alias]:

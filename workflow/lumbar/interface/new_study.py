@@ -301,7 +301,9 @@ def _study_text(
         up=axes[0],
         forward=axes[1],
         degrees=axes[2],
-        aliases=_alias_lines(joined_aliases([item.set for item in read])),
+        aliases=_alias_lines(
+            joined_aliases([item.set for item in read]), all(item.set.joints for item in read)
+        ),
         pivot=(pivot := _pivot_line(read)),
         control_weight=GridSettings().hip_control_weight if pivot.startswith("pivot") else None,
     )
@@ -311,7 +313,7 @@ def _filled(file: str, **values) -> str:
     return template(f"interface/{file}").render(schema=SCHEMA, fill_in=FILL_IN, quoted=_quoted, **values)
 
 
-def _alias_lines(aliases: Mapping[str, tuple]) -> list[str]:
+def _alias_lines(aliases: Mapping[str, tuple], joints: bool) -> list[str]:
     lines = []
     for name, terms in aliases.items():
         text = alias_text(terms if len(terms) > 1 else terms[0])
@@ -321,7 +323,7 @@ def _alias_lines(aliases: Mapping[str, tuple]) -> list[str]:
         told += [f"{term} is {NOTES[name, term]}" for term in terms if (name, term) in NOTES]
         lines.append(f"{name}: {text}" + (f"  # {'; '.join(told)}" if told else ""))
     for name, purpose in NEEDED.items():
-        if name not in aliases:
+        if name not in aliases and not (joints and purpose == NEEDED["SACRUM"]):
             lines.append(f"# {name}:  # not recognised; {purpose}")
     if not any(name.startswith("BOX_") for name in aliases):
         lines.append("# BOX_1:  # no markers on the box recognised: the hands stand for it")

@@ -5,7 +5,7 @@ which they stand; the root moves by its position channels. The file states no un
 """
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +46,7 @@ def read_bvh(path: str | os.PathLike) -> MarkerFile:
     interval, values = _motion(path, lines, begins + 1, sum(len(joint.channels) for joint in joints))
     notes = ["positions are joints of a skeleton that a program fitted, not markers on the skin"]
     points = _positions(path, joints, values, notes)
-    return split_points(
+    file = split_points(
         source=str(path),
         time=np.arange(len(values)) * interval,
         rate=1 / interval,
@@ -55,6 +55,7 @@ def read_bvh(path: str | os.PathLike) -> MarkerFile:
         points=points,
         notes=tuple(notes),
     )
+    return replace(file, joints=True)
 
 
 def _skeleton(path: Path, lines: list[str]) -> list[_Joint]:

@@ -53,6 +53,8 @@ class MarkerFile:
     """In the order of time."""
     notes: tuple[str, ...] = ()
     """What the file contradicts itself in without harm to a coordinate."""
+    joints: bool = False
+    """Whether its points are joint centres, and no markers on the skin."""
 
 
 def mark_missing(points: np.ndarray) -> np.ndarray:

@@ -76,6 +76,8 @@ class MarkerRecording:
     """Events that the file holds (C3D), in the order of time."""
     notes: tuple[str, ...] = ()
     """What the file contradicts itself in without harm to a coordinate."""
+    joints: bool = False
+    """Whether its points are joint centres, and no markers on the skin."""
 
     def __getitem__(self, marker: str) -> np.ndarray:
         """Positions of one marker, shape (n_frames, 3), in metres."""
@@ -164,6 +166,7 @@ def read_markers(
         unused=resolved.unused,
         events=file.events,
         notes=file.notes,
+        joints=file.joints if layout.points == "file" else layout.points == "joint_centres",
     )
 
 

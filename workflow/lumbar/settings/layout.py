@@ -78,6 +78,7 @@ class MarkerLayout:
     forward: Axis = key(default="+y")
     subject_prefix: str = key(default="strip", min_length=1)
     check_axes: bool = key(default=True)
+    points: Literal["file", "skin", "joint_centres"] = key(default="file")
     rate_Hz: float | None = key(default=None, gt=0)
     aliases: dict[MarkerName, Alias | None] = key(default={})
     required: Annotated[tuple[str, ...], UNIQUE] | None = key(default=None)

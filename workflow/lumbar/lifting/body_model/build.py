@@ -349,6 +349,10 @@ def measured_markers(raw: MarkerRecording, aliases: Mapping[str, Alias | None]) 
     aliases : mapping of str to Alias
         Of the laboratory: labels go before the usual meaning, rules (means, points between) are left out.
     """
+    if raw.joints:
+        raise InputError(
+            f"{raw.source}: a body model is fitted to markers on the skin; the file holds joint centres"
+        )
     meant = {}
     for name, alias in aliases.items():
         choices = alias if isinstance(alias, tuple) else (alias,)

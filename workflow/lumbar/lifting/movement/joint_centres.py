@@ -105,7 +105,7 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
     """Find the ends of the trunk's segments.
 
     Where a joint's centre cannot be estimated, the marker on the skin stands for it, and its rule says so and how far it
-    may be off.
+    may be off. Joint centres of the file are taken as they are.
     The recording is filtered; `ends` are inner (joint centres) or skin (the thesis's markers), `hips` one of `HIP_RULES`.
     """
     if ends not in ENDS:
@@ -117,7 +117,7 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
     missing: dict[str, str] = {}
     for name in SKIN_MARKERS:
         inside = None
-        if ends == INNER:
+        if ends == INNER and not recording.joints:
             try:
                 found[name] = inner.point(name, found)
                 continue
@@ -136,6 +136,9 @@ def _skin_point(recording: MarkerRecording, name: str, reason: str) -> TrunkPoin
     _need(recording, markers)
     position = np.mean([recording[marker] for marker in markers], axis=0)
     what = "the middle of the trochanters" if name == MID_HIP else f"the marker {markers[0]} on the skin"
+    if recording.joints:
+        rule = f"{name} is given by {' and '.join(markers)}, joint centres as the file has them"
+        return TrunkPoint(position, rule, True, _SPINE_OFF_MM, markers)
     off = SKIN_OFF_MM[name]
     rule = f"{name} is {what}, about {off:g} mm from the joint's centre" + (f" ({reason})" if reason else "")
     return TrunkPoint(position, rule, False, off, markers)

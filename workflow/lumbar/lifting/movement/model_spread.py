@@ -102,8 +102,9 @@ def _choices(
     for table in all_tables(subject.sex):
         yield _Choice(f"{table.name}, {own.ends}", own.recording, table, own.ends, own.hips)
     other = SKIN if own.ends == INNER else INNER
-    yield _Choice(f"{own.table.name}, {other}", own.recording, own.table, other, own.hips)
-    for hips in HIP_RULES:
+    if not own.recording.joints:
+        yield _Choice(f"{own.table.name}, {other}", own.recording, own.table, other, own.hips)
+    for hips in () if own.recording.joints else HIP_RULES:
         # A regression lacks markers that another one does without: hips are then the skin's, or not there.
         middle = trunk_points(own.recording, INNER, hips, subject.sex).points.get(MID_HIP)
         if own.ends == INNER and middle is not None and middle.inner:

@@ -55,9 +55,11 @@ def trunk_axis(
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
     """Middle of the pelvis, unit vector from it to the shoulders, both shape (n_frames, 3), and their median distance.
 
-    None where the labels name no marker of one of them.
+    The hips stand for a pelvis without markers. None where the labels name no marker of one of them.
     """
     pelvis = _centre(points, named, _PELVIS, without)
+    if pelvis is None:
+        pelvis = _centre(points, named, ("HIP",), without)
     top = _centre(points, named, _TOP, without)
     if pelvis is None or top is None:
         return None

@@ -11,6 +11,8 @@ from lumbar.base.yaml_file import shipped_yaml
 _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 _LABELS: dict[str, list[str]] = _SAID["midline"]
 _SIDED_LABELS: dict[str, list[str]] = _SAID["sided"]
+_JOINTS: dict[str, list[str]] = _SAID["joints"]
+_JOINTS_OF_THE_MIDLINE: dict[str, list[str]] = _SAID["joints_of_the_midline"]
 LEVELS: dict[str, float] = _SAID["levels"]
 """Height along the trunk: 0 at the pelvis, 1 at the shoulders. Those of the other vertebrae follow from C7 and the
 sacrum by `vertebra_level`."""
@@ -35,15 +37,22 @@ def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dic
     --------
     >>> landmarks(["CV7", "TV8", "L_IAS", "PSISr", "whatever"])
     {'C7': 'CV7', 'L_ASIS': 'L_IAS', 'R_PSIS': 'PSISr', 'T8': 'TV8'}
+    >>> landmarks(["r.ASIS_study", "L_calc_study", "LeftAnkle"])
+    {'R_ASIS': 'r.ASIS_study', 'L_ANKLE': 'LeftAnkle', 'L_HEEL': 'L_calc_study'}
     """
     bare = {_bare(label): label for label in labels}
     found = {}
     for landmark, names in _LABELS.items():
         _take(found, landmark, names, bare)
     for landmark, names in _SIDED_LABELS.items():
-        for side in "LR":
-            candidates = [word for name in names for word in (side + name, name + side)]
+        joints = _JOINTS.get(landmark, [])
+        for side, word in (("L", "LEFT"), ("R", "RIGHT")):
+            candidates = [word + name for name in (*joints, *names)]
+            candidates += [label for name in names for label in (side + name, name + side)]
             _take(found, f"{side}_{landmark}", candidates, bare)
+    if is_skeleton(bare):
+        for landmark, names in _JOINTS_OF_THE_MIDLINE.items():
+            _take(found, landmark, names, bare)
     for name, label in bare.items():
         match = _VERTEBRA.match(name)
         if match and 1 <= int(match[2]) <= {"T": 12, "L": 5}[match[1]]:
@@ -51,6 +60,18 @@ def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dic
     meant = meant or {}
     own = set(meant.values())
     return {**{name: label for name, label in found.items() if label not in own}, **meant}
+
+
+def is_skeleton(labels: Iterable[str]) -> bool:
+    """Whether labels are those of a skeleton's joints, each named after the segment that begins there.
+
+    Examples
+    --------
+    >>> is_skeleton(["Hips", "LeftUpLeg", "LeftLeg", "LeftFoot"]), is_skeleton(["LASI", "LKNE", "LeftFoot"])
+    (True, False)
+    """
+    bare = {_bare(label) for label in labels}
+    return all(any(f"LEFT{name}" in bare for name in _JOINTS[joint]) for joint in ("HIP", "KNEE"))
 
 
 def _take(found: dict[str, str], landmark: str, names: Iterable[str], bare: dict[str, str]) -> None:
@@ -61,7 +82,7 @@ def _take(found: dict[str, str], landmark: str, names: Iterable[str], bare: dict
 
 
 def _bare(label: str) -> str:
-    return re.sub(r"[^A-Z0-9]", "", label.rpartition(":")[2].upper())
+    return re.sub(r"_STUDY$|[^A-Z0-9]", "", label.rpartition(":")[2].upper())
 
 
 def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> list[tuple[str, str]]:
@@ -79,6 +100,8 @@ def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> li
         others = []
         if label[:1] in "Ll":
             others.append({"L": "R", "l": "r"}[label[0]] + label[1:])
+        if label[:4].upper() == "LEFT":
+            others += [word + label[4:] for word in ("Right", "RIGHT", "right")]
         if label[-1:] == "l" or label[-2:] == "_L":
             others.append(label[:-1] + {"l": "r", "L": "R"}[label[-1]])
         pairs += [(label, other) for other in others if other in present]
