@@ -94,6 +94,7 @@ def lift(
     settings = settings or LiftingSettings()
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
     name = name or found
+    settings = settings.of_trial(trial)
     static = static or static_of(subject, trial, Path(markers))
     forces = forces or forces_of(subject, trial, Path(markers))
     standing = None if static is None else labelled_markers(static, settings.markers, subject.height_m)

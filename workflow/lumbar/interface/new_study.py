@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,8 +31,8 @@ from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.stability import GridSettings
 from lumbar.study.validation import FILL_IN
 
-STILL_M = 0.05
-"""A recording in which no marker leaves a cube of this size is a static trial."""
+STILL_M = 0.1
+"""A recording in which nine of ten markers stay within a cube of this size is a static trial: a person who stands sways."""
 _STATURES_M = (1.2, 2.3)
 FORCE_FILES = (".mot", ".sto", ".forces", ".anc")
 _KIND_OF_FILE = re.compile("grfs?|forces?|ground|reactions?|markers?|mocap")
@@ -123,7 +124,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
     Raises
     ------
     InputError
-        If no marker file can be read, or the files differ in their axes: each such group is a study of its own.
+        If no marker file can be read, or the files stand along several axes: each such group is a study of its own.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -145,7 +146,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
     }
     files = {f"config/studies/{name}.yaml": _study_text(name, folder, axes, unit, people)}
     for person, items in people.items():
-        files[f"config/subjects/{person}.yaml"] = _subject_text(name, person, items)
+        files[f"config/subjects/{person}.yaml"] = _subject_text(name, person, items, axes[1])
     return NewStudy(name, files, recordings)
 
 
@@ -256,26 +257,26 @@ def _stands_still(recording: MarkerRecording) -> bool:
 
 
 def _axes(read: Sequence[FoundRecording], folder: Path) -> tuple[str, str, float]:
-    """Axes of all files, as the body tells them."""
+    """Axes of all files, as the body tells them: how most face; a trial that faces another way says so itself."""
     # A static trial gives shapes, whichever way the person faces; alone it is the study.
     moving = [item for item in read if not item.static and item.set.axes] or read
-    groups: dict[tuple[str, str], list[str]] = {}
-    away = []
-    for item in moving:
-        if item.set.axes is not None:
-            up, forward, degrees = item.set.axes
-            groups.setdefault((up, forward), []).append(item.path)
-            away.append(degrees)
-    if not groups:
+    told = [(*item.set.axes, item.path) for item in moving if item.set.axes is not None]
+    if not told:
         return FILL_IN, FILL_IN, 0.0
-    if len(groups) > 1:
+    ups = {up for up, *_ in told}
+    if len(ups) > 1:
         lines = [
-            f"  - up {up}, forward {forward}: {', '.join(paths)}" for (up, forward), paths in groups.items()
+            f"  - up {one}: {', '.join(path for up, *_, path in told if up == one)}" for one in sorted(ups)
         ]
         raise InputError(
-            "\n".join([f"{folder}: the files differ in their axes; make a study of each group", *lines])
+            "\n".join([f"{folder}: the bodies stand along several axes; make a study of each group", *lines])
         )
-    return *next(iter(groups)), float(np.median(away))
+    forward = Counter(ahead for _, ahead, *_ in told).most_common(1)[0][0]
+    return (
+        ups.pop(),
+        forward,
+        float(np.median([degrees for _, ahead, degrees, _ in told if ahead == forward])),
+    )
 
 
 def _study_text(
@@ -367,11 +368,13 @@ def _static_of(read: Sequence[FoundRecording]) -> FoundRecording | None:
     return None
 
 
-def _subject_text(study: str, person: str, items: Sequence[FoundRecording]) -> str:
+def _subject_text(study: str, person: str, items: Sequence[FoundRecording], forward: str) -> str:
     read = [item for item in items if not item.problem]
     static = _static_of(read)
     trials = [item for item in read if item is not static]
-    return _filled("new_subject.yaml.jinja", study=study, person=person, static=static, trials=trials)
+    return _filled(
+        "new_subject.yaml.jinja", study=study, person=person, static=static, trials=trials, forward=forward
+    )
 
 
 def _quoted(text: str) -> str:

@@ -1,11 +1,13 @@
 """Chapter lifting: from marker files to the pendulums of the deposit."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.settings.key import UNIQUE, key, section, settings
 from lumbar.settings.layout import Alias, ColumnLayout, ColumnSettings, MarkerLayout, MeanOfMarkers, columns
+from lumbar.settings.subject import TrialSettings
 
 ALIASES: dict[str, Alias] = {
     **{
@@ -122,3 +124,8 @@ class LiftingSettings:
     frame: Literal["laboratory", "pelvis"] = key(default="laboratory")
     points: int = key(default=1000, within="[10, 100000]")
     body_model: BodyModelSettings | None = key(default=None)
+
+    def of_trial(self, trial: TrialSettings) -> "LiftingSettings":
+        """These settings with the axis that the person faces in a trial."""
+        forward = trial.forward or self.markers.forward
+        return replace(self, markers=replace(self.markers, forward=forward))

@@ -3,6 +3,7 @@
 from typing import Literal
 
 from lumbar.settings.key import FolderName, key, required, settings
+from lumbar.settings.layout import Axis
 
 
 @settings
@@ -24,6 +25,7 @@ class TrialSettings:
     markers: str = required()
     hip_moment: str | None = key(default=None)
     forces: str | None = key(default=None)
+    forward: Axis | None = key(default=None)
     window_s: tuple[float, float] | None = key(default=None)
     events: DeclaredEvents | Literal["file"] | None = key(default=None)
 

@@ -232,10 +232,11 @@ def _marker_reading(study: Study, chapter: str, file: str, layout: dict) -> dict
 
 def _lift_readings(study: Study) -> list[dict]:
     lifting = study.settings.lifting
-    markers, moment = plain(lifting.markers), plain(lifting.moment_layout)
+    moment = plain(lifting.moment_layout)
     moments = {"chapter": "lifting", "set": "hip moments", "reader": "columns", "layout": moment}
     plan = []
     for name, lift in study.lifts.items():
+        markers = plain(lifting.of_trial(lift.trial).markers)
         plan.append(_marker_reading(study, "lifting", lift.trial.markers, markers))
         if lift.trial.hip_moment:
             path = study.recording(lift.trial.hip_moment)
