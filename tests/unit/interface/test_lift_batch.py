@@ -179,12 +179,24 @@ def test_a_folder_below_is_a_person_and_what_stands_still_is_the_static_trial(tm
     assert "static:" not in texts[2]
 
 
-def test_files_that_face_different_ways_are_studies_of_their_own(tmp_path):
+def test_a_trial_may_face_another_way_and_no_other_may_stand(tmp_path):
     def turned(markers):
         return {name: points * [-1, -1, 1] for name, points in markers.items()}
 
-    lifted(tmp_path, a=without(), b=turned)
-    assert "- up +z, forward +y: a.c3d\n  - up +z, forward -y: b.c3d" in refusal(new_study, tmp_path)
+    def lying(markers):
+        return {name: points[:, [0, 2, 1]] for name, points in markers.items()}
+
+    lifted(tmp_path, a=without(), b=without(), c=turned)
+    text = list(new_study(tmp_path).files.values())[1]
+    assert [line for line in text.splitlines() if "forward:" in line] == [
+        '    - {box_mass_kg: FILL_IN, markers: c.c3d, forward: "-y"}'
+    ]
+    trials = (TrialSettings(23, "b.c3d"), TrialSettings(23, "c.c3d", forward="-y"))
+    lifts = [lumbar.lift(tmp_path / trial.markers, person(trial)).analysed for trial in trials]
+    angles = [lift.states["thorax", "flexion_extension"].angle for lift in lifts]
+    np.testing.assert_allclose(*angles, atol=1e-6)
+    lifted(tmp_path, d=lying)
+    assert "- up +y: d.c3d\n  - up +z: a.c3d, b.c3d, c.c3d" in refusal(new_study, tmp_path)
 
 
 def test_a_measured_marker_stands_before_a_guess_whichever_file_was_read_first(tmp_path):
