@@ -5,17 +5,8 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 
 PACKAGES = (
-    "snakemake",
-    "numpy",
-    "scipy",
-    "pandas",
-    "statsmodels",
-    "control",
-    "cvxpy",
-    "clarabel",
-    "matplotlib",
-    "fmpy",
-    "ziglang",
+    *("snakemake", "numpy", "scipy", "pandas", "statsmodels", "control"),
+    *("cvxpy", "clarabel", "matplotlib", "fmpy", "ziglang"),
 )
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")

@@ -38,19 +38,8 @@ CHECK_COLUMNS = {
 """Columns that each of ``stability.checks`` fills."""
 
 FUNNEL_COLUMNS = (
-    "wording",
-    "method",
-    "com",
-    "plane",
-    "time_s",
-    "rho",
-    "s11",
-    "s12",
-    "s22",
-    "theta0_rad",
-    "thetadot0_rad_s",
-    "u0_N_m",
-    "area_rad2_s",
+    *("wording", "method", "com", "plane", "time_s", "rho"),
+    *("s11", "s12", "s22", "theta0_rad", "thetadot0_rad_s", "u0_N_m", "area_rad2_s"),
 )
 """Columns of ``funnel.csv``; ``wording`` is ``study`` for the headline's pendulums, ``thesis`` for those of `THESIS`."""
 

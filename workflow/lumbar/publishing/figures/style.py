@@ -23,21 +23,12 @@ _POINTS = 72
 """To the inch, in both formats."""
 
 _DRAWN = (
-    "open_group",
-    "close_group",
-    "draw_path",
-    "draw_markers",
-    "draw_path_collection",
-    "draw_gouraud_triangles",
-    "draw_image",
-    "finalize",
+    *("open_group", "close_group", "draw_path", "draw_markers"),
+    *("draw_path_collection", "draw_gouraud_triangles", "draw_image", "finalize"),
 )
 _ASKED = (
-    "get_canvas_width_height",
-    "get_text_width_height_descent",
-    "get_image_magnification",
-    "option_image_nocomposite",
-    "option_scale_image",
+    *("get_canvas_width_height", "get_text_width_height_descent", "get_image_magnification"),
+    *("option_image_nocomposite", "option_scale_image"),
 )
 """Both answer alike: that of the SVG file is taken."""
 

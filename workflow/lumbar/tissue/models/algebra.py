@@ -41,19 +41,8 @@ def _smoothstep(x):
 
 
 _ALIKE = (
-    "abs",
-    "sign",
-    "sqrt",
-    "exp",
-    "expm1",
-    "tanh",
-    "sinh",
-    "sin",
-    "cos",
-    "arctan",
-    "hypot",
-    "clip",
-    "where",
+    *("abs", "sign", "sqrt", "exp", "expm1", "tanh", "sinh"),
+    *("sin", "cos", "arctan", "hypot", "clip", "where"),
 )
 """Operations that NumPy calls so too."""
 NUMPY: dict[str, Callable] = {
