@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.lifting.quality.landmarks import landmarks
+from lumbar.lifting.quality.landmarks import THIGH, landmarks
 from lumbar.records.marker_aliases import resolve_aliases
 from lumbar.records.marker_axes import find_axes
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint
@@ -35,8 +35,6 @@ RULES = {name: _rules(name) for name in _SAID["rules"]}
 REASONS = {(name, term): reason for name, ways in RULES.items() for term, reason in ways if reason}
 NOTES = {(name, label): note for name, labels in _SAID["notes"].items() for label, note in labels.items()}
 NEEDED: dict[str, str] = _SAID["needed"]
-_THIGH = ("LHIP", "RHIP")
-"""Labels that some laboratories give to markers on the thigh."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ def marker_set(recording: MarkerRecording) -> MarkerSet:
     """Recognise the markers of a file, read with its own labels, subject prefixes among them, and in its own axes."""
     box = [_bare(label) for label in recording.positions if _BOX.search(label)]
     points = {_bare(label): values for label, values in recording.positions.items()}
-    known = {name: label for name, label in landmarks(points).items() if label not in (*_THIGH, *box)}
+    known = {name: label for name, label in landmarks(points).items() if label not in (*THIGH, *box)}
     aliases: dict[str, Alias] = {}
     for name in (*ALIASES, *known):
         if name in aliases or name.startswith("BOX_"):

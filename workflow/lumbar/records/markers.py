@@ -139,9 +139,11 @@ def read_markers(
             f"a trajectory needs at least {minimum_frames}"
         )
     unit = layout.scale * metres_per_unit(file.source, file.unit, layout.unit)
-    matrix = unit * rotation_to_standard(layout.up, layout.forward)
-    points = {label: values @ matrix.T for label, values in file.positions.items()}
-    model_points = {label: values @ matrix.T for label, values in file.model_points.items()}
+    rotation = rotation_to_standard(layout.up, layout.forward)
+    # Axes are exchanged and turned round: a product of matrices takes ten times as long.
+    order, factors = np.abs(rotation).argmax(axis=1), unit * rotation.sum(axis=1)
+    points = {label: values[:, order] * factors for label, values in file.positions.items()}
+    model_points = {label: values[:, order] * factors for label, values in file.model_points.items()}
     if screen is not None:
         points, left_out = screen(points, file.time, file.rate)
         points = {label: values for label, values in points.items() if not np.isnan(values).all()}

@@ -29,7 +29,7 @@ from lumbar.lifting.movement.pendulum_states import (
     pivot_trajectory,
     turn,
 )
-from lumbar.lifting.quality.landmarks import landmarks
+from lumbar.lifting.quality.landmarks import THIGH, landmarks
 from lumbar.lifting.quality.sheet import Finding
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
@@ -237,7 +237,8 @@ def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missin
 
 def recognised_unaliased(recording: MarkerRecording) -> str:
     """Say what to do about markers whose usual meaning is known and that no alias names; empty where there are none."""
-    known = [name for name in landmarks(recording.unused) if name not in recording]
+    labels = [label for label in recording.unused if label not in THIGH]
+    known = [name for name in landmarks(labels) if name not in recording]
     return f"{NEW_STUDY} writes aliases for those that are recognised: {', '.join(known)}" if known else ""
 
 

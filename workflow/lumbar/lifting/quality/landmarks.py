@@ -20,6 +20,8 @@ LENGTHS: dict[tuple[str, ...], float] = {
     tuple(ends.split()): share for ends, share in _SAID["lengths"].items()
 }
 """Distances as shares of stature, between markers on the skin."""
+THIGH = ("LHIP", "RHIP")
+"""Labels that some laboratories give to markers on the thigh: not taken for hips unasked."""
 _VERTEBRA = re.compile(r"^([TL])V?(\d{1,2})$")
 
 
