@@ -92,20 +92,8 @@ def inspect(
         screening.points,
         recording.time,
         meant_labels(layout.aliases, screening.points),
-        _prefixes(path, open_layout),
+        recording.subjects,
     )
-
-
-def _prefixes(path: Path, layout) -> tuple[str, ...]:
-    """Prefixes, as ``Subject:``, that the labels of the file have and the reader takes off."""
-    from lumbar.records.marker_aliases import KEEP
-    from lumbar.records.markers import read_markers
-
-    if layout.subject_prefix == KEEP:
-        return ()
-    labelled = read_markers(path, replace(layout, subject_prefix=KEEP, aliases={}))
-    labels = [*labelled.positions, *labelled.dropped]
-    return tuple(sorted({label.partition(":")[0] for label in labels if ":" in label}))
 
 
 def _read(path: Path, layout, screening):

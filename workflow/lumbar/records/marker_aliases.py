@@ -55,8 +55,7 @@ def select_subject(file: MarkerFile, prefix: str) -> MarkerFile:
     InputError
         When two subjects have the same label, or no label has the prefix named.
     """
-    labels = [*file.positions, *file.dropped]
-    subjects = sorted({label.partition(":")[0] for label in labels if ":" in label})
+    subjects = file.subjects
     if prefix == KEEP or (prefix == STRIP and not subjects):
         return file
     if prefix != STRIP and prefix not in subjects:

@@ -56,6 +56,13 @@ class MarkerFile:
     joints: bool = False
     """Whether its points are joint centres, and no markers on the skin."""
 
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """Prefixes of its labels, as in ``Subject:C7``."""
+        return tuple(
+            sorted({label.partition(":")[0] for label in (*self.positions, *self.dropped) if ":" in label})
+        )
+
 
 def mark_missing(points: np.ndarray) -> np.ndarray:
     """Return a copy of points, shape (..., 3), with NaN in all coordinates of every missing sample.

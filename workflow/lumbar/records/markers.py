@@ -76,6 +76,8 @@ class MarkerRecording:
     """Events that the file holds (C3D), in the order of time."""
     notes: tuple[str, ...] = ()
     """What the file contradicts itself in without harm to a coordinate."""
+    subjects: tuple[str, ...] = ()
+    """Prefixes, as in ``Subject:C7``, that were taken off the file's labels."""
     joints: bool = False
     """Whether its points are joint centres, and no markers on the skin."""
 
@@ -127,12 +129,13 @@ def read_markers(
         A file that is broken, cut short or contradicts itself; a unit, prefix, marker or axis that does not
         fit.
     """
-    from lumbar.records.marker_aliases import resolve_aliases, select_subject
+    from lumbar.records.marker_aliases import KEEP, resolve_aliases, select_subject
     from lumbar.records.marker_axes import check_axes, rotation_to_standard
 
     layout = layout or MarkerLayout()
     path = Path(path)
-    file = _at_rate(select_subject(_read_file(path, layout), layout.subject_prefix), layout.rate_Hz)
+    labelled = _read_file(path, layout)
+    file = _at_rate(select_subject(labelled, layout.subject_prefix), layout.rate_Hz)
     if len(file.time) < minimum_frames:
         raise InputError(
             f"{path}: {len(file.time)} frame{'s' if len(file.time) != 1 else ''}; "
@@ -168,6 +171,7 @@ def read_markers(
         unused=resolved.unused,
         events=file.events,
         notes=file.notes,
+        subjects=() if layout.subject_prefix == KEEP else labelled.subjects,
         joints=file.joints if layout.points == "file" else layout.points == "joint_centres",
     )
 
