@@ -94,6 +94,7 @@ def test_effects_that_are_asked_for_are_added(friction):
         lumbar.refine(records, ["backlash"], base="KV-mass", train="train", settings=FORCE_IN)
 
 
+@pytest.mark.nightly
 def test_a_sensor_that_gives_the_absolute_value(tmp_path):
     diagnosis = lumbar.diagnose(records_behind(np.abs), train="train", settings=FORCE_IN)
     found = diagnosis.verdict

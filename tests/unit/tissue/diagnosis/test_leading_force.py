@@ -43,9 +43,11 @@ def leads(records, **settings) -> tuple:
 @pytest.mark.parametrize(
     ("lead", "branch", "hardening"),
     [
-        (6, 0.8, 0.0),
         (90, 0.8, 0.0),
-        *(pytest.param(6, 0.0, hardening, marks=pytest.mark.nightly) for hardening in (0.0, 0.01)),
+        *(
+            pytest.param(6, *more, marks=pytest.mark.nightly)
+            for more in ((0.8, 0.0), (0.0, 0.0), (0.0, 0.01))
+        ),
     ],
 )
 def test_a_force_that_leads_is_told_by_how_much_and_named_no_mechanism(lead, branch, hardening):

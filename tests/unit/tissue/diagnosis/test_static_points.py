@@ -77,6 +77,7 @@ def test_nothing_is_missing_from_a_line_and_a_law_of_no_catalogue_is_unexplained
     assert "noise is unknown" in str(line) and not wave.selected
 
 
+@pytest.mark.statistical
 def test_false_alarms_are_as_rare_as_said(tmp_path):
     alarms = 0
     for seed in range(25):

@@ -234,6 +234,7 @@ def test_participants_are_described_as_in_the_thesis(ratings):
     assert experience[">20"] == 35.6
 
 
+@pytest.mark.nightly
 def test_analysis_is_the_same_at_every_run_and_says_what_the_answers_are(analysed, ratings, settings):
     first, second = analysed, analyse_survey(ratings, settings, 7, "synthetic twin")
     for name, table in first.tables.items():
