@@ -17,30 +17,7 @@ from running import FORKING, copy_project, snakemake
 
 pytestmark = pytest.mark.nightly
 
-STUDY = """
-study: blind
-title: A blind experiment
-data: recordings
-data_root: data
-data_source: {name: a blind experiment, licence: the project's, obtain: beside the project}
-chapters: [tissue, improvement]
-tissue:
-  # the page may add to this file
-  records:
-    - {name: multisine, file: multisine.csv, period_s: 10}
-    - {name: noise, file: noise.csv}
-    - {name: chirp, file: chirp.csv}
-  training: [multisine]
-  bootstrap: {resamples: 100}
-improvement:
-  most_effects: 1
-  train: multisine
-  record_sets:
-    - {name: tissue}
-    - name: again   # the same records, fitted otherwise
-      train: chirp
-      records: [{name: chirp, file: chirp.csv}, {name: noise, file: noise.csv}]
-"""
+STUDY = Path(__file__).with_name("blind_study.yaml").read_text(encoding="utf-8")
 
 
 @contextmanager

@@ -14,40 +14,12 @@ from rdflib.plugins.shared.jsonld import context as jsonld
 from rocrate_validator import services
 from rocrate_validator.utils.http import HttpRequester
 
-SCHEMA = (
-    *("CreateAction", "CreativeWork", "Dataset", "ComputerLanguage", "Organization", "PropertyValue"),
-    *(
-        "SoftwareApplication",
-        "SoftwareSourceCode",
-        "about",
-        "actionStatus",
-        "author",
-        "contentSize",
-        "datePublished",
-    ),
-    *(
-        "description",
-        "encodingFormat",
-        "endTime",
-        "hasPart",
-        "identifier",
-        "instrument",
-        "isPartOf",
-        "license",
-        "mainEntity",
-    ),
-    *(
-        "mentions",
-        "name",
-        "object",
-        "programmingLanguage",
-        "result",
-        "softwareRequirements",
-        "softwareVersion",
-        "url",
-    ),
-    *("value", "version"),
-)
+SCHEMA = """
+CreateAction CreativeWork Dataset ComputerLanguage Organization PropertyValue SoftwareApplication SoftwareSourceCode
+about actionStatus author contentSize datePublished description encodingFormat endTime hasPart identifier instrument
+isPartOf license mainEntity mentions name object programmingLanguage result softwareRequirements softwareVersion url
+value version
+""".split()
 CONTEXTS = {
     "https://w3id.org/ro/crate/1.1/context": {
         **{term: f"http://schema.org/{term}" for term in SCHEMA},

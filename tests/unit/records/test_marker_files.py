@@ -3,6 +3,7 @@
 import gzip
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -247,30 +248,7 @@ def test_a_rate_in_the_layout_stands_where_the_file_has_none(tmp_path, markers):
 
 
 CENTIMETRES = MarkerLayout(unit="cm", up="+y", forward="+z")
-BVH = """HIERARCHY
-ROOT Hips
-{
-  OFFSET 0 0 0
-  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
-  JOINT Chest
-  {
-    OFFSET 0 40 0
-    CHANNELS 3 Zrotation Xrotation Yrotation
-    JOINT Arm
-    {
-      OFFSET 20 0 0
-      CHANNELS 3 Xrotation Yrotation Zrotation
-      End Site
-      {
-        OFFSET 30 0 0
-      }
-    }
-  }
-}
-MOTION
-Frames: 20
-Frame Time: 0.01
-"""
+BVH = Path(__file__).with_name("walk.bvh").read_text(encoding="utf-8")
 ANGLES = np.random.default_rng(6).uniform(-180, 180, (20, 9))
 ROOT = np.random.default_rng(7).uniform(-100, 100, (20, 3))
 
