@@ -7,6 +7,7 @@ those of their terms that may be used; another term is an error, as one would be
 
 import json
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
 
@@ -14,12 +15,7 @@ from rdflib.plugins.shared.jsonld import context as jsonld
 from rocrate_validator import services
 from rocrate_validator.utils.http import HttpRequester
 
-SCHEMA = """
-CreateAction CreativeWork Dataset ComputerLanguage Organization PropertyValue SoftwareApplication SoftwareSourceCode
-about actionStatus author contentSize datePublished description encodingFormat endTime hasPart identifier instrument
-isPartOf license mainEntity mentions name object programmingLanguage result softwareRequirements softwareVersion url
-value version
-""".split()
+SCHEMA = Path(__file__).with_name("schema_terms.txt").read_text(encoding="utf-8").split()
 CONTEXTS = {
     "https://w3id.org/ro/crate/1.1/context": {
         **{term: f"http://schema.org/{term}" for term in SCHEMA},
