@@ -191,7 +191,8 @@ def test_what_was_found_stands_in_the_fields_and_notes_are_no_errors(new_page, o
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_index_and_unknown_addresses_are_for_everybody_and_lead_on(new_page, own, scheme):
-    page = new_page(own, ready="#choose", color_scheme=scheme, bypass_csp=True)
+    page = new_page(f"{own}#choose", ready="#choose", color_scheme=scheme, bypass_csp=True)
+    assert page.url.endswith("#choose") and "token" not in page.url
     assert page.get_by_role("link", name="an example to try").is_visible()
     fits(page, *WIDTHS)
     assert serious(page) == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 from dataclasses import dataclass, field
 from typing import Any
-from urllib.parse import parse_qsl, unquote
+from urllib.parse import unquote
 
 from tornado.httputil import HTTPHeaders, HTTPServerRequest, url_concat
 from tornado.log import access_log
@@ -27,6 +27,10 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
+_TO_THE_PAGE = (
+    f"<!doctype html><title>lumbar</title><script>const page = new URL(location.href); page.searchParams.delete('{TOKEN}'); "
+    "location.replace(page)</script><noscript>The pages of lumbar need JavaScript.</noscript>"
+)
 _NO_TOKEN = (
     "Open the address that 'lumbar explore' printed where it was started: it ends in a token, which keeps other accounts of "
     "this machine out. The browser must accept this page's cookie."
@@ -115,7 +119,7 @@ class DoorHandler(RequestHandler):
         """Hand out the cookie and lead to the page, whose address no longer holds the token.
 
         A page of our own leads there, not a redirect: after one, a browser that came from elsewhere (a terminal in a page)
-        would keep the cookie back.
+        would keep the cookie back. It is a script, for what follows "#" never comes to the server.
         """
         request = self.request
         if not _leads_somewhere(request):
@@ -126,9 +130,8 @@ class DoorHandler(RequestHandler):
             self.set_status(403)
             raise Finish(_NO_TOKEN)
         self.set_cookie(self.visitors.cookie, self.visitors.token, httponly=True, samesite="Strict")
-        rest = [(name, value) for name, value in parse_qsl(request.query) if name != TOKEN]
-        self.set_header("Refresh", f"0; url={url_concat(f'http://{request.host}{request.path}', rest)}")
-        raise Finish
+        self.set_header("Content-Type", "text/html; charset=utf-8")
+        raise Finish(_TO_THE_PAGE)
 
 
 class Guarded(OutputTransform):
