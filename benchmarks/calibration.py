@@ -150,7 +150,7 @@ def report(nulls: pd.DataFrame, intervals: pd.DataFrame, page: Path | None) -> N
         stem = Path(folder) / "calibration"
         save(calibration_figure(nulls, covered), stem, "simulated, see the text")
         write_text(
-            page.parent / "images" / "calibration.svg", stem.with_suffix(".svg").read_text(encoding="utf-8")
+            page.parents[1] / "images/calibration.svg", stem.with_suffix(".svg").read_text(encoding="utf-8")
         )
 
 
