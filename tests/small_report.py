@@ -90,7 +90,7 @@ def make_results(folder: Path) -> Path:
     write_json(results / "checked" / "tissue.json", {"recordings": [entry | {"channels": channels}]})
     write_text(
         results / "stability" / "failures.csv",
-        "subject,experience,box_mass_kg,com,plane,basin,reason\na,expert,1,thorax,lateral_bending,exact,ρ is negative\n",
+        "subject,experience,box_mass_kg,com,plane,basin,reason\na,b,1,thorax,lateral_bending,exact,a (hanging): ρ is negative\n",
     )
     for row in SHEET:
         write_text(results / "captions" / f"{row.id}.rst", f"Caption of {row.id} & *what* it shows.")

@@ -67,7 +67,7 @@ def test_pictures_say_whom_they_show_and_where_the_data_come_from(entries):
 
 def test_a_diagnosis_is_said_in_a_sentence_and_its_page_is_linked(entries, page):
     assert entries["diagnoses-one"].sentence == (
-        "KB is missing inertia. Error on unseen records (RMS): 0.4 N with KB and 0.123 N with the effects; "
+        "The KB model is missing inertia. Error on unseen records (RMS): 0.4 N without and 0.123 N with the effects; "
         "noise floor 0.1 N."
     )
     assert '<a href="improvement/one/diagnosis.html">' in page
@@ -291,7 +291,6 @@ def test_summary_counts_the_verdicts(published, thesis_as_results):
 
 def test_the_page_begins_with_what_was_found(page):
     told = page[page.index('<section id="found">') : page.index('<section id="state">')]
-    assert (
-        "KB is missing inertia." in told and "What KB leaves is unexplained; inertia comes nearest." in told
-    )
+    assert "KB model is missing inertia." in told and "KB model leaves is unexplained; inertia" in told
+    assert "fails: 3; warns: 4." in told
     assert "does not hold" in told and 'href="#state-claims"' in told

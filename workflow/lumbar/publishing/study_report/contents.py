@@ -243,7 +243,7 @@ def diagnosis_sentence(diagnosis: dict) -> str:
     if first is None or last is None:
         return found
     unit, floor = unit_in_print(diagnosis["unit"]), diagnosis["noise_floor_rms"]
-    with_them = f" {unit} with {base} and {last:.3g} {unit} with the effects" if effects else f" {unit}"
+    with_them = f" {unit} without and {last:.3g} {unit} with the effects" if effects else f" {unit}"
     noise = "" if floor is None else f"; noise floor {floor:.3g} {unit}"
     return f"{found} Error on unseen records (RMS): {first:.3g}{with_them}{noise}."
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 FAILS, WARNS = "fails", "warns"
 _WARNING = re.compile(r"^(?:\w*Warning|WARNING): (.*(?:\n  .*)*)", flags=re.M)
+_PENDULUM = re.compile(r"^[^:]*\((?:hanging|inverted)\): ")
+"""Lift, centre and plane at the beginning of a reason, which stand before it already."""
 _TOLD_BY_FILES = ("lift", "stability_tables")
 """Stages whose warnings stand in their results too: lifts without a pendulum, missing basins."""
 
@@ -145,7 +147,7 @@ def _of_basins(results: Path) -> Iterator[Trouble]:
     missing = _table(results / "stability" / "failures.csv")
     for row in () if missing is None else missing.itertuples():
         lift = f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}".replace("_", " ")
-        yield Trouble(FAILS, lift, f"{row.basin}: {row.reason}")
+        yield Trouble(FAILS, lift, f"{_words(row.basin)}: {_PENDULUM.sub('', row.reason)}")
     areas = _table(results / "stability" / "boa.csv")
     if areas is None:
         return
