@@ -1,7 +1,15 @@
 """Pages and files from the templates (``*.jinja``) that lie beside the modules they belong to."""
 
+import re
 from functools import cache
 from pathlib import Path
+
+_HYPHEN = re.compile(r"(?<![\w.)])-(?=\d)")
+
+
+def in_print(text: str) -> str:
+    """Return a sentence with a minus sign before negative numbers, as pages and figures set them; ready HTML as it is."""
+    return text if hasattr(text, "__html__") else _HYPHEN.sub("−", text)
 
 
 @cache
@@ -23,4 +31,5 @@ def template(name: str):
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters["in_print"] = in_print
     return environment.get_template(name)

@@ -243,13 +243,14 @@ window.lumbar = (() => {
   // What locate says of the first model on this record, each sentence under the picture it speaks of.
   function told(key, record) {
     const found = page.models[key].located[record];
-    const views = { ...(found ? found.views : {}) };
+    const inPrint = (text) => text.replace(/(?<![\w.)])-(?=\d)/g, "−");
+    const views = Object.fromEntries(Object.entries(found?.views ?? {}).map(([name, text]) => [name, inPrint(text)]));
     for (const place of document.querySelectorAll("[data-view]")) {
       place.textContent = views[place.dataset.view] || "";
       delete views[place.dataset.view];
     }
     const open = !found && page.served && page.models[key].group === page.models.base.group;
-    element("headline").textContent = found ? found.headline
+    element("headline").textContent = found ? inPrint(found.headline)
       : open ? "Looking where this model fails …"
       : "Where this model fails was not put into words: the pictures show it.";
     element("besides").replaceChildren(...Object.values(views).map((text) => made("li", text)));

@@ -21,6 +21,15 @@ function rest() {
   [last, drawn] = [null, []];
 }
 
+// Bars and axes begin with what a slow way through the range asks for: at rest they would show rounding in full size.
+function scale() {
+  for (let look = 0; look <= LOOKS; look++) {
+    const at = push.lowest + (push.highest - push.lowest) * (look / LOOKS);
+    largest = Math.max(largest, ...models.map((model) => Math.abs(model.step(look / LOOKS, at))));
+  }
+  rest();
+}
+
 function tick(milliseconds) {
   requestAnimationFrame(tick);
   const time = milliseconds / 1000;
@@ -123,6 +132,7 @@ async function begin() {
   }
   document.getElementById("let-go").addEventListener("click", () => moving(0));
   document.getElementById("hear").addEventListener("change", listen);
+  scale();
   requestAnimationFrame(tick);
 }
 
