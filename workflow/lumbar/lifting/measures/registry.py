@@ -48,6 +48,14 @@ class Measure:
     """One of `WINDOWS`."""
     headline: bool = False
     """Whether it is among those that a summary names."""
+    told: tuple[str, str] = ("", "")
+    """What a value says of the lift, above and below zero; ``{size}`` is the value without its sign."""
+
+
+def measure_in_words(name: str) -> str:
+    """Return a measure, or what a plane adds to it, as print has it: ``l5s1_moment`` as ``L5/S1 moment``."""
+    words = name.replace("flexion_extension", "flexion/extension").replace("_", " ").replace("l5s1", "L5/S1")
+    return words[:1].upper() + words[1:]
 
 
 def _measures() -> dict[str, Measure]:

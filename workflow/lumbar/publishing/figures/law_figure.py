@@ -246,7 +246,8 @@ def _draw_curve(axis, chain: BlockStructure, found: Verdict) -> None:
         values.min(),
         align="edge",
         color="#cccccc",
-        label="how often (training)",
+        label="training data",
     )
     axis.plot(drawn, values, color=SERIES[3], label="curve")
-    axis.legend(loc="upper left" if values[-1] > values[0] else "upper right")
+    side = "right" if values[-1] > values[0] else "left"  # beside the curve, above the bars
+    axis.legend(loc=f"lower {side}", bbox_to_anchor=(float(side == "right"), 0.25))

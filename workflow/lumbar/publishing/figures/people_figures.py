@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from lumbar.lifting.measures.registry import measure_in_words
 from lumbar.lifting.stability.comparison.table_4_1_grid import CHOICES, comparison_cells
 from lumbar.lifting.stability.model.trajectories import THESIS
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
@@ -161,8 +162,8 @@ def _draw(axes, item: Comparison, height: float, marker: str) -> None:
 
 
 def _label(row: tuple[str, str]) -> str:
-    measure, plane = (" ".join(part.split("_")) for part in row)
-    return measure if plane in ("all", "") else f"{measure}, {plane}"
+    measure, plane = row
+    return measure_in_words(measure if plane in ("all", "") else f"{measure}, {plane}")
 
 
 def _title(between: Sequence[Comparison], known: Sequence[Comparison], hidden: int) -> str:

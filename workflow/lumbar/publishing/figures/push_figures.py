@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from lumbar.lifting.measures.registry import measure_in_words
 from lumbar.lifting.pushes.chances import KNOWN
 from lumbar.lifting.pushes.levels import BACKWARD, FORWARD
 from lumbar.lifting.pushes.prediction import ALL_SIZES, BOTH, EQUAL, pushes_of, scores_of
@@ -127,7 +128,7 @@ def _values(axis, rows: pd.DataFrame, column: str, nothing: float) -> None:
             row[[f"{column}_low", f"{column}_high"]].astype(float), [number] * 2, color=colour, linewidth=1.2
         )
         axis.plot(row[column], number, marker=_MARKERS[number] or "|", color=colour, markersize=4.5)
-    axis.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    axis.set_yticks(range(len(names)), [measure_in_words(name) for name in names])
     axis.set(ylim=(len(names) - 0.5, -0.5))
 
 

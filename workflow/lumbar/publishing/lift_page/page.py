@@ -12,7 +12,7 @@ import numpy as np
 from lumbar.base.files import write_text
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
-from lumbar.lifting.measures.registry import MEASURES, WINDOWS
+from lumbar.lifting.measures.registry import MEASURES, WINDOWS, measure_in_words
 from lumbar.lifting.movement.lift_tables import points_of
 from lumbar.lifting.stability.model.trajectories import Failure, LiftStates
 from lumbar.publishing.explorer.one_file import Drawn, embedded_pictures, one_file
@@ -195,15 +195,19 @@ class LiftPage:
         values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
         return [
             {
-                "name": f"{words[0].upper()}{words[1:]}".replace("5s1", "5/S1"),
+                "name": measure_in_words(row.measure),
                 "value": "" if row.reason else _in_print(row.value, row.unit),
                 "reason": row.reason,
+                "below": row.safer == "higher" and row.value < 0,
+                "told": MEASURES[row.measure]
+                .told[bool(row.value < 0)]
+                .format(size=_in_print(abs(row.value), row.unit)),
                 "safer": row.safer,
                 "meaning": MEASURES[row.measure].meaning,
                 "phase": WINDOWS[MEASURES[row.measure].phase],
             }
             for row in values.itertuples()
-            if MEASURES[row.measure].headline and (words := row.measure.replace("_", " "))
+            if MEASURES[row.measure].headline
         ]
 
     def _content(self) -> dict[str, Any]:
