@@ -169,7 +169,7 @@ def trials_figure(
     values.axhline(1.0, color=MEASURED, linewidth=1.0)
     values.set_yscale("log")
     values.set_ylim(bottom=1e-2)
-    values.set(xlabel="Phase (%)", ylabel="V/ρ (inside: ≤ 1)")
+    values.set(xlabel="Phase (%)", ylabel="V/ρ (inside: ≤ 1; cut at 0.01)")
     _draw_counts(counts, by_weight, stability)
     figure.legend(*plane.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
@@ -184,10 +184,10 @@ def _draw_counts(axis, by_weight: pd.DataFrame, stability: StabilitySettings) ->
             look = {"linestyle": "-", "markersize": 4, "markerfacecolor": colour}
         label = f"{group}, {sign}"
         axis.plot(rows["control_weight"], rows["inside"], color=colour, marker=marker, label=label, **look)
-    axis.axvline(stability.regulator.control_weight, color="#777777", linewidth=0.8, linestyle=":")
     axis.set_xscale("log")
     # Room above the counts for the legend.
     most = int(by_weight["inside"].max())
+    axis.vlines(stability.regulator.control_weight, -0.4, most, color="#777777", linewidth=0.8, linestyle=":")
     axis.set(
         ylim=(-0.4, 1.7 * max(most, 1)),
         yticks=range(most + 1),
