@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from lumbar.base.templates import in_print
 from lumbar.publishing.figures.comparison_figures import draw_error_bars
 from lumbar.publishing.figures.palette import SERIES
 from lumbar.publishing.figures.style import (
@@ -120,11 +121,11 @@ def _draw_sections(axis, surface: Surface, added: np.ndarray | None, proposal: P
 
 
 def _short(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}"
+    return in_print(f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}")
 
 
 def _in_digits(values: list[float]) -> list[str]:
-    return [f"{value:.2g}" for value in values]
+    return [f"{value:#.2g}" for value in values]
 
 
 def _draw_errors(axis, proposal: Proposal) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lumbar.base.files import write_text
+from lumbar.base.templates import in_print
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import MEASURES, WINDOWS, measure_in_words
@@ -67,7 +68,7 @@ def _pictures() -> Drawn:
 def _in_print(value: float, unit: str) -> str:
     """A value as the page's other numbers stand: lengths in mm, a true minus sign."""
     value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)
-    return f"{value:.3g} {unit}".replace("-", "−")
+    return in_print(f"{value:.3g} {unit}")
 
 
 @dataclass(frozen=True, eq=False)
