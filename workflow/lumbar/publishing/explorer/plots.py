@@ -191,7 +191,8 @@ def _spectrum(experiment: Experiment) -> figure:
     picture = _figure("spectrum", "Frequency (Hz)", up, **logarithmic)
     # Below two decades Bokeh takes the steps of a linear axis: crowded above, no label below.
     steps = FixedTicker(ticks=[digit * 10.0**power for power in range(-9, 10) for digit in (1, 3)])
-    picture.yaxis.ticker, picture.ygrid.ticker, picture.yaxis.formatter = steps, steps, BasicTickFormatter()
+    picture.yaxis.ticker = picture.ygrid.ticker = steps
+    picture.yaxis.formatter = BasicTickFormatter(use_scientific=False)
     picture.line("frequency", "noise", source=spectrum, color=NOISE, line_width=3, alpha=0.6)
     picture.scatter("frequency", "first", source=spectrum, marker="marker", size=5, color=FIRST, name="first")
     curves = ("aside", "first", "second")
