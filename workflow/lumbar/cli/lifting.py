@@ -112,7 +112,10 @@ def run_basin(options) -> None:
     facts = read_json(options.facts) if options.facts else None
     found = basins(options.states, facts=facts, settings=settings.stability, seed=settings.seed)
     found.save(options.output)
-    print(f"{len(found.areas)} basins are in {options.output / 'boa.csv'}")
+    print(found)
+    print(
+        f"{len(found.areas)} basins are in {options.output / 'boa.csv'}; to push them: lumbar explore {options.states.parent}"
+    )
     if message := announcement(options.output / "failures.csv"):
         raise NumericalError(message)
 
