@@ -67,7 +67,10 @@ def _closing(found: Lift, output: Path) -> list[str]:
     """Say where the pendulums are, or that there are none and why."""
     if found.analysed.states:
         return [f"pendulum.csv and pendulum.json are in {output}"]
-    return [f"no pendulum: pendulum.csv in {output} has no rows", *found.without_pendulum]
+    remedy = (
+        "events that the markers do not show are set in the trial: events: {deposit_start_s: …, release_s: …}"
+    )
+    return [f"no pendulum: pendulum.csv in {output} has no rows", *found.without_pendulum, remedy]
 
 
 def _run_all(options, study) -> None:
@@ -112,10 +115,9 @@ def run_basin(options) -> None:
     facts = read_json(options.facts) if options.facts else None
     found = basins(options.states, facts=facts, settings=settings.stability, seed=settings.seed)
     found.save(options.output)
-    print(found)
-    print(
-        f"{len(found.areas)} basins are in {options.output / 'boa.csv'}; to push them: lumbar explore {options.states.parent}"
-    )
+    if not found.areas.empty:
+        print(f"{found}\n{len(found.areas)} basins are in {options.output / 'boa.csv'}")
+        print(f"To push the pendulums: lumbar explore {options.states.parent}")
     if message := announcement(options.output / "failures.csv"):
         raise NumericalError(message)
 
