@@ -64,6 +64,8 @@ CURVES = (
 """Curves that are switched: name, words, colour, line."""
 LINES: dict[str, str] = _SAID["lines"]
 """Marks of the spectrum's lines in words."""
+_SURE: dict[str, str] = _SAID["sure"]
+"""Sentences of `how_sure`."""
 _FIRST_SHOWN_S = 10.0
 """Seconds that are shown at first of records that do not repeat; of others a period."""
 
@@ -280,25 +282,17 @@ def how_sure(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     if evidence.separation is not None:
         lines.append(separation_sentence(evidence.separation, diagnosis))
     if diagnosis.experiment.floor is None:
-        lines.append(
-            "No record repeats: how much of the error is noise is unknown, and so is whether all is found."
-        )
+        lines.append(_SURE["no_record_repeats"])
     return lines
 
 
 def _chance(diagnosis: Verdict) -> str:
     if not diagnosis.ranking:
-        return "No effect of the catalogue could be fitted to these records."
+        return _SURE["nothing_fitted"]
     found = diagnosis.ranking[0]
-    if not diagnosis.selected:
-        return (
-            f"The best of all candidates, {effects_text(found.candidate.effects)}, gains what chance gains where nothing is "
-            f"missing ({probability(found.p_value)}; {LEVEL:g} would be needed) or does not lower the error on unseen records."
-        )
-    return (
-        f"Where nothing is missing, the best of all candidates gains as much as {effects_text(diagnosis.selected)} here by "
-        f"chance: {probability(found.p_value)}."
-    )
+    effects = effects_text(diagnosis.selected or found.candidate.effects)
+    told = _SURE["by_chance" if diagnosis.selected else "no_gain"]
+    return told.format(effects=effects, chance=probability(found.p_value), level=LEVEL)
 
 
 def _next_best(diagnosis: Verdict) -> str:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.figures.comparison_figures import (
     comparison_figure,
     ladder_figure,
@@ -17,6 +18,8 @@ from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_expla
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, runner_up
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.form import Effect
+
+_CAPTIONS: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def draw_pictures(
@@ -43,35 +46,17 @@ def draw_pictures(
             pictured_effects(diagnosis, catalogue), diagnosis.base.fit.structure.base.system
         ),
     }
-    captions = {
-        "comparison": f"The {base} model beside {shown.record.name}, the record it explains least, and what it leaves of "
-        "every record.",
-        "location": f"Where the {base} model fails on {trained.record.name}. {LOCATION_CAPTION}",
-        "ladder": "Error on training and unseen records, effect by effect, down to the noise floor.",
-        "signatures": "Signature of the selected effects and of the runner-up, each in its first form on a standard motion: "
-        "force over position, added force at two rates and over time; arbitrary units.",
-    }
     if proposal is not None and proposal.law is not None:
         figures["proposed_law"] = law_figure(proposal)
-        captions["proposed_law"] = (
-            "The missing force over the two coordinates that explain most of it, the proposed law beside it (lines), and the "
-            "errors without and with it."
-        )
     if diagnosis.linear is not None:
         figures["linear_dynamics"] = linear_figure(diagnosis)
-        captions["linear_dynamics"] = (
-            "The linear dynamics of higher order beside base and record: gain and phase (Welch's estimate from the same motion), "
-            "and the poles."
-        )
     if diagnosis.chain is not None:
         figures["chain"] = chain_figure(diagnosis)
-        captions["chain"] = (
-            f"The chain that explains the records ({diagnosis.chain.kind}), in the order in which a signal passes it: gain of "
-            "the filter in front, the static curve, gain of the filter behind."
-        )
     for name, drawn in figures.items():
         save(drawn, folder / name, "" if name == "signatures" else data)
-    return {captions[name]: folder / f"{name}.svg" for name in figures}
+    words = {"base": base, "least_explained": shown.record.name, "trained": trained.record.name}
+    words |= {"location": LOCATION_CAPTION, "kind": diagnosis.chain.kind if diagnosis.chain else ""}
+    return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
 
 
 def pictured_effects(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Effect]:
