@@ -57,19 +57,12 @@ async def in_background(function: Callable, *arguments) -> Any:
 
 
 class Job:
-    """Work that runs once in a thread of its own.
+    """Work that runs once in a thread of its own; `words` say how far it is, `error` why it ended without success.
 
     Parameters
     ----------
     work : callable
         Without arguments; tells how far it is by `lumbar.base.progress`.
-
-    Attributes
-    ----------
-    words : str
-        How far it is.
-    error : str
-        Why it ended without success; empty otherwise.
     """
 
     def __init__(self, work: Callable[[], Any]):

@@ -39,16 +39,10 @@ _NO_TOKEN = (
 
 @dataclass(frozen=True)
 class Visitors:
-    """Who may come in: whoever has the token in the address once, and in a cookie from then on.
-
-    Attributes
-    ----------
-    port : int
-        Of the server. A browser sends cookies to every port of a host, so this one's name holds it.
-    token : str
-    """
+    """Who may come in: whoever has the token in the address once, and in a cookie from then on."""
 
     port: int
+    """Of the server. A browser sends cookies to every port of a host, so this one's name holds it."""
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32), repr=False)
 
     @property

@@ -206,9 +206,6 @@ def _ties(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
 def _remains(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
     after = diagnosis.model.test_rms
-    told = (
-        f"On unseen records {after:.4g} {unit} remain; how much of it is noise is unknown."
-        if floor is None
-        else f"On unseen records {after:.4g} {unit} remain, {after / floor.rms:.3g} times the noise floor."
-    )
+    of_noise = _SAID["times_noise"].format(after / floor.rms) if floor else _SAID["noise_unknown"]
+    told = f"On unseen records {after:.4g} {unit} remain{of_noise}"
     return [paragraph(told), listing(item.location.headline for item in evidence.remaining)]

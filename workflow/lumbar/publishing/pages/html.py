@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.templates import template
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence
 from lumbar.tissue.models.printing import equation_mathml
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 
 PAGE = "publishing/pages/page.html.jinja"
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+LOCATION_CAPTION = _SAID["location"]
 
 
 def _macros():
@@ -82,12 +85,7 @@ def _coded(svg: str | Path) -> str:
 
 def comparison_page(simulated: list[ResidualReport], model: str, data: str, pictures: dict[str, Path]) -> str:
     """Return the page of a comparison; `pictures` are SVG files by record."""
-    blocks = [
-        paragraph(
-            "Free-run simulation against every record. Error intervals: what another excitation of the same kind would give."
-        ),
-        *comparison_blocks(simulated),
-    ]
+    blocks = [paragraph(_SAID["comparison"]), *comparison_blocks(simulated)]
     for item in simulated:
         name = item.record.name
         caption = f"{name}: measured and simulated, residual, and what is left of every record."
@@ -125,10 +123,3 @@ def location_page(simulated: list[ResidualReport], model: str, data: str, pictur
         ]
     told = paragraph(all_records_sentence([item.location for item in simulated]), "headline")
     return document(f"Where the {model} model fails", data, [told, *blocks])
-
-
-LOCATION_CAPTION = (
-    "(a) Error along time, by period where the record repeats; (b) in every cycle of the motion; (c) over frequency against "
-    "the noise; (d) over depth; (e) around reversals; (f) over position and velocity; (g) its autocorrelation; its "
-    "correlation with the input and odd functions of it (h) and with even functions (i). Grey: 95 % limits of noise alone."
-)
