@@ -272,7 +272,7 @@ def test_the_index_leads_to_all_that_there_is_and_says_what_is_known(door):
     page = index_of(door)
     for address in ("/records", "/others", "/lifts/a_lift", "/_results/report.html", "/_own"):
         assert f'href="{address}"' in page
-    assert "KB is missing coulomb friction." in page
+    assert "KB model is missing coulomb friction." in page
     assert page.count("Not diagnosed yet") == 1
     assert 'id="choose"' in page  # files can be dropped
 
