@@ -209,7 +209,7 @@ def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
     for number, (row, effect) in enumerate(zip(axes, effects, strict=True)):
         _draw_effect(row, effect, system)
         letter = f"({ascii_lowercase[number % 26]}) " if len(effects) > 1 else ""
-        row[0].set_title(letter + effect.name.replace("_", " "), loc="left", fontweight="bold")
+        row[0].set_title(letter + effect.name.replace("_", " ").capitalize(), loc="left", fontweight="bold")
     return figure
 
 

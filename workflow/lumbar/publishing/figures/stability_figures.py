@@ -171,13 +171,13 @@ def _insets(axes) -> list:
 
 
 def _share_frames(axes, wordings: list[str]) -> None:
-    """Give the panels of the same pendulums the same limits about 0, with room for the insets."""
+    """Give the panels of the same pendulums the same limits, with room for the insets above the basins."""
     for wording in dict.fromkeys(wordings):
         alike = axes[:, [item == wording for item in wordings]].ravel()
         edges = [axis.collections[0].get_datalim(axis.transData) for axis in alike if axis.collections]
         reach = np.max([np.abs([box.min, box.max]).max(axis=0) for box in edges], axis=0) if edges else (1, 1)
         for axis in alike:
-            axis.set(xlim=(-1.5 * reach[0], 1.5 * reach[0]), ylim=(-1.5 * reach[1], 1.5 * reach[1]))
+            axis.set(xlim=(-1.5 * reach[0], 1.5 * reach[0]), ylim=(-1.3 * reach[1], 2.2 * reach[1]))
 
 
 def shared_legend(figure, axes, ncols: int) -> None:
