@@ -44,8 +44,7 @@ def test_a_notebook_is_kept_without_outputs_and_says_what_its_data_are(name):
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["own_tissue_test", "own_lift", pytest.param("own_effect_to_fmu", marks=pytest.mark.nightly)],
+    "name", ["own_tissue_test", "own_lift", pytest.param("own_effect_to_fmu", marks=pytest.mark.nightly)]
 )
 def test_a_notebook_runs(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -32,11 +32,7 @@ def thesis(shared):
     return next((shared / "thesis").glob("*.txt")).read_text(encoding="utf-8")
 
 
-LAST = {
-    "Eq.": {2: 17, 3: 18, 4: 7},
-    "Figure": {1: 1, 2: 4, 3: 5, 4: 4},
-    "Table": {2: 2, 3: 2, 4: 1, 5: 1},
-}
+LAST = {"Eq.": {2: 17, 3: 18, 4: 7}, "Figure": {1: 1, 2: 4, 3: 5, 4: 4}, "Table": {2: 2, 3: 2, 4: 1, 5: 1}}
 """Last number of each kind in each chapter of the thesis."""
 ALL = {
     kind: [

@@ -18,6 +18,7 @@ FORCE_IN = StudySettings(improvement=ImprovementSettings(forward=True))
 BESIDE = {
     "nothing": lambda z, v: 0.0,
     "hardening_stiffness": lambda z, v: 0.4 * z**3,
+    "viscoelastic": lambda z, v: 0.4 * z**3 + 0.02 * z**2 * v,
     "coulomb_friction": lambda z, v: 0.25 * np.tanh(v / 0.2),
     "quadratic_damping": lambda z, v: 0.01 * v * abs(v),
 }

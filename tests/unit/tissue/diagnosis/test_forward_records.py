@@ -52,11 +52,8 @@ def test_nothing_is_named_where_nothing_is_hidden():
 
 def test_the_friction_and_its_size_are_found(friction):
     _, found = friction
-    assert (found.verdict.verdict, found.selected, found.verdict.complete) == (
-        "named",
-        ("coulomb_friction",),
-        True,
-    )
+    told = found.verdict.verdict, found.selected, found.verdict.complete
+    assert told == ("named", ("coulomb_friction",), True)
     assert found.model["coulomb_friction.coulomb_force"].value == pytest.approx(0.25, rel=0.02)
     assert "from 0.1" in str(found).splitlines()[0]
     assert str(found).splitlines()[0].endswith(" mm.")
@@ -92,6 +89,14 @@ def test_effects_that_are_asked_for_are_added(friction):
     assert refined.path[1].test_rms < 0.1 * refined.path[0].test_rms
     with pytest.raises(InputError, match="backlash: it cannot be added to KV-mass from force to motion"):
         lumbar.refine(records, ["backlash"], base="KV-mass", train="train", settings=FORCE_IN)
+
+
+def test_what_a_hardening_spring_loses_is_found():
+    records, effects = forward_records("viscoelastic"), ["hardening_stiffness"]
+    found = lumbar.refine(records, effects, base="KV-mass", train="train", settings=FORCE_IN).model
+    for name, value in (("cubic_stiffness", 0.4), ("cubic_damping", 0.02)):
+        size = found[f"hardening_stiffness.{name}"]
+        assert size.low < value < size.high and size.high < 2 * value
 
 
 @pytest.mark.nightly

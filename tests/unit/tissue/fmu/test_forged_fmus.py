@@ -164,9 +164,7 @@ def test_sources_that_nothing_was_compared_with_are_not_compiled(fmu_folder, zig
 
 
 @pytest.mark.parametrize(
-    "made",
-    [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")],
-    ids=["pipe", "folder", "device"],
+    "made", [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")], ids=["pipe", "folder", "device"]
 )
 def test_what_is_no_file_is_not_read(made, tmp_path):
     made(tmp_path / "forged.fmu")
