@@ -4,7 +4,8 @@
 
 Linear tissues under noise and sensor faults: the p-value of the best effect that is not there, and whether one is named.
 Tissues with one effect, fitted in its own form: whether the 95 % intervals hold the true values. Writes every single result to
-``results/benchmark/calibration_{nulls,intervals}.csv``; with ``--markdown`` a table into that page, and the picture beside it.
+``results/benchmark/calibration_{nulls,intervals}.csv``; with ``--markdown`` a table into that page,
+and the picture into ``docs/images``.
 ``--count`` is the number of experiments per effect and colour of the noise; of nulls there are 0.7 times as many per condition.
 """
 
