@@ -181,6 +181,8 @@ def test_a_file_that_is_laid_out_otherwise_is_led_to_its_import(tmp_path, text):
     file.write_bytes(text.encode("latin-1"))
     (command,) = (line for line in refusal(read_record, file, LAYOUT).splitlines() if "lumbar import" in line)
     assert shlex.split(command.partition("lumbar import ")[2])[0] == str(file)
+    (tmp_path / "study.yaml").touch()
+    assert refusal(read_record, file, LAYOUT).endswith(f" --config {tmp_path / 'study.yaml'}")
 
 
 def record_of(time, *channels, name="r") -> Record:

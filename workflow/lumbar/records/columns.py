@@ -135,7 +135,9 @@ def read_record(
     try:
         raw, lines = _read_columns(path, layout, size)
     except InputError as error:
-        raise InputError(f"{error}\n{_ELSEWHERE.format(shlex.quote(str(path)))}") from error
+        study = path.parent / "study.yaml"
+        words, file = (_IN_STUDY, study) if study.is_file() else (_ELSEWHERE, path)
+        raise InputError(f"{error}\n{words.format(shlex.quote(str(file)))}") from error
     columns = {role: column for role, column in layout.columns.items() if role in raw}
     with np.errstate(over="ignore"):  # what overflows is refused below, with its place
         scaled = {
@@ -176,6 +178,7 @@ def _without_clock(values: dict[str, np.ndarray]) -> bool:
     return time is None or (len(time) > 1 and bool(np.all(np.isnan(time)) or np.all(time == time[0])))
 
 
+_IN_STUDY = "  the study beside it says which columns the records of this folder have: --config {}"
 _ELSEWHERE = "  files of other columns, units, separators, decimal marks or encodings: lumbar import {} --output FOLDER"
 
 

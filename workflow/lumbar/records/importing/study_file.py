@@ -125,7 +125,7 @@ def _check_columns(records: list[dict], folder: Path) -> None:
             ]
             raise InputError(
                 f"{folder}: {records[0]['name']} has {named[0]}, but {entry['name']} has {named[1]}; the records of a study "
-                "have the same columns"
+                "have the same columns: name them alike in the files' headers, or use a folder for each"
             )
 
 
