@@ -19,6 +19,7 @@ from lumbar.tissue.identification.metrics import fit_ratio, variance_accounted_f
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.model_data import ARX, GIVEN, OUTPUT_ERROR
+from lumbar.tissue.signals.spectrum import welch
 
 MOST_VALUES = 1_200_000
 """Numbers that a page holds in 4 bytes each, about 6.5 MB as text; of longer records every second, third, … sample is drawn."""
@@ -81,10 +82,8 @@ class ShownRecord:
             power = np.mean(np.abs(np.fft.rfft(error[self.rows])) ** 2, axis=0) * 2 * step / samples
             frequency = np.fft.rfftfreq(samples, step)
         else:
-            from scipy.signal import welch
-
             length = max(len(error) // _SEGMENTS, min(len(error), 64))
-            frequency, power = welch(error, 1 / step, nperseg=length, detrend="constant")
+            frequency, power = welch(error, step, np.hanning(length + 1)[:-1])
         return frequency[1:].astype(np.float32), np.sqrt(power[1:]).astype(np.float32)
 
 

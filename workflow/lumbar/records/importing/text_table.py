@@ -67,12 +67,7 @@ def table_of_lines(lines: list[str], source: str, encoding: str, table: str | No
     remarks += [f"column {column + 1} is no number ({cell!r})" for column, cell in words.items()]
     values, numbers, spelled = _values(lines, first, last, dialect, source)
     columns = tuple(
-        RawColumn(
-            column + 1,
-            names[column],
-            "s" if CLOCK.match(cells[column]) else units[column],
-            given,
-        )
+        RawColumn(column + 1, names[column], "s" if CLOCK.match(cells[column]) else units[column], given)
         for column, given in enumerate(values.T)
         if column not in dialect.text_columns
     )

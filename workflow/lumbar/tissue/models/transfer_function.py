@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,9 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-
-_FEW = 8000
-"""Samples that take less time without `scipy.signal`, its import included."""
 
 
 @dataclass(frozen=True)
@@ -98,27 +94,19 @@ class TransferFunction:
 
 
 def filtered(numerator: Sequence[float], denominator: Sequence[complex], inputs: np.ndarray) -> np.ndarray:
-    """Return the output of a transfer function from rest, in direct form II transposed; all of shape (samples,).
+    """Return the output of a transfer function from rest, the outputs substituted forward; all of shape (samples,).
 
-    The same bits as `scipy.signal.lfilter`, whose import takes longer than a few thousand samples take here.
+    To rounding as `scipy.signal.lfilter`, whose import takes longer than most signals take here.
     """
-    if len(inputs) > _FEW or "scipy.signal" in sys.modules:
-        from scipy.signal import lfilter
+    forth, back = (np.asarray(side) / denominator[0] for side in (numerator, denominator))
+    driven = forth[0] * inputs if len(forth) == 1 else np.convolve(forth, inputs)[: len(inputs)]
+    if len(back) == 1:
+        return driven
+    from scipy.linalg import get_lapack_funcs
 
-        return lfilter(numerator, denominator, inputs)
-    forth, back = ((np.asarray(side) / denominator[0]).tolist() for side in (numerator, denominator))
-    if len(denominator) == 1:
-        return np.convolve(forth, inputs)[: len(inputs)]
-    order = max(len(forth), len(back)) - 1
-    through, *forth = forth + [0.0] * (order + 1 - len(forth))
-    back = back[1:] + [0.0] * (order + 1 - len(back))
-    state, outputs = [0.0] * (order + 1), []
-    for value in inputs.tolist():
-        output = state[0] + through * value
-        outputs.append(output)
-        for place in range(order):
-            state[place] = state[place + 1] + value * forth[place] - output * back[place]
-    return np.array(outputs)
+    bands = np.tile(back, (len(inputs), 1)).T
+    (substituted,) = get_lapack_funcs(("tbtrs",), (bands, driven))
+    return substituted(bands, driven[:, None], uplo="L", diag="U", overwrite_b=True)[0][:, 0]
 
 
 class StateSpace(NamedTuple):

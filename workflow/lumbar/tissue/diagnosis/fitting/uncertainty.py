@@ -240,13 +240,13 @@ def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray
 
 def are_white(errors: Sequence[np.ndarray]) -> bool:
     """Whether errors of several records pass for white noise: the test of Ljung and Box (Biometrika 65 (1978) 297-303)."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     size = sum(map(len, errors))
     lags = min(_LAGS, min(map(len, errors)) - 1)
     correlation = _autocorrelation([item[:, None] for item in errors], lags)[1:, 0]
     statistic = size * (size + 2) * np.sum(correlation**2 / (size - np.arange(1, lags + 1)))
-    return bool(statistic < chi2.ppf(1 - _LEVEL, lags))
+    return bool(statistic < chdtri(lags, _LEVEL))
 
 
 def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:

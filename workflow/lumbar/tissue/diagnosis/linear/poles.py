@@ -8,6 +8,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.models.motion import JoinedMotions, Motion
 from lumbar.tissue.models.operators import relaxation
+from lumbar.tissue.models.transfer_function import filtered
 
 _STEP = 1e-5
 """Relative step of derivatives by poles and delay."""
@@ -158,9 +159,7 @@ def _branch(motion: Motion, rate: complex, held: bool) -> np.ndarray:
     """Response of 1/(s + rate) to the velocity; the rate may be complex."""
     if not held:
         return relaxation(motion, 1 / rate)
-    from scipy.signal import lfilter
-
-    return lfilter([1.0], [1.0, -np.exp(-rate * motion.sampling_time)], motion.increments)
+    return filtered([1.0], [1.0, -np.exp(-rate * motion.sampling_time)], motion.increments)
 
 
 def relocated_poles(data: FitData, order: int, low: float, high: float, held: bool) -> list[Poles]:

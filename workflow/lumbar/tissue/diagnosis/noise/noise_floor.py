@@ -200,11 +200,11 @@ def _of_second_halves(deviations: np.ndarray) -> tuple[np.ndarray, list[Part], i
 
 def _is_white(values: np.ndarray) -> bool:
     """Whether the means of stretches differ by no more than those of white noise."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     width = max(len(values) // _STRETCHES, 1)
     means = values[: len(values) // width * width].reshape(-1, width).mean(axis=1)
-    return chi2.sf(np.sum(means**2) * width / max(np.mean(values**2), 1e-300), len(means)) > _BY_CHANCE
+    return chdtrc(len(means), np.sum(means**2) * width / max(np.mean(values**2), 1e-300)) > _BY_CHANCE
 
 
 def _without_input_deviations(deviations: np.ndarray, excitation: np.ndarray, folding: Folding) -> np.ndarray:

@@ -35,6 +35,7 @@ from lumbar.tissue.diagnosis.residuals.residual import (
     said,
 )
 from lumbar.tissue.diagnosis.residuals.time_frequency import time_edges, time_view
+from lumbar.tissue.models.transfer_function import filtered
 
 _NORMAL_975 = 1.959964
 _WHITENESS_LAGS = 20
@@ -122,13 +123,11 @@ def relaxation_times(residuals: Sequence[Residual]) -> np.ndarray:
 
 def linear_columns(residual: Residual, times: np.ndarray) -> np.ndarray:
     """Position, velocity and relaxed positions (time constants in s), their means taken off; shape (samples, columns)."""
-    from scipy.signal import lfilter
-
     step, position = residual.sampling_time, residual.position
     columns = [position, residual.velocity]
     for time_constant in times:
         decay = np.exp(-step / time_constant)
-        columns.append(lfilter([1 - decay], [1, -decay], position - position[0]) + position[0])
+        columns.append(filtered([1 - decay], [1.0, -decay], position - position[0]) + position[0])
     stacked = np.column_stack(columns)
     return stacked - stacked.mean(axis=0)
 

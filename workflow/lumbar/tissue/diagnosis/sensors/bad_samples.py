@@ -3,9 +3,11 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding, found_in
+from lumbar.tissue.models.transfer_function import filtered
 
 _RELAXATION_TIMES = (0.03, 0.1, 0.3, 1.0, 3.0)
 """In the record's time scale."""
@@ -27,13 +29,11 @@ def linear_response(record: Record, left_out: np.ndarray | None = None) -> np.nd
 
     The result has shape (samples,); not fitted to the samples `left_out`.
     """
-    from scipy.signal import lfilter
-
     position, step = record["input"] - record["input"][0], record.sampling_time
     columns = [np.ones(len(position)), position, np.gradient(position, step)]
     for time in _RELAXATION_TIMES:
         decay = np.exp(-step / (time * record.time_scale))
-        columns.append(lfilter([1 - decay], [1, -decay], position))
+        columns.append(filtered([1 - decay], [1.0, -decay], position))
     columns = np.column_stack(columns)
     kept = np.ones(len(position), dtype=bool)
     if left_out is not None:
@@ -105,10 +105,9 @@ def find_wild(record: Record) -> Repair | None:
     one another. A force that jumps, or stands for more than a sample where it went, is none. They are put on the straight line
     between their neighbours.
     """
-    from scipy.ndimage import median_filter
-
     force = record["output"]
-    smooth = median_filter(force, _BESIDE_WILD, mode="nearest")
+    near = sliding_window_view(np.pad(force, _BESIDE_WILD // 2, "edge"), _BESIDE_WILD)
+    smooth = np.median(near, axis=1)
     wild = np.flatnonzero(np.abs(force - smooth) > np.ptp(smooth))
     alone = wild[(wild > 0) & (wild < len(force) - 1)]
     if not len(alone) or len(alone) < len(wild) or len(wild) > max(1.0, _MOST_WILD * len(force)):
@@ -143,11 +142,7 @@ def find_held(record: Record, role: str) -> Repair | None:
     from scipy.interpolate import make_interp_spline
 
     samples, runs = found
-    words = {
-        "quantity": record.channels[role].quantity,
-        "runs": runs,
-        "first": record.time[samples[0]],
-    }
+    words = {"quantity": record.channels[role].quantity, "runs": runs, "first": record.time[samples[0]]}
     finding = found_in(record, "held_samples", len(samples), "samples", **words)
     known = linear_response(record, samples) if role == "output" else np.zeros(len(record))
     values = record[role].copy()

@@ -11,12 +11,13 @@ frequency on at which the force follows less than half of the acceleration, the 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import found_in
 from lumbar.tissue.diagnosis.sensors.bad_samples import Repair
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.spectrum import spectral_edge
+from lumbar.tissue.signals.spectrum import spectral_edge, welch
 
 _FEWEST_SEGMENTS = 6
 _SEGMENT = (64, 4096)
@@ -49,14 +50,13 @@ def edge_above_floor(values: np.ndarray, sampling_time: float) -> float | None:
     """
     if len(values) < _FEWEST_SEGMENTS * _SEGMENT[0]:
         return None
-    from scipy.signal import medfilt, welch
-
     length = int(np.clip(2 ** int(np.log2(len(values) / _FEWEST_SEGMENTS)), *_SEGMENT))
-    frequency, power = welch(values, 1 / sampling_time, ("kaiser", _KAISER), length, detrend="linear")
+    frequency, power = welch(values, sampling_time, np.kaiser(length + 1, _KAISER)[:-1], degree=1)
     nyquist = 0.5 / sampling_time
     floor = np.median(power[(frequency >= _FLOOR[0] * nyquist) & (frequency <= _FLOOR[1] * nyquist)])
     # Errors of a converter repeat with the excitation: single lines that stand out little are theirs.
-    level = medfilt(np.convolve(power, np.ones(3) / 3, "same"), _LONE_LINES)
+    smooth = np.pad(np.convolve(power, np.ones(3) / 3, "same"), _LONE_LINES // 2)
+    level = np.median(sliding_window_view(smooth, _LONE_LINES), axis=1)
     above = np.flatnonzero(level[frequency <= _FLOOR[1] * nyquist] > _ABOVE_FLOOR * floor)
     if not above.size or floor <= 0:
         return None
