@@ -43,16 +43,16 @@ def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dic
     {'R_ASIS': 'r.ASIS_study', 'L_ANKLE': 'LeftAnkle', 'L_HEEL': 'L_calc_study'}
     """
     bare = {_bare(label): label for label in labels}
-    found = {}
+    found, skeleton = {}, is_skeleton(bare)
     for landmark, names in _LABELS.items():
         _take(found, landmark, names, bare)
     for landmark, names in _SIDED_LABELS.items():
-        joints = _JOINTS.get(landmark, [])
+        joints = _JOINTS.get(landmark, []) if skeleton else []
         for side, word in (("L", "LEFT"), ("R", "RIGHT")):
             candidates = [word + name for name in (*joints, *names)]
             candidates += [label for name in names for label in (side + name, name + side)]
             _take(found, f"{side}_{landmark}", candidates, bare)
-    if is_skeleton(bare):
+    if skeleton:
         for landmark, names in _JOINTS_OF_THE_MIDLINE.items():
             _take(found, landmark, names, bare)
     for name, label in bare.items():
