@@ -30,16 +30,12 @@ def pendulum():
     )
 
 
-def trials_of(pendulum, seed, count=16, push=120.0, acts=lambda e, w: 1.0, unpushed=4):
+def trials_of(pendulum, seed, count=16, push=120.0, acts=lambda e, w, time: 1.0, unpushed=4):
     """Angles and torques of trials of a delayed person with a torque of one's own, by small steps of Euler."""
     rng, step = np.random.default_rng(seed), 0.01 / FINE
     time = step * np.arange(FINE * (POINTS - 1) + 1)
-    size = (
-        push
-        * rng.uniform(0.5, 1.5, count)
-        * np.where(np.arange(count) % 2, 1, -1)
-        * (np.arange(count) >= unpushed)
-    )
+    size = push * rng.uniform(0.5, 1.5, count) * np.where(np.arange(count) % 2, 1, -1)
+    size[:unpushed] = 0.0
     onset = rng.uniform(0.1, 1.1, (count, 1))
     torque = size[:, None] * ((time >= onset) & (time < onset + 0.15))
     mean = np.interp(time, time[::FINE], pendulum.angle[:, 0])
@@ -49,7 +45,7 @@ def trials_of(pendulum, seed, count=16, push=120.0, acts=lambda e, w: 1.0, unpus
         e, w = states[-1]
         felt = states[point - lag] if point >= lag else np.zeros((2, count))
         noise = noise - 0.005 * noise + 0.6 * rng.standard_normal(count)
-        own = acts(*felt) * (GAINS @ felt)
+        own = acts(*felt, time[point]) * (GAINS @ felt)
         gravity = pendulum.gravity_torque * (np.sin(mean[point] + e) - np.sin(mean[point]))
         a = (torque[:, point] + noise - own - pendulum.damping * w - gravity) / pendulum.inertia
         states.append(np.stack([e + step * w, w + step * a]))
@@ -94,10 +90,12 @@ def test_what_trials_cannot_tell_is_said_with_the_experiment_that_would(pendulum
         identify_feedback(pendulum, angle, np.roll(push, 60, axis=1))
     small = identify_feedback(pendulum, *trials_of(pendulum, 4, push=20.0))
     assert any("such trials would do, or pushes" in reason for reason in small.unknown)
-    soft = trials_of(
-        pendulum, 3, count=40, push=180.0, acts=lambda e, w: np.where(np.abs(e) > 0.06, 1.5, 0.8)
-    )
-    assert any("pushes of three sizes" in reason for reason in identify_feedback(pendulum, *soft).unknown)
+    for acts in (
+        lambda e, w, time: np.where(np.abs(e) > 0.06, 1.5, 0.8),
+        lambda e, w, time: 2 * (time % 0.3 < 0.15),
+    ):
+        other = identify_feedback(pendulum, *trials_of(pendulum, 3, count=24, acts=acts))
+        assert any("50 ms apart" in reason for reason in other.unknown)
 
 
 def test_a_study_says_the_feedback_and_its_basin_or_why_not(pendulum):

@@ -10,8 +10,10 @@ nothing of it. So the instruments are the states with which the loop of an early
 Jakeman, Int. J. Control 29 (1979) 1–30): four for K1 and K2, linear in time, one for the delay. Noise of the angles does not
 bias them either. Intervals leave out one trial after the other.
 
-Whether a linear feedback is all that the pushes call forth is asked of three instruments more: two cubic in that answer, one
-quadratic in time (Hansen, Econometrica 50 (1982) 1029–1054).
+Whether a linear feedback that always acts is all that the pushes call forth is asked of what it leaves: a feedback of other gains
+now and then, as one that comes and goes (Gawthrop et al., Biol. Cybern. 104 (2011) 31–51), leaves its own torque times a function
+of time. At every frequency such a product, orthogonal to the estimates (Neyman's C(α)), is compared with that of other trials'
+pushes.
 """
 
 from dataclasses import dataclass, replace
@@ -36,8 +38,10 @@ LONGEST_DELAY_S, LARGEST_SHIFT_S, DELAY_TOLERANCE_S = 0.35, 0.05, 1e-4
 """Of the delay: the most, the most of one step and below 0, and the last step."""
 PASSES, SETTLED = 60, 2
 """Most steps towards the estimate, and those after which the instruments stay."""
-WIDEST, SIGNIFICANCE = 0.5, 0.05
+WIDEST, SIGNIFICANCE = 0.5, 0.02
 """Half-width of an interval as a share of its gain with which the feedback still counts as known; p of no linear feedback."""
+FASTEST_HZ, SHUFFLES = 6.0, 999
+"""Change of gains that is looked for, and orders of the trials that it is compared with."""
 RETURNING = 5.0
 """How many times as far as the first a loop may answer the pushes that still makes instruments."""
 FURTHEST_DEG = OutcomeSettings().lean_deg
@@ -57,7 +61,7 @@ class Feedback:
     delay: np.ndarray
     """Shape (1 + trials,): τ in s; noise may put a short one below 0."""
     p_linear: float
-    """How often a feedback linear in states and time leaves as much that hangs on the pushes."""
+    """How often a feedback linear in states and time that always acts leaves as much that hangs on the pushes."""
     unknown: tuple[str, ...]
     """Why the trials cannot tell the feedback, and which experiment would; empty where they can."""
 
@@ -182,8 +186,8 @@ def identify_feedback(pendulum: Pendulums, angle: np.ndarray, push: np.ndarray) 
         moved = delay + np.clip(shift, -LARGEST_SHIFT_S, LARGEST_SHIFT_S)
         delay = float(np.clip(moved, -LARGEST_SHIFT_S, LONGEST_DELAY_S))
         if count >= SETTLED and abs(shift) < DELAY_TOLERANCE_S:
-            further = _beyond(delayed(answer[:2], delay / trials.step), trials.basis[:, 1] ** 2)
-            p_linear = _p_zero(*_moments(further, regressors, trials.torque), every)
+            p_linear = _p_linear(trials.torque + regressors @ every[0], newest[..., :4] @ every[0, :4],
+                                 instruments, regressors, trials.step)  # fmt: skip
             return _feedback(pendulum, trials.gains(every), delay - shift + every[:, 4], p_linear)
     raise NumericalError(
         f"feedback: no linear feedback with a delay of up to {LONGEST_DELAY_S:g} s explains how {len(push)} trials answer their "
@@ -213,13 +217,6 @@ def _trials(pendulum: Pendulums, angle: np.ndarray, push: np.ndarray) -> _Trials
     return _Trials(pendulum, np.stack(apart[:2]), *apart[2:], step, basis)
 
 
-def _beyond(answer: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Return three columns that gains linear in time do not explain, shape (trials, points, 3)."""
-    e, w = answer / np.sqrt(np.mean(answer**2, axis=(1, 2), keepdims=True))
-    columns = np.stack([e**3, w * e**2, e * basis], axis=-1)
-    return columns - columns.mean(axis=0)
-
-
 def _moments(*columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return what every trial adds to the equations: regressors and negative torque on the instruments."""
     instruments, regressors, torque = (item[:, EDGE:-EDGE] for item in columns)
@@ -233,15 +230,29 @@ def _sums(parts: np.ndarray) -> np.ndarray:
     return np.concatenate([whole[None], whole - len(parts) / (len(parts) - 1) * parts])
 
 
-def _p_zero(squares: np.ndarray, products: np.ndarray, every: np.ndarray) -> float:
-    """Test that what is left has no part in further instruments (Hotelling's T² of the jackknife)."""
-    from scipy.stats import f
-
-    left = _sums(products) - np.einsum("tij,tj->ti", _sums(squares), every)
-    trials, count = len(squares), left.shape[1]
-    scatter = (trials - 1) * np.cov(left[1:], rowvar=False, bias=True)
-    square = left[0] @ np.linalg.solve(scatter, left[0])
-    return float(f.sf((trials - count) / (count * (trials - 1)) * square, count, trials - count))
+def _p_linear(
+    left: np.ndarray, own: np.ndarray, instruments: np.ndarray, regressors: np.ndarray, step: float
+) -> float:
+    """Test that torque left, shape (trials, points), tells nothing of the feedback's `own`, by shuffling trials."""
+    clock = step * np.arange(left.shape[1])
+    left, own, instruments, regressors = (
+        item[:, EDGE:-EDGE] for item in (left, own, instruments, regressors)
+    )
+    squares = np.einsum("tpi,tpj->ji", instruments, regressors)
+    rng, trial = np.random.default_rng(0), np.arange(len(left))
+    orders = np.stack([trial, *(rng.permutation(trial) for _ in range(SHUFFLES))])
+    most = np.zeros((2, len(orders)))
+    for frequency in np.arange(0.0, FASTEST_HZ, 0.25 / clock[-1]):
+        product = own * np.exp(2j * np.pi * frequency * clock[EDGE:-EDGE])
+        product = product - instruments @ np.linalg.solve(
+            squares, np.einsum("tp,tpj->j", product, regressors)
+        )
+        each = (left @ (product - product.mean(axis=0)).T)[trial, orders]
+        # The gains change alike in all trials, or in each in its own way.
+        found = np.stack([np.abs(each.sum(axis=1)) ** 2, (np.abs(each) ** 2).sum(axis=1)])
+        most = np.maximum(most, found / found.mean(axis=1, keepdims=True))
+    as_much = (most >= most[:, :1] * (1 - 1e-9)).mean(axis=1)
+    return float(min(1.0, 2 * as_much.min()))
 
 
 def _feedback(pendulum: Pendulums, gains: np.ndarray, delay: np.ndarray, p_linear: float) -> Feedback:
@@ -269,8 +280,8 @@ def _feedback(pendulum: Pendulums, gains: np.ndarray, delay: np.ndarray, p_linea
         )
     if p_linear < SIGNIFICANCE:
         unknown.append(
-            f"a feedback linear in states and time does not explain the answers (p = {p_linear:.2g}): pushes of three sizes at "
-            "one instant would tell from which size on the person acts, pushes of one size at three instants how the gains change"
+            f"a linear feedback that always acts does not explain the answers (p = {p_linear:.2g}): pushes of three sizes at one "
+            "instant would tell from which size on the person acts, pushes of one size at instants 50 ms apart, when"
         )
     return Feedback(gains, delay, p_linear, tuple(unknown))
 
