@@ -51,9 +51,9 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), data, measured)
     boa, disagreements = cross_check(boa, study.trajectories(), settings)
     failures = join_rows([failures, failures_frame(disagreements)])
-    table, controls, differences, failures = tables_4_1(study, failures)
     parts, without = decomposition_table(study)
     failures = join_rows([failures, failures_frame(without)])
+    table, controls, differences, failures = tables_4_1(study, parts.frame, failures)
     if "thesis_method" in settings.checks:
         alternations_table(study).write(stem(output.table_4_1_alternations))
     write_csv(output.boa, boa)

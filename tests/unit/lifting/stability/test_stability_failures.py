@@ -13,6 +13,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.lifting.stability import extended_basins as beyond
 from lumbar.lifting.stability.basins import basins_of_lift
 from lumbar.lifting.stability.comparison import table_4_1_controls
+from lumbar.lifting.stability.comparison.decomposition import decomposition_table
 from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
 from lumbar.lifting.stability.extended_basins import extended_basins, extended_table
 from lumbar.lifting.stability.model.failures import announcement, attempts, failures_frame, failures_table
@@ -106,8 +107,9 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, mon
 
     study = study_of([lift_states(), lift_states("novice")], replace(FAST, checks=()), published)
     gone = (study.boa["subject"] == "novice") & (study.boa["com"] == "thorax") & (study.boa["time"] == "real")
+    parts = decomposition_table(study)[0].frame
     monkeypatch.setattr(table_4_1_controls, "varied_areas", areas)
-    table, controls, _, missing = tables_4_1(replace(study, boa=study.boa[~gone]))
+    table, controls, _, missing = tables_4_1(replace(study, boa=study.boa[~gone]), parts)
     rows = table.frame.set_index(["comparison", "com"])
     row = rows.loc["expert_vs_novice", "thorax"]
     assert row["status"].startswith("no basin: novice 23 kg thorax lateral_bending")
@@ -123,7 +125,7 @@ def test_a_lift_without_any_basin_is_still_compared_by_name(published):
     lost = lift_states(hips=False)
     lost.facts["length_m"] = {com: dict.fromkeys(PLANES, 0.02) for com in COMS}
     study = study_of([lost, lift_states(box=15.0, hips=False)], replace(FAST, checks=()), published)
-    table, _, grid, _ = tables_4_1(study)
+    table, _, grid, _ = tables_4_1(study, decomposition_table(study)[0].frame)
     status = table.frame.set_index(["comparison", "com"])["status"]
     assert status["decrease_in_mass_expert", "pelvis"].startswith(
         "no basin: expert 23 kg pelvis lateral_bending"

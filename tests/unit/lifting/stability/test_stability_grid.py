@@ -14,6 +14,7 @@ from test_stability_areas import SETTINGS, lift, states_and_facts
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.basins import basins_of_lift
 from lumbar.lifting.stability.comparison import table_4_1_grid
+from lumbar.lifting.stability.comparison.decomposition import decomposition_table
 from lumbar.lifting.stability.comparison.percent_differences import Study
 from lumbar.lifting.stability.comparison.table_4_1 import published_sentence, tables_4_1
 from lumbar.lifting.stability.comparison.table_4_1_grid import (
@@ -83,7 +84,7 @@ def study(published):
 
 @pytest.fixture(scope="module")
 def made(study):
-    return tables_4_1(study)
+    return tables_4_1(study, decomposition_table(study)[0].frame)
 
 
 def test_a_difference_carries_the_interval_that_measurement_leaves(study, made):
@@ -94,7 +95,7 @@ def test_a_difference_carries_the_interval_that_measurement_leaves(study, made):
         box_mass_kg=23.0, no_basin_share=0.0,
     )  # fmt: skip
     measured = pd.concat([lifts.assign(com="thorax", plane=plane) for plane in PLANES])
-    table = tables_4_1(replace(study, measured=measured))[0]
+    table = tables_4_1(replace(study, measured=measured), decomposition_table(study)[0].frame)[0]
     drawn = area * np.exp(sd * np.random.default_rng(3).normal(size=(10**5, 3)))
     expected = 100 * (np.quantile(drawn[:, :2].mean(axis=1) / drawn[:, 2], [0.025, 0.975]) - 1)
     named = [f"{PLANES[0]}_{end}_percent" for end in ("low", "high")]

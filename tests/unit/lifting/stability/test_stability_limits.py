@@ -102,14 +102,14 @@ def test_best_v_of_a_linear_loop_reaches_liouvilles_area():
 def test_verdicts():
     changed = {"Q divided": 9.0, "the other sign of gravity": 11.0}
     unknown = Interval(remark="no interval: 1 person (expert), at least 3 are needed")
-    assert verdict(10.0, 1.0, changed, unknown).startswith("survives null control")
-    assert verdict(10.0, 1.0, changed, unknown).endswith(
+    assert verdict(10.0, 0.9, changed, unknown).startswith("survives parts")
+    assert verdict(10.0, 0.9, changed, unknown).endswith(
         "(no interval: 1 person (expert), at least 3 are needed)"
     )
-    assert "null control shows +9.00 % of the +10.00 %" in verdict(10.0, 9.0, changed, unknown)
-    assert "sign turns with Q divided" in verdict(10.0, 1.0, {**changed, "Q divided": -1.0}, unknown)
-    assert "contains 0" in verdict(10.0, 1.0, changed, Interval(-2.0, 20.0))
-    assert "[+5.00, +20.00]" in verdict(10.0, 1.0, changed, Interval(5.0, 20.0))
+    assert "90 % of it come from duration" in verdict(10.0, 0.1, changed, unknown)
+    assert "sign turns with Q divided" in verdict(10.0, 0.9, {**changed, "Q divided": -1.0}, unknown)
+    assert "contains 0" in verdict(10.0, 0.9, changed, Interval(-2.0, 20.0))
+    assert "[+5.00, +20.00]" in verdict(10.0, 0.9, changed, Interval(5.0, 20.0))
     assert verdict(None, None, {}, unknown) == "not testable in this study"
 
 

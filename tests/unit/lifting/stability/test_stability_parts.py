@@ -26,6 +26,13 @@ def table(lifts, project):
     return study, found.frame
 
 
+def printed(study, frame):
+    """The differences of Table 4.1 by row of `frame`."""
+    found = percent_differences(study.areas("exact", OWN), "mean_area", study.people)
+    cells = pd.DataFrame(found).set_index(["comparison", "com"])
+    return [cells.loc[(row.comparison, row.com), row.plane] for row in frame.itertuples()]
+
+
 def test_contributions_of_what_adds_are_the_summands_and_alike_parts_share_a_product():
     own = dict(zip(PARTS, (1.0, 2.0, -0.5, 0.0, 4.0), strict=True))
     summed = np.array([10 + sum(own[part] for part in taken) for taken in EXCHANGED])
@@ -52,13 +59,8 @@ def test_nothing_and_everything_exchanged_are_the_two_pendulums():
 def test_the_five_add_up_to_the_table_and_a_box_acts_by_its_mass(project):
     study, frame = table([lift_states(), lift_states(box=15.0), lift_states("novice", duration=1.9)], project)
     assert np.allclose(frame[[f"{part}_percent" for part in PARTS]].sum(axis=1), frame["percent"])
-    areas = study.areas("exact", OWN)
-    printed = pd.DataFrame(percent_differences(areas, "mean_area", study.people)).set_index(
-        ["comparison", "com"]
-    )
-    for row in frame.itertuples():
-        assert row.percent == pytest.approx(printed.loc[(row.comparison, row.com), row.plane], abs=0.05)
-        assert row.pairs == 1 and np.isnan(row.mass_low_percent)
+    assert frame["percent"].tolist() == pytest.approx(printed(study, frame), abs=0.05)
+    assert (frame["pairs"] == 1).all() and frame["mass_low_percent"].isna().all()
     boxes = frame[frame["comparison"] == "decrease_in_mass_expert"]
     assert np.allclose(boxes["mass_percent"], boxes["percent"]) and (boxes["percent"].abs() > 1).all()
     people = frame[frame["comparison"] == "expert_vs_novice"]
@@ -66,14 +68,15 @@ def test_the_five_add_up_to_the_table_and_a_box_acts_by_its_mass(project):
     assert (people["duration_percent"].abs() > 0.1).all()
 
 
-def test_persons_give_an_interval(project):
+def test_persons_give_an_interval_and_groups_of_unequal_size_the_difference_of_the_table(project):
     lifts = []
-    for number in range(3):
-        for label, duration in (("expert", 1.5), ("novice", 1.8)):
-            made = lift_states(label, duration=duration + 0.05 * number, body=17.0 + number)
-            lifts.append(replace(made, facts={**made.facts, "subject": f"{label}_{number}"}))
-    _, frame = table(lifts, project)
+    for number, label in enumerate(("expert",) * 3 + ("novice",) * 4):
+        made = lift_states(label, duration=1.5 + 0.07 * number, body=17.0 + number % 3)
+        lifts.append(replace(made, facts={**made.facts, "subject": f"{label}_{number}"}))
+    study, frame = table(lifts, project)
     people = frame[frame["comparison"] == "expert_vs_novice"]
-    assert (people["pairs"] == 3).all()
+    assert people["percent"].tolist() == pytest.approx(printed(study, people), abs=0.05)
     assert (people["duration_low_percent"] < people["duration_percent"]).all()
     assert (people["duration_percent"] < people["duration_high_percent"]).all()
+    _, alone = table([*lifts[:2], *lifts[3:]], project)
+    assert alone["duration_low_percent"].isna().all() and (alone["pairs"] == 4).all()

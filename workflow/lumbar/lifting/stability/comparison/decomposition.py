@@ -30,8 +30,8 @@ PARTS = ("duration", "length", "mass", "start", "course")
 EXCHANGED = [frozenset(taken) for count in range(len(PARTS) + 1) for taken in combinations(PARTS, count)]
 """Every choice of parts that are taken from the pendulum after."""
 MOST_PAIRS = 30
-FEWEST_PAIRS = 3
-"""Pairs of lifts that are decomposed at most, and that an interval needs."""
+FEWEST_PERSONS = 3
+"""Pairs of lifts that are decomposed at most, and persons of either side that an interval needs."""
 
 
 def exchanged(before: Trajectory, after: Trajectory, taken: frozenset[str]) -> Trajectory:
@@ -75,7 +75,7 @@ def decomposition_table(study: Study) -> tuple[Table, list[Failure]]:
             for plane in PLANES:
                 pairs = _pairs(*(lifts.get((*side, com, plane), []) for side in (before, after)))
                 areas = _areas(pairs, study, failures)
-                if len(areas):
+                if areas:
                     rows.append({"comparison": name, "com": com, "plane": plane, **_row(areas)})
     words = {"comparison": comparison_definition(study.settings), "headline": headline_words(study.settings)}
     columns = ["comparison", "com", "plane", "percent"]
@@ -84,34 +84,56 @@ def decomposition_table(study: Study) -> tuple[Table, list[Failure]]:
     return described(__file__, "table_4_1_parts", frame, study.data, words), failures
 
 
-def _pairs(before: list[Trajectory], after: list[Trajectory]) -> list[tuple[Trajectory, Trajectory]]:
-    """Pair the lifts of one person, or person by person; evenly chosen where there are many."""
-    own = {item.subject: item for item in after}
-    same = [(item, own[item.subject]) for item in before if item.subject in own]
-    pairs = same or list(zip(before, after, strict=False))
+def _pairs(
+    before: list[Trajectory], after: list[Trajectory]
+) -> list[tuple[Trajectory, Trajectory, int, str]]:
+    """Pair the lifts of one person, or person by person; evenly chosen where there are many.
+
+    The pairs are where equal shares of both sides overlap, so that every lift of a side weighs alike, however many the other has.
+    Returned are before, after, weight and person: of both lifts, or of the side with fewer persons.
+    """
+    people = [{item.subject for item in side} for side in (before, after)]
+    shared = people[0] & people[1]
+    if shared:
+        before, after = (
+            sorted((item for item in side if item.subject in shared), key=lambda item: item.subject)
+            for side in (before, after)
+        )
+    fewer = int(len(people[1]) < len(people[0]))
+    first, second = len(before), len(after)
+    if not first * second:
+        return []
+    starts = np.union1d(np.arange(first) * second, np.arange(second) * first)
+    pairs = []
+    for start, weight in zip(starts, np.diff(starts, append=first * second), strict=True):
+        lifts = before[start // second], after[start // first]
+        pairs.append((*lifts, int(weight), lifts[fewer].subject))
     return [
         pairs[i] for i in np.unique(np.linspace(0, len(pairs) - 1, min(len(pairs), MOST_PAIRS)).astype(int))
     ]
 
 
-def _areas(pairs: list, study: Study, failures: list[Failure]) -> np.ndarray:
-    """Areas of all that lies between the two of each pair, shape (pairs, 32), without pairs in which a basin is missing."""
+def _areas(pairs: list, study: Study, failures: list[Failure]) -> list[tuple[np.ndarray, int, str]]:
+    """Areas of all that lies between, shape (32,), weight and person of each pair; without pairs in which a basin is missing."""
     found = []
-    for pair in pairs:
-        between = [exchanged(*pair, taken) for taken in EXCHANGED]
+    for *lifts, weight, person in pairs:
+        between = [exchanged(*lifts, taken) for taken in EXCHANGED]
         for attempt in attempts([between[0]], "Table 4.1, its parts", failures):
             with attempt:
-                found.append(varied_areas({"parts": between}, study.settings)["parts"])
-    return np.array(found)
+                areas = varied_areas({"parts": between}, study.settings)["parts"]
+                found.append((areas, weight, person))
+    return found
 
 
-def _row(areas: np.ndarray) -> Mapping[str, float]:
-    whole, count = contributions(areas.mean(axis=0)), len(areas)
-    row = {"percent": float(whole.sum()), "pairs": count}
+def _row(found: list[tuple[np.ndarray, int, str]]) -> Mapping[str, float]:
+    """Contributions, and their intervals from leaving out one person's pairs after the other."""
+    areas, weight, person = map(np.array, zip(*found, strict=True))
+    whole, persons = contributions(np.average(areas, axis=0, weights=weight)), np.unique(person)
+    row = {"percent": float(whole.sum()), "pairs": len(areas)}
     ends = np.full((2, len(PARTS)), np.nan)
-    if count >= FEWEST_PAIRS:
-        left_out = (areas.sum(axis=0) - areas) / (count - 1)
-        ends = np.array(jackknife_interval(whole, contributions(left_out)))
+    if len(persons) >= FEWEST_PERSONS:
+        left_out = [np.average(areas, axis=0, weights=weight * (person != one)) for one in persons]
+        ends = np.array(jackknife_interval(whole, contributions(np.array(left_out))))
     for part, value, low, high in zip(PARTS, whole, *ends, strict=True):
         row |= {f"{part}_percent": value, f"{part}_low_percent": low, f"{part}_high_percent": high}
     return row

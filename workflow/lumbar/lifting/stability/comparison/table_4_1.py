@@ -8,7 +8,6 @@ lifters. From the second alternation on ρ changes only at knots that have a mul
 without these the table is that of one alternation, to the last digit.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,13 +26,12 @@ from lumbar.lifting.stability.comparison.percent_differences import (
 )
 from lumbar.lifting.stability.comparison.table_4_1_controls import controls_table, variants
 from lumbar.lifting.stability.comparison.table_4_1_grid import (
-    cells_under,
     grid_differences,
     survival_sentence,
 )
 from lumbar.lifting.stability.comparison.tuning_criterion import tuned_weights
 from lumbar.lifting.stability.model.failures import TORQUE_LIMITED, failures_frame, join_rows
-from lumbar.lifting.stability.model.trajectories import OPTIONS, PLANES, THESIS, Convention
+from lumbar.lifting.stability.model.trajectories import PLANES, THESIS
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import EVIDENCE, RESOLUTION
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
@@ -45,12 +43,12 @@ THESIS_DECIMALS = 1
 
 
 def tables_4_1(
-    study: Study, failures: pd.DataFrame | None = None
+    study: Study, parts: pd.DataFrame, failures: pd.DataFrame | None = None
 ) -> tuple[Table, Table, pd.DataFrame, pd.DataFrame]:
     """Return Table 4.1, the table of its controls, the differences of its grid, and all basins that are missing.
 
-    `failures` are the basins of the lifts that could not be computed, columns `failures.COLUMNS`; those returned are
-    these and the controls'. The grid's differences are those of `grid_differences`.
+    `parts` is that of `decomposition_table`. `failures` are the basins of the lifts that could not be computed, columns
+    `failures.COLUMNS`; those returned are these and the controls'. The grid's differences are those of `grid_differences`.
     """
     groups = study.settings.compare.groups
     varied, failed = variants(study)
@@ -79,7 +77,7 @@ def tables_4_1(
     }
     grid = grid_differences(study.grid, groups)
     table = _first_table(study, differences, grid, missing)
-    return table, controls_table(study, differences, own, grid, tuned), grid, missing
+    return table, controls_table(study, differences, own, grid, parts, tuned), grid, missing
 
 
 def _first_table(
@@ -122,7 +120,6 @@ def _first_table(
         notes=(
             survival_sentence(grid),
             published_sentence(study.published),
-            *_null_notes(grid, study.headline),
             regulator_sentence(settings),
             *_measured_notes(study.measured, frame),
             *_missing_notes(missing),
@@ -137,19 +134,6 @@ def published_sentence(published: pd.DataFrame) -> str:
     opposite = int((lateral * forward < 0).sum())
     correlation = np.corrcoef(lateral, forward)[0, 1]
     return _SAID["published"].format(correlation=correlation, opposite=opposite, rows=len(lateral))
-
-
-def _null_notes(grid: pd.DataFrame, own: Convention) -> list[str]:
-    """Say for both signs what the differences owe to the movement, the headline's other choices kept."""
-    notes = []
-    for sign in OPTIONS["sign"]:
-        rows = cells_under(grid, replace(own, sign=sign))
-        if len(rows) > 2 and np.ptp(rows["percent"]) > 0 and np.ptp(rows["null_percent"]) > 0:
-            words = {"sign": sign.capitalize(), "time": own.time, "mass": own.mass.replace("_", " ")}
-            correlation = np.corrcoef(rows["percent"], rows["null_percent"])[0, 1]
-            points = rows["movement_points"].abs().max()
-            notes.append(_SAID["null_control"].format(correlation=correlation, points=points, **words))
-    return notes
 
 
 def _measured_notes(measured: pd.DataFrame | None, table: pd.DataFrame) -> list[str]:

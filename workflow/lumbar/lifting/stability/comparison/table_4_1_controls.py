@@ -1,7 +1,7 @@
 """The controls of Table 4.1: what its headline rests on, a row per difference.
 
-Null control, range when weights, damping, body mass and the sharing of the box are changed one at a time, range over the
-grid, and a sentence that says whether the difference survives this.
+Share that comes from the movement, range when weights, damping, body mass and the sharing of the box are changed one at a
+time, range over the grid, and a sentence that says whether the difference survives this.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels,
 from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops, regulate, weights_of
 from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, Failure, Trajectory, at_rest
+from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, Failure, Trajectory
 from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
 from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import columns_of, described
@@ -43,12 +43,11 @@ BODY_MASS_SHARE = 0.1
 """By how much of it everybody's body mass is raised and lowered."""
 
 _KEYS = ("subject", "experience", "box_mass_kg", "com", "plane")
-VARIANTS = ("base", "null", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
-"""``base``, ``null``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
+VARIANTS = ("base", *(f"{name}{change}" for name in ("Q", "R", "b") for change in ("/", "*")))
+"""``base``, and ``Q``, ``R``, ``b`` divided and multiplied by the factor of the configuration."""
 TAYLOR = {f"taylor_{degree}": degree for degree in (3, 5, 7)}
 """Degree of the sine's polynomial by change."""
 CHANGES = {
-    "null": "null control",
     "lighter": "lighter bodies",
     "heavier": "heavier bodies",
     "box_share": "the box shared the other way",
@@ -121,7 +120,7 @@ def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
 
 
 def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
-    """Average cross-sections (exact method) under the null control and with Q, R and b changed, all at once.
+    """Average cross-sections (exact method) with Q, R and b changed, all at once.
 
     The areas are given by change, shape (trajectories,). A key of `cases` that is one of `VARIANTS` gets that change;
     under any other name the trajectories stay as they are.
@@ -134,7 +133,7 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
     counts = [len(own) for own in cases.values()]
     factors = {"/": 1 / settings.sensitivity_factor, "*": settings.sensitivity_factor}
     changes = [{name[0]: factors[name[1]]} if name[1:] in factors else {} for name in cases]
-    items = [at_rest(item) if name == "null" else item for name, own in cases.items() for item in own]
+    items = [item for own in cases.values() for item in own]
     scale = {
         quantity: np.repeat([change.get(quantity, 1.0) for change in changes], counts)
         for quantity in ("Q", "R", "b")
@@ -177,6 +176,7 @@ def controls_table(
     differences: dict[str, list[dict]],
     areas: pd.DataFrame,
     grid: pd.DataFrame,
+    parts: pd.DataFrame,
     tuned: Mapping[str, TunedWeights | None],
 ) -> Table:
     """Return what stands behind the headline: a row per comparison, centre of mass and plane.
@@ -189,6 +189,8 @@ def controls_table(
         Of the headline.
     grid : pandas.DataFrame
         Of `grid_differences`.
+    parts : pandas.DataFrame
+        Of `decomposition.decomposition_table`.
     tuned : mapping of str to TunedWeights
         Weights by the thesis's criterion: ``criterion`` of the headline, ``thesis_criterion`` of its own wording.
     """
@@ -199,6 +201,10 @@ def controls_table(
     sides = list(comparisons(study.people, settings.compare.groups))
     of_grid = expressing(comparison_cells(grid))
     cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
+    of_movement = (parts["start_percent"] + parts["course_percent"]) / parts["percent"]
+    shares = dict(
+        zip(zip(parts["comparison"], parts["com"], parts["plane"], strict=True), of_movement, strict=True)
+    )
     rows = []
     for plane in PLANES:
         for index, row in enumerate(differences["headline"]):
@@ -206,10 +212,12 @@ def controls_table(
             cells = cells_of.get((*key, plane), of_grid[:0])["percent"].to_numpy()
             percents = {name: number_or_none(found[index][plane]) for name, found in differences.items()}
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
+            entry["movement_share"] = share = shares.get((*key, plane))
             entry |= _controls(percents, cells)
             for column, name in (("turned_by", "headline"), ("thesis_turned_by", "thesis")):
                 entry[column] = turned[name].get((*key, plane), "")
-            entry["verdict"] = _verdict(row["status"], percents, cells, _interval(areas, sides, row, plane))
+            interval = _interval(areas, sides, row, plane)
+            entry["verdict"] = _verdict(row["status"], share, percents, cells, interval)
             rows.append(entry)
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
@@ -261,14 +269,12 @@ def _tuned_sentence(name: str, tuned: TunedWeights, differences: Mapping[str, li
 
 
 def _controls(percents: dict[str, float | None], cells: np.ndarray) -> dict[str, float | None]:
-    """Numbers of one row: the headline's, the null control's, and the ranges under all changes and over the grid."""
-    percent, null = percents["headline"], percents["null"]
-    under_changes = [percents[name] for name in percents if name in CHANGES and name != "null"]
+    """Numbers of one row: the headline's, and the ranges under all changes and over the grid."""
+    percent = percents["headline"]
+    under_changes = [percents[name] for name in percents if name in CHANGES]
     spread = [value for value in (percent, *under_changes) if value is not None]
     return {
         "percent": percent,
-        "null_percent": null,
-        "movement_share": None if null is None or not percent else (percent - null) / percent,
         "initial_percent": percents["initial"],
         "minimum_percent": percents["minimum"],
         **{f"{name}_percent": percents[name] for name in ("criterion", "thesis", "thesis_criterion")},
@@ -279,21 +285,21 @@ def _controls(percents: dict[str, float | None], cells: np.ndarray) -> dict[str,
     }
 
 
-def _verdict(status: str, percents: dict[str, float | None], cells: np.ndarray, interval: Interval) -> str:
+def _verdict(
+    status: str, share: float | None, percents: dict[str, float | None], cells: np.ndarray, interval: Interval
+) -> str:
     percent = percents["headline"]
     if status.startswith("no basin") and percent is None:
         return status
-    changed = {
-        words: percents[name] for name, words in CHANGES.items() if name in percents and name != "null"
-    }
+    changed = {words: percents[name] for name, words in CHANGES.items() if name in percents}
     turned = int((cells * percent <= 0).sum()) if percent else 0
     if turned:
         changed[f"{turned} of the grid's {len(cells)} conventions"] = -percent
-    return verdict(percent, percents["null"], changed, interval)
+    return verdict(percent, share, changed, interval)
 
 
 def verdict(
-    percent: float | None, null: float | None, changed: dict[str, float | None], interval: Interval
+    percent: float | None, movement: float | None, changed: dict[str, float | None], interval: Interval
 ) -> str:
     """Return the sentence.
 
@@ -301,8 +307,8 @@ def verdict(
     ----------
     percent : float or None
         The percentage; None where the study cannot tell.
-    null : float or None
-        That of the null control.
+    movement : float or None
+        Share of it that comes from the posture at the start and the course; None where that is not known.
     changed : dict of str to float
         The percentage under each change, by its name.
     interval : Interval
@@ -310,18 +316,15 @@ def verdict(
     """
     if percent is None:
         return "not testable in this study"
-    movement = 1.0 if null is None else (percent - null) / percent if percent else 0.0
     turned = [name for name, value in changed.items() if value is not None and value * percent <= 0]
     reasons = []
     if turned:
         reasons.append(f"its sign turns with {', '.join(turned)}")
-    if movement < MOVEMENT_SHARE:
-        reasons.append(
-            f"the null control shows {null:+.2f} % of the {percent:+.2f} %: it tells of duration, mass and length"
-        )
+    if movement is not None and movement < MOVEMENT_SHARE:
+        reasons.append(f"{100 * (1 - movement):.0f} % of it come from duration, mass and length")
     unknown = [name for name, value in changed.items() if value is None]
-    if null is None:
-        unknown.append("the null control")
+    if movement is None:
+        unknown.append("its parts exchanged")
     if unknown:
         reasons.append(f"no basin with {', '.join(unknown)}")
     if interval.is_known and interval.low <= 0 <= interval.high:
@@ -333,7 +336,7 @@ def verdict(
     )
     if reasons:
         return f"does not survive: {'; '.join(reasons)} ({certainty})"
-    return f"survives null control, sensitivity and sign ({certainty})"
+    return f"survives parts, sensitivity and sign ({certainty})"
 
 
 def _interval(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane: str) -> Interval:

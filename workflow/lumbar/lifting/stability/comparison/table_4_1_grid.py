@@ -92,12 +92,6 @@ def expressing(cells: pd.DataFrame) -> pd.DataFrame:
     return cells[~cells["comparison"].str.startswith(LIGHTER_BOX) | (cells["mass"] == "with_box")]
 
 
-def cells_under(grid: pd.DataFrame, convention: Convention) -> pd.DataFrame:
-    """Return the cells of `comparison_cells` under one convention."""
-    cells, chosen = comparison_cells(grid), vars(convention)
-    return cells[(cells[list(chosen)] == list(chosen.values())).all(axis=1)]
-
-
 def single_changes(grid: pd.DataFrame, base: Convention) -> pd.DataFrame:
     """Return what one choice changes in a convention that the grid holds with all its neighbours.
 
