@@ -244,15 +244,13 @@ def _p_linear(
     most = np.zeros((2, len(orders)))
     for frequency in np.arange(0.0, FASTEST_HZ, 0.25 / clock[-1]):
         product = own * np.exp(2j * np.pi * frequency * clock[EDGE:-EDGE])
-        product = product - instruments @ np.linalg.solve(
-            squares, np.einsum("tp,tpj->j", product, regressors)
-        )
+        slope = np.einsum("tp,tpj->j", product, regressors)
+        product = product - instruments @ np.linalg.solve(squares, slope)
         each = (left @ (product - product.mean(axis=0)).T)[trial, orders]
         # The gains change alike in all trials, or in each in its own way.
         found = np.stack([np.abs(each.sum(axis=1)) ** 2, (np.abs(each) ** 2).sum(axis=1)])
         most = np.maximum(most, found / found.mean(axis=1, keepdims=True))
-    as_much = (most >= most[:, :1] * (1 - 1e-9)).mean(axis=1)
-    return float(min(1.0, 2 * as_much.min()))
+    return float(min(1.0, 2 * (most >= most[:, :1] * (1 - 1e-9)).mean(axis=1).min()))
 
 
 def _feedback(pendulum: Pendulums, gains: np.ndarray, delay: np.ndarray, p_linear: float) -> Feedback:

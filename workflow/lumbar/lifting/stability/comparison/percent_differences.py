@@ -202,8 +202,3 @@ def comparison_definition(settings: StabilitySettings) -> str:
         f"{first}_vs_{second}: 100(A_{first} − A_{second})/A_{second} with the heaviest box of both; decrease_in_mass_…: "
         "100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; A = (1/T)∫πρ/√det S dt in rad²/s"
     )
-
-
-def number_or_none(value) -> float | None:
-    """Return a number, or None for what could not be computed."""
-    return None if value is None or np.isnan(value) else float(value)

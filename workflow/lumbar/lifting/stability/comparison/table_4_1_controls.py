@@ -18,7 +18,6 @@ from lumbar.lifting.stability.comparison.percent_differences import (
     comparison_definition,
     comparisons,
     headline_words,
-    number_or_none,
     regulator_sentence,
 )
 from lumbar.lifting.stability.comparison.table_4_1_grid import (
@@ -201,16 +200,15 @@ def controls_table(
     sides = list(comparisons(study.people, settings.compare.groups))
     of_grid = expressing(comparison_cells(grid))
     cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
-    of_movement = (parts["start_percent"] + parts["course_percent"]) / parts["percent"]
-    shares = dict(
-        zip(zip(parts["comparison"], parts["com"], parts["plane"], strict=True), of_movement, strict=True)
-    )
+    own = parts.set_index(["comparison", "com", "plane"])
+    shares = (own["start_percent"] + own["course_percent"]) / own["percent"]
     rows = []
     for plane in PLANES:
         for index, row in enumerate(differences["headline"]):
             key = row["comparison"], row["com"]
             cells = cells_of.get((*key, plane), of_grid[:0])["percent"].to_numpy()
-            percents = {name: number_or_none(found[index][plane]) for name, found in differences.items()}
+            found = {name: rows_of[index][plane] for name, rows_of in differences.items()}
+            percents = {name: None if np.isnan(value) else value for name, value in found.items()}
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
             entry["movement_share"] = share = shares.get((*key, plane))
             entry |= _controls(percents, cells)

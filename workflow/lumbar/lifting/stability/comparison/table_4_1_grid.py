@@ -70,16 +70,11 @@ def grid_differences(grid: pd.DataFrame, groups: tuple[str, str]) -> pd.DataFram
     return pd.DataFrame(rows, columns=columns_of(__file__, "table_4_1_grid"))
 
 
-def _from_movement(percent: float | None, null: float | None) -> dict:
+def _from_movement(percent: float, null: float) -> dict:
     """A difference, its null control and what the movement makes of it; NaN where it is not known."""
-    found, still = (np.nan if value is None else float(value) for value in (percent, null))
-    share = (found - still) / found if found else np.nan
-    return {
-        "percent": found,
-        "null_percent": still,
-        "movement_points": found - still,
-        "movement_share": share,
-    }
+    points = percent - null
+    share = points / percent if percent else np.nan
+    return {"percent": percent, "null_percent": null, "movement_points": points, "movement_share": share}
 
 
 def comparison_cells(grid: pd.DataFrame) -> pd.DataFrame:
