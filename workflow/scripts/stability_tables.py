@@ -44,7 +44,9 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
         frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures, grid)
     )
     intervals = [
-        pd.read_csv(path).assign(experience=labels[known["subject"]], box_mass_kg=known["box_mass_kg"])
+        pd.read_csv(path).assign(
+            subject=known["subject"], experience=labels[known["subject"]], box_mass_kg=known["box_mass_kg"]
+        )
         for path, known in zip(input.measured, facts if input.measured else [], strict=True)
     ]
     measured = join_rows(intervals) if intervals else None

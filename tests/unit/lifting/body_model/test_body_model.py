@@ -13,7 +13,7 @@ from lumbar.lifting.body_model import anatomy
 from lumbar.lifting.body_model.build import at_nodes, build, measured_markers
 from lumbar.lifting.body_model.fit import fit, model_points
 from lumbar.lifting.body_model.information import Information, Noise, factorise
-from lumbar.lifting.body_model.pendulums import Conditions, basin_intervals, model_pendulums
+from lumbar.lifting.body_model.pendulums import Conditions, basin_intervals, explained_share, model_pendulums
 from lumbar.lifting.body_model.structure import fast_noise
 from lumbar.lifting.movement.centre_of_mass import WINTER, segment_centres
 from lumbar.lifting.movement.cleaning import filter_markers
@@ -179,7 +179,10 @@ def test_basin_areas_have_an_interval_that_holds_the_true_one(fitted, movement, 
     spread = table.mean_area_sd / table.mean_area
     assert spread.between(0.005, 0.2).all()
     assert (np.abs(table.mean_area - truth.mean_area) < 3 * table.mean_area_sd).all()
-    assert truth.mean_area_low.isna().all()
+    assert truth.mean_area_low.isna().all() and (table.lasting_share == 0).all()
+    other, *causes = np.random.default_rng(1).standard_normal((21, 400))
+    assert explained_share(3 * causes[0] + other, np.transpose(causes)) == pytest.approx(0.9, abs=0.03)
+    assert explained_share(other, np.transpose(causes)) < 0.06
     # A centre of mass at its pivot is no pendulum: three of ten draws, and then the most probable one.
     key = ("abdomen", "flexion_extension")
     short = {key: replace(pendulums.states[key], length=0 * pendulums.states[key].length + 1e-3)}

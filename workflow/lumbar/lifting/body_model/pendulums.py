@@ -66,6 +66,8 @@ class ModelPendulums:
     """Standard deviation of every state (of its time: 0), as the spread of the draws about the most probable."""
     draws: list[Planar]
     """Of unknowns drawn from the posterior, between events drawn too."""
+    constants: np.ndarray
+    """Shape (draws, constants): what in each of them stays throughout the trial, joints, landmarks and markers."""
     masses: dict[str, tuple[float, float]]
     """Of each centre of mass without and with its share of the box, kilograms."""
 
@@ -81,15 +83,16 @@ def model_pendulums(fit: BodyFit, conditions: Conditions, draws: Iterable[Unknow
     start, stop = (conditions.events[name].time_s for name in DEPOSIT)
     window = start, stop, conditions.settings.points
     (best,), masses = _states(fit, fit.best, conditions, [window])
-    squares, rng, drawn = dict.fromkeys(best, 0.0), np.random.default_rng(SEED), []
+    squares, rng, drawn, constants = dict.fromkeys(best, 0.0), np.random.default_rng(SEED), [], []
     for draw in draws:
         windows = [window, _drawn(window, conditions.event_sd, fit.model.time, rng)]
         (own, timed), _ = _states(fit, draw, conditions, windows)
         for key, states in own.items():
             squares[key] += (np.array([*vars(states).values()]) - [*vars(best[key]).values()]) ** 2
         drawn.append(timed)
+        constants.append(draw.constants)
     sd = {key: PendulumStates(*np.sqrt(total / len(drawn))) for key, total in squares.items() if drawn}
-    return ModelPendulums(best, sd, drawn, masses)
+    return ModelPendulums(best, sd, drawn, np.array(constants), masses)
 
 
 def _drawn(window: Window, sd: float, time: np.ndarray, rng: np.random.Generator) -> Window:
@@ -119,7 +122,7 @@ def _states(
 
 COLUMNS = (
     *("com", "plane", "sign", "mean_area", "mean_area_low", "mean_area_high", "mean_area_sd"),
-    *("draws", "draws_without_basin", "no_basin_share"),
+    *("draws", "draws_without_basin", "no_basin_share", "lasting_share"),
 )
 COVERAGE = 0.95
 """Share of the draws that an interval holds."""
@@ -134,7 +137,8 @@ def basin_intervals(
 
     A draw's pendulum may have no basin (too short, or one that reaches beyond any body): ``no_basin_share`` is how probable that
     is. The interval is one of the area where there is a basin; area and interval are NaN where the most probable pendulum has
-    none. `sign` is that of gravity, hanging or inverted.
+    none. ``lasting_share`` of its variance comes from what stays throughout the trial, and so in all lifts of a person. `sign` is
+    that of gravity, hanging or inverted.
     """
     masses, how = pendulums.masses, settings.pendulum
 
@@ -153,16 +157,25 @@ def basin_intervals(
     areas |= _areas([one for many in drawn.values() for one in many], coarse, sign)
     rows = []
     for key, own in best.items():
+        sound = [id(one) in areas for one in drawn[key]]
         found = [areas[id(one)] for one in drawn[key] if id(one) in areas]
-        low, high, sd = np.nan, np.nan, np.nan
+        low, high, sd, lasting = np.nan, np.nan, np.nan, 0.0
         if id(own) in areas and len(found) > 1:
             # The truth is as one draw more: between ranks of count + 1.
             low, high = np.percentile(found, [50 * (1 - COVERAGE), 50 * (1 + COVERAGE)], method="weibull")
             sd = np.std(found, ddof=1)
-        area = areas.get(id(own), np.nan)
-        lost = len(drawn[key]) - len(found)
-        rows.append((*key, sign, area, low, high, sd, len(found), lost, lost / max(1, len(drawn[key]))))
+            lasting = explained_share(np.log(found), pendulums.constants[sound])
+        interval, lost = (areas.get(id(own), np.nan), low, high, sd), len(sound) - len(found)
+        rows.append((*key, sign, *interval, len(found), lost, lost / max(1, len(sound)), lasting))
     return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def explained_share(values: np.ndarray, causes: np.ndarray) -> float:
+    """Share of the variance of values that a line in causes, shape (values, causes), explains: adjusted R², 0 where few tell."""
+    line = np.column_stack([np.ones(len(causes)), causes])
+    found, _, rank, _ = np.linalg.lstsq(line, values, rcond=None)
+    left = np.sum((values - line @ found) ** 2) / max(1, len(values) - rank)
+    return float(max(0.0, 1 - left / np.var(values, ddof=1))) if len(values) > 2 * rank else 0.0
 
 
 def _areas(trajectories: list[Trajectory], settings: StabilitySettings, sign: str) -> dict[int, float]:

@@ -10,10 +10,8 @@ nothing of it. So the instruments are the states with which the loop of an early
 Jakeman, Int. J. Control 29 (1979) 1–30): four for K1 and K2, linear in time, one for the delay. Noise of the angles does not
 bias them either. Intervals leave out one trial after the other.
 
-Whether a linear feedback that always acts is all that the pushes call forth is asked of what it leaves: a feedback of other gains
-now and then, as one that comes and goes (Gawthrop et al., Biol. Cybern. 104 (2011) 31–51), leaves its own torque times a function
-of time. At every frequency such a product, orthogonal to the estimates (Neyman's C(α)), is compared with that of other trials'
-pushes.
+A feedback that does not always act alike (Gawthrop et al., Biol. Cybern. 104 (2011) 31–51) leaves its own torque times a function
+of time. Such products, orthogonal to the estimates (Neyman's C(α)), are compared with those of other trials' pushes.
 """
 
 from dataclasses import dataclass, replace

@@ -36,7 +36,7 @@ class Study:
     data: str
     """Where the data come from."""
     measured: pd.DataFrame | None = None
-    """``body_model_areas.csv`` of all lifts, with columns ``experience, box_mass_kg``; None without a body model."""
+    """``body_model_areas.csv`` of all lifts, with columns ``subject, experience, box_mass_kg``; None without a body model."""
 
     @property
     def people(self) -> pd.DataFrame:
@@ -105,18 +105,22 @@ def comparisons(people: pd.DataFrame, groups: tuple[str, str] = GROUPS):
 def measured_interval(measured: pd.DataFrame, before, after, com: str, plane: str) -> tuple[float, float]:
     """Ends of the 95 % interval that measurement leaves of a percent difference; NaN without a basin or a comparison.
 
-    `measured` is that of `Study`, `before` and `after` are of `comparisons`. Relative errors of lifts count as independent
-    and lognormal.
+    `measured` is that of `Study`, `before` and `after` are of `comparisons`. Relative errors are lognormal. The
+    share that lasts is the same in all lifts of a person, the rest and other persons' are independent.
     """
-    ratio, variance = 1.0, 0.0
-    own = measured[(measured["com"] == com) & (measured["plane"] == plane)]
+    ratio, variance, lasting = 1.0, 0.0, pd.Series(dtype=float)
+    cells = measured[(measured["com"] == com) & (measured["plane"] == plane)]
     for side, power in ((before, -1), (after, 1)):
-        rows = own[(own[["experience", "box_mass_kg"]] == side).all(axis=1)] if side else own[:0]
+        rows = cells[(cells[["experience", "box_mass_kg"]] == side).all(axis=1)] if side else cells[:0]
         if rows.empty:
             return np.nan, np.nan
         area, low, high = rows[["mean_area", "mean_area_low", "mean_area_high"]].to_numpy(float).T
         ratio *= area.mean() ** power
-        variance += np.sum((area * np.log(high / low) / 2) ** 2) / area.sum() ** 2
+        error, share = power * area / area.sum() * np.log(high / low) / 2, rows["lasting_share"].to_numpy()
+        variance += np.sum(error**2 * (1 - share))
+        own_error = pd.Series(error * np.sqrt(share)).groupby(rows["subject"].to_numpy()).sum()
+        lasting = lasting.add(own_error, fill_value=0.0)
+    variance += np.sum(lasting**2)
     low, high = 100 * (ratio * np.exp([-np.sqrt(variance), np.sqrt(variance)]) - 1)
     return low, high
 

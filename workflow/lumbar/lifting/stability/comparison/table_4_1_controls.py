@@ -21,7 +21,6 @@ from lumbar.lifting.stability.comparison.percent_differences import (
     regulator_sentence,
 )
 from lumbar.lifting.stability.comparison.table_4_1_grid import (
-    MOVEMENT_SHARE,
     change_sentence,
     comparison_cells,
     expressing,
@@ -38,6 +37,8 @@ from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
+MOVEMENT_SHARE = 0.5
+"""Share of a difference that must come from the movement, and not from duration, mass and length, for it to survive."""
 BODY_MASS_SHARE = 0.1
 """By how much of it everybody's body mass is raised and lowered."""
 
@@ -299,18 +300,10 @@ def _verdict(
 def verdict(
     percent: float | None, movement: float | None, changed: dict[str, float | None], interval: Interval
 ) -> str:
-    """Return the sentence.
+    """Return the sentence on a percentage, None where the study cannot tell.
 
-    Parameters
-    ----------
-    percent : float or None
-        The percentage; None where the study cannot tell.
-    movement : float or None
-        Share of it that comes from the posture at the start and the course; None where that is not known.
-    changed : dict of str to float
-        The percentage under each change, by its name.
-    interval : Interval
-        Over persons, where there are enough.
+    `movement` is the share that comes from the posture at the start and the course, None where that is not known; `changed` has
+    the percentage under each change, by its name; `interval` is that over persons.
     """
     if percent is None:
         return "not testable in this study"

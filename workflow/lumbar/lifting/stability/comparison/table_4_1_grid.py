@@ -28,8 +28,6 @@ from lumbar.tables.table import Table
 
 CHOICES = tuple(OPTIONS)
 _CHOICES_IN_WORDS = ("gravity", "time", "mass", "pivot", "segment ends", "start of deposit")
-MOVEMENT_SHARE = 0.5
-"""Share of a difference that must come from the movement, and not from duration, mass and length, for it to survive."""
 MOVEMENT = "movement"
 """Comparison of a lift with itself standing still."""
 
@@ -72,9 +70,7 @@ def grid_differences(grid: pd.DataFrame, groups: tuple[str, str]) -> pd.DataFram
 
 def _from_movement(percent: float, null: float) -> dict:
     """A difference, its null control and what the movement makes of it; NaN where it is not known."""
-    points = percent - null
-    share = points / percent if percent else np.nan
-    return {"percent": percent, "null_percent": null, "movement_points": points, "movement_share": share}
+    return {"percent": percent, "null_percent": null, "movement_points": percent - null}
 
 
 def comparison_cells(grid: pd.DataFrame) -> pd.DataFrame:
@@ -121,22 +117,17 @@ def change_sentence(name: str, changes: pd.DataFrame) -> str:
     return f"One choice changed alone in {name}: {'; '.join(words)}" if words else ""
 
 
-def survivors(grid: pd.DataFrame) -> tuple[list[tuple], list[tuple]]:
-    """Return the differences that keep their sign in all cells that express them, and those also from the movement in all.
+def survivors(grid: pd.DataFrame) -> list[tuple]:
+    """Return the differences that keep their sign in all cells that express them, by comparison, COM and plane.
 
-    `grid` is that of `grid_differences`; each difference is named by comparison, COM and plane.
+    `grid` is that of `grid_differences`.
     """
-    same_sign, from_movement = [], []
-    for name, cells in expressing(comparison_cells(grid)).groupby(["comparison", "com", "plane"], sort=False):
-        if (np.sign(cells["percent"]) == np.sign(cells["percent"].iloc[0])).all():
-            same_sign.append(name)
-            if (cells["movement_share"] >= MOVEMENT_SHARE).all():
-                from_movement.append(name)
-    return same_sign, from_movement
+    cells = expressing(comparison_cells(grid)).groupby(["comparison", "com", "plane"], sort=False)["percent"]
+    return [name for name, own in cells if (np.sign(own) == np.sign(own.iloc[0])).all()]
 
 
 def survival_sentence(grid: pd.DataFrame) -> str:
-    """Say in one or two sentences which differences survive the whole grid."""
+    """Say which differences survive the whole grid."""
     cells = expressing(comparison_cells(grid))
     if cells.empty:
         return "Nothing is compared in this study, so nothing can survive the grid"
@@ -146,14 +137,11 @@ def survival_sentence(grid: pd.DataFrame) -> str:
         f"{name.replace('_', ' ')}: {count}" for name, count in counts.items()
     )
     conventions += "; a lighter box those in whose mass it counts)"
-    same_sign, from_movement = survivors(grid)
+    same_sign = survivors(grid)
     if not same_sign:
         return f"Of {total} differences none keeps its sign under {conventions}: each hangs on the one chosen"
     kept = _name_differences(same_sign, grid)
-    text = f"Of {total} differences {len(same_sign)} keep their sign under {conventions}: {kept}"
-    if not from_movement:
-        return f"{text}; none of them comes from the movement, by half or more, under all of them"
-    return f"{text}; {_name_differences(from_movement, grid)} come from the movement, by half or more, under all of them"
+    return f"Of {total} differences {len(same_sign)} keep their sign under {conventions}: {kept}"
 
 
 def _name_differences(found: list[tuple], grid: pd.DataFrame) -> str:
