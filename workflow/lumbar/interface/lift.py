@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from lumbar.interface.body_model import LiftModel
     from lumbar.lifting.movement.plate_check import PlateCheck
 
-TABLES = (".csv", ".mat")
+TABLES = (".csv", ".tsv", ".mat")
 """Endings of files that may hold markers or anything else: in a folder they count where a trial names them."""
 
 

@@ -8,7 +8,7 @@ Either each column says marker and axis, or the first line names markers and the
 Cells are separated by commas, semicolons (then with a decimal point or comma) or tabs. Times are in seconds, or in the unit
 behind their name (``time_ms``, ``Time (ms)``); without them the layout's ``rate_Hz`` is needed. A unit of
 length may stand behind the axis (``C7_x_mm``, ``C7 X [mm]``), else the layout's ``unit`` is needed. An empty cell
-is a missing sample.
+is a missing sample. Exports of `lumbar.records.vendor_table` are known by how they begin.
 """
 
 import csv
@@ -22,6 +22,7 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import MarkerFile, NoMarkers, mark_missing, split_points
 from lumbar.records.record import CLOCK_TOLERANCE
 from lumbar.records.text_rows import check_even, read_lines, read_rows
+from lumbar.records.vendor_table import VendorTable, joined_names, vendor_table
 
 _TIME = re.compile(r"^(?:time|t|zeit)[\s_]*[\[(]?(s|sec|ms|)[\])]?$", re.IGNORECASE)
 _FRAME = re.compile(r"^(frame|frame#|index|sample)$", re.IGNORECASE)
@@ -48,9 +49,14 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
     """
     path = Path(path)
     separator, rows = _cells(path)
-    header, begins = _header(path, rows)
+    export = vendor_table(path, rows)
+    if export is None:
+        header, begins = _header(path, rows)
+        export = VendorTable(header, rows[begins:], "", None)
+    header = export.header
     time_column, markers, unit = _columns(path, header)
-    table = read_rows(path, rows[begins:], len(header), decimal="," if separator == ";" else ".")
+    table = read_rows(path, export.rows, len(header), decimal="," if separator == ";" else ".")
+    rate = rate or export.rate
     if time_column is None:
         if rate is None:
             raise InputError(
@@ -68,7 +74,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
         source=str(path),
         time=time,
         rate=rate,
-        unit=unit,
+        unit=unit or export.unit,
         labels=list(markers),
         points=mark_missing(points),
         notes=(f"columns that are no coordinates were left out: {', '.join(others)}",) if others else (),
@@ -78,8 +84,8 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
 def _cells(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
     """Separator, and the line and the cells of every row that is not empty."""
     lines = read_lines(path)
-    first = next((line for line in lines if line.strip()), "")
-    separator = next((sign for sign in "\t;," if sign in first), None)
+    first = [line for line in lines if line.strip()][:3]
+    separator = next((sign for line in first for sign in "\t;," if sign in line), None)
     if separator is None:
         raise InputError(
             f"{path}: its first line has neither tab, semicolon nor comma; a table of markers has a column for every "
@@ -103,11 +109,7 @@ def _header(path: Path, rows: list[tuple[int, list[str]]]) -> tuple[list[str], i
     axes = [cell for cell in second if re.fullmatch("[xyz]", cell, re.IGNORECASE)]
     if len(axes) < 3:
         return first, 1
-    names, marker = [], ""
-    for column, axis in enumerate(second):
-        marker = (first[column] if column < len(first) else "") or marker
-        names.append(f"{marker}_{axis}" if axis.lower() in ("x", "y", "z") else axis or marker)
-    return names, 2
+    return joined_names(first, second), 2
 
 
 def _columns(path: Path, header: list[str]) -> tuple[tuple[int, float] | None, dict[str, list[int]], str]:

@@ -184,7 +184,7 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
         from lumbar.records.c3d_file import read_c3d as read
     elif ending == ".trc":
         from lumbar.records.trc_file import read_trc as read
-    elif ending == ".csv":
+    elif ending in (".csv", ".tsv"):
         from lumbar.records.marker_table import read_marker_table as read
     elif ending == ".bvh":
         from lumbar.records.bvh_file import read_bvh as read
@@ -195,7 +195,7 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
             f"{path}: markers are read from .c3d, .trc, .csv, .mat and .bvh files, also with .gz, not "
             f"{ending or 'a file without suffix'!r}"
         )
-    options = (layout.rate_Hz,) if ending in (".csv", ".mat") else ()
+    options = (layout.rate_Hz,) if ending in (".csv", ".tsv", ".mat") else ()
     parse = partial(read_readable, path, read, *options)
     return replace(confined(parse, path, size, (MarkerFile, RecordedEvent)), source=str(path))
 

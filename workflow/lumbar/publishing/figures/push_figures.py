@@ -37,14 +37,8 @@ PANELS = (
     (EQUAL, BACKWARD, "Equal pushes backward"),
 )
 DRAWN = (
-    "viability_margin",
-    "capture_margin",
-    "margin_of_stability",
-    "trunk_inclination",
-    "l5s1_moment",
-    "basin_abdomen_inverted",
-    "basin_area_abdomen_hanging",
-    KNOWN,
+    *("viability_margin", "capture_margin", "margin_of_stability", "trunk_inclination", "l5s1_moment"),
+    *("basin_abdomen_inverted", "basin_area_abdomen_hanging", KNOWN),
 )
 """Measures that a picture can hold; all stand in the table. The smallest impulse lies on the margin of stability's curve."""
 POINTS = 1000

@@ -5,6 +5,7 @@ The check plays every FMU in a process of its own: what it needs of the builder 
 
 import json
 from functools import cache
+from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -57,23 +58,7 @@ def _value(text: str):
         return text
 
 
-BASE_UNITS = {
-    "m": {"m": 1},
-    "mm": {"m": 1, "factor": 1e-3},
-    "cm": {"m": 1, "factor": 1e-2},
-    "rad": {"rad": 1},
-    "deg": {"rad": 1, "factor": 0.017453292519943295},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "mN": {"kg": 1, "m": 1, "s": -2, "factor": 1e-3},
-    "kN": {"kg": 1, "m": 1, "s": -2, "factor": 1e3},
-    "N·m": {"kg": 1, "m": 2, "s": -2},
-    "Nm": {"kg": 1, "m": 2, "s": -2},
-    "N·mm": {"kg": 1, "m": 2, "s": -2, "factor": 1e-3},
-    "s": {"s": 1},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "N·s/m": {"kg": 1, "s": -1},
-    "N·m·s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
-}
+BASE_UNITS = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
 """Exponents of the SI base units and factor, as FMI's BaseUnit wants them."""
 
 

@@ -60,20 +60,15 @@ HOST = "host"
 # nothing there that could be measured: sampled_force.c includes the model, whose few numbers become part of the code around
 # them.
 FLAGS = (
-    "-std=c99",
-    "-O2",
-    "-Wall",
-    "-Wextra",
-    "-Werror",
-    "-ffp-contract=off",
-    "-fno-fast-math",
-    "-fno-sanitize=undefined",
-    "-fvisibility=hidden",
-    "-ffunction-sections",
-    "-fdata-sections",
-    "-Wl,--gc-sections",
-    "-g0",
-    "-s",
+    *("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"),
+    *(
+        "-ffp-contract=off",
+        "-fno-fast-math",
+        "-fno-sanitize=undefined",
+        "-fvisibility=hidden",
+        "-ffunction-sections",
+    ),
+    *("-fdata-sections", "-Wl,--gc-sections", "-g0", "-s"),
 )
 
 

@@ -20,14 +20,8 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 _OF_THE_STUDY = {
-    "models",
-    "trained_on",
-    "estimator",
-    "unstable",
-    "targets",
-    "compiler_cache",
-    "check_samples",
-    "device",
+    *("models", "trained_on", "estimator", "unstable"),
+    *("targets", "compiler_cache", "check_samples", "device"),
 }
 """Settings that choose, build or judge models: how one is run is what all others say."""
 

@@ -15,12 +15,8 @@ SIZES, NUMBERS = "model_size.h", "model_data.h"
 """What is written for each model."""
 _HEADERS = ("model.h", "sampled_force.h")
 _FMI_HEADERS = (
-    "fmi2Functions.h",
-    "fmi2FunctionTypes.h",
-    "fmi2TypesPlatform.h",
-    "fmi3Functions.h",
-    "fmi3FunctionTypes.h",
-    "fmi3PlatformTypes.h",
+    *("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+    *("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 )
 
 
