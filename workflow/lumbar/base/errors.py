@@ -103,6 +103,8 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 def _system_error(error: OSError) -> str:
     path = Path(str(error.filename)) if error.filename is not None else None
     text = f"{printable(str(path))}: {error.strerror}" if path else f"{error.strerror} (on {Path.cwd()})"
+    if error.errno == errno.ENOTDIR:
+        return f"{text}; a folder is needed there: name another place"
     if error.errno not in _NO_SPACE:
         return text
     folder = next(item for item in (path or Path.cwd()).absolute().parents if item.is_dir())

@@ -60,7 +60,13 @@ def run_lift(options) -> None:
         lift_page(found, settings=study.stability).save(options.page)
         print(f"{options.page} shows the lift.")
     else:
-        print(f"Its page: lumbar explore {shlex.quote(str(options.output))}")
+        print(f"Its page: {_explored(options.output, options)}")
+
+
+def _explored(folder: Path, options) -> str:
+    """The command that shows a folder's lifts under the settings that were given here: a push answers by them."""
+    given = [part for path in options.config for part in ("--config", str(path))]
+    return shlex.join(["lumbar", "explore", str(folder), *given])
 
 
 def _closing(found: Lift, output: Path) -> list[str]:
@@ -117,7 +123,7 @@ def run_basin(options) -> None:
     found.save(options.output)
     if not found.areas.empty:
         print(f"{found}\n{len(found.areas)} basins are in {options.output / 'boa.csv'}")
-        print(f"To push the pendulums: lumbar explore {options.states.parent}")
+        print(f"To push the pendulums: {_explored(options.states.parent, options)}")
     if message := announcement(options.output / "failures.csv"):
         raise NumericalError(message)
 
