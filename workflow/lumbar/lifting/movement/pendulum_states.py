@@ -68,13 +68,7 @@ SHORTEST = 0.01
 
 
 class SamplesMissing(InputError):
-    """A centre of mass is not known at all instants of the deposit.
-
-    Attributes
-    ----------
-    frames : ndarray of int
-        The missing ones.
-    """
+    """A centre of mass is not known at all instants of the deposit: `frames` are the missing ones."""
 
     def __init__(self, text: str, frames: np.ndarray):
         super().__init__(text)

@@ -20,13 +20,7 @@ _NUMBERS = count()
 
 
 class UnzippedFmu:
-    """An FMU in a folder, with what its description says.
-
-    Attributes
-    ----------
-    folder : Path
-    description : fmpy.model_description.ModelDescription
-    """
+    """An FMU in a `folder`, with what its `description` says, as fmpy reads it."""
 
     def __init__(self, folder: Path):
         import fmpy
