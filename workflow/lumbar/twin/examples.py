@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.record import Channel, Record, RecordSet
+from lumbar.settings.plain import from_plain
 from lumbar.settings.subject import SubjectSettings, TrialSettings
-from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, SyntheticPerson, TrueEvents
+from lumbar.settings.twin import SyntheticLiftingSettings
 from lumbar.twin.lifting_recordings import write_lift
 from lumbar.twin.tissue_recordings import tissue_force
 
@@ -49,22 +51,7 @@ def _test(name: str, frequencies: np.ndarray, duration: float, generator: np.ran
 
 def example_lift(path: str | os.PathLike) -> SubjectSettings:
     """Write a lift of a box of 15 kg as a C3D file and return the person who lifts it."""
-    lift = SyntheticLift(
-        person="somebody",
-        box_mass_kg=15,
-        lift_flexion_deg=60,
-        lift_squat_m=0.33,
-        deposit_flexion_deg=23,
-        deposit_squat_m=0.06,
-        lateral_bending_deg=4,
-        lateral_sway_m=0.01,
-        hesitation_deg=0.4,
-        hesitation_Hz=1.3,
-        foot_adjustment=False,
-        events_s=TrueEvents(lift_off=2.3, toe_off=3.9, deposit_start=5.8, release=7.1),
-    )
-    person = SyntheticPerson(mass_kg=78, height_m=1.75)
-    settings = SyntheticLiftingSettings(people={"somebody": person}, lifts={"lift": lift})
+    settings = from_plain(SyntheticLiftingSettings, shipped_yaml(Path(__file__).with_suffix(".yaml")))
     write_lift(settings, "lift", [1], path, None)
-    trial = TrialSettings(box_mass_kg=15, markers=Path(path).name)
+    person, trial = settings.people["somebody"], TrialSettings(box_mass_kg=15, markers=Path(path).name)
     return SubjectSettings("somebody", "unknown", person.mass_kg, person.height_m, "expert", (trial,))
