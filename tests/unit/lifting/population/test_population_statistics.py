@@ -241,7 +241,7 @@ def test_studies_of_the_assured_size_have_the_power_in_the_share_asked_for():
 
 def test_picture_has_the_safer_group_on_its_side(compared):
     axes = compared.figure().axes[0]
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["margin", "moment", "sway"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["Margin", "Moment", "Sway"]
     effects = [line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 1]
     assert (
         len(effects) == 6 and min(effects[:4]) > 0
