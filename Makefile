@@ -76,8 +76,11 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python benchmarks/stability.py
 	python benchmarks/alternation.py
 	python benchmarks/population.py
-	python benchmarks/feedback.py
-	python benchmarks/push_thresholds.py
+	python benchmarks/feedback.py --markdown docs/lifting/pushes.md
+	python benchmarks/push_thresholds.py --markdown docs/lifting/push_experiment.md
+	python benchmarks/body_model.py people --seeds 10
+	python benchmarks/body_model.py coverage --seeds 200
+	$(MAKE) STUDY=cohort results # the contest of docs/lifting/pushes.md: its tables/push_prediction
 	python benchmarks/runtime.py
 	python benchmarks/browser.py
 	python benchmarks/pendulum.py

@@ -230,9 +230,9 @@ def show_coverage(rows: pd.DataFrame) -> None:
         )
 
 
-def coverage(people: int) -> None:
-    """Coverage of the areas' intervals about ankles and hips."""
-    show_coverage(pd.concat([area_intervals(seed) for seed in range(people)]))
+def coverage(people: int, first: int = 0) -> None:
+    """Coverage of the areas' intervals about ankles and hips, of people from one on."""
+    show_coverage(pd.concat([area_intervals(seed) for seed in range(first, first + people)]))
 
 
 def segment_centres_or_none(points) -> dict[str, np.ndarray]:
@@ -399,9 +399,10 @@ def main() -> None:
         "t12": t12,
         "areas": areas,
     }
-    virtual = {"people": people, "coverage": coverage}
+    virtual = {"people": people, "coverage": lambda count: coverage(count, options.first)}
     parser.add_argument("parts", nargs="*", choices=[*parts, *virtual, []], default=[])
     parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--first", type=int, default=0, help="coverage of people from this one on")
     parser.add_argument("--recording", choices=list(SOURCES), help="hide markers of this one alone")
     parser.add_argument("--shared", type=Path, default=PROJECT.parent / "shared")
     options = parser.parse_args()
