@@ -91,9 +91,7 @@ def _trimmed(rows: Iterable[tuple[int, list[str]]], width: int, announced: str =
     return [(line, [*cells[:width], *filter(None, cells[width:])]) for line, cells in rows]
 
 
-_VENDORS = {
-    "Devices": ("Vicon Nexus", _nexus),
-    "Trajectories": ("Vicon Nexus", _nexus),
+_VENDORS = dict.fromkeys(("Devices", "Trajectories"), ("Vicon Nexus", _nexus)) | {
     "Format Version": ("Motive", _motive),
     "NO_OF_FRAMES": ("Qualisys Track Manager", _qualisys),
 }

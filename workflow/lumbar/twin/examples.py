@@ -30,12 +30,8 @@ def example_records() -> RecordSet:
     """
     generator = np.random.default_rng(3)
     lines = np.arange(1, 11) / _PERIOD_S
-    return RecordSet(
-        [
-            _test("multisine", lines, 6 * _PERIOD_S, generator),
-            _test("other", lines * np.sqrt(1.1), 16.0, generator),
-        ]
-    )
+    multisine = _test("multisine", lines, 6 * _PERIOD_S, generator)
+    return RecordSet([multisine, _test("other", lines * np.sqrt(1.1), 16.0, generator)])
 
 
 def _test(name: str, frequencies: np.ndarray, duration: float, generator: np.random.Generator) -> Record:

@@ -11,8 +11,7 @@ from lumbar.base.yaml_file import shipped_yaml
 _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 _LABELS: dict[str, list[str]] = _SAID["midline"]
 _SIDED_LABELS: dict[str, list[str]] = _SAID["sided"]
-_JOINTS: dict[str, list[str]] = _SAID["joints"]
-_JOINTS_OF_THE_MIDLINE: dict[str, list[str]] = _SAID["joints_of_the_midline"]
+_JOINTS, _JOINTS_OF_THE_MIDLINE = _SAID["joints"], _SAID["joints_of_the_midline"]
 LEVELS: dict[str, float] = _SAID["levels"]
 """Height along the trunk: 0 at the pelvis, 1 at the shoulders. Those of the other vertebrae follow from C7 and the
 sacrum by `vertebra_level`."""
