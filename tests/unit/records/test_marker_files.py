@@ -283,14 +283,13 @@ def expected():
 @pytest.mark.parametrize("name", ["nexus.csv", "motive.csv", "qualisys.tsv", "qualisys_numbered.tsv"])
 def test_exports_of_vendors_are_read_by_what_they_are(tmp_path, name):
     """Made to their published layouts; devices before the markers and bones beside them are left out."""
-    path = Path(__file__).parent / "exports" / name
+    text = (path := Path(__file__).parent / "exports" / name).read_text()
     recording = read_markers(path, MarkerLayout(check_axes=False))
     assert (list(recording.positions), recording.rate) == (["C7", "SACR"], pytest.approx(100))
-    frames = np.arange(5)
-    np.testing.assert_allclose(recording["C7"], np.transpose([frames, 10 + frames, 1400 + 2 * frames]) / 1e3)
+    np.testing.assert_allclose(recording["C7"], np.arange(5)[:, None] * [1e-3, 1e-3, 2e-3] + [0, 0.01, 1.4])
     assert np.flatnonzero(np.isnan(recording["SACR"][:, 0])).tolist() == [3]
-    text, lines = path.read_text(), path.read_text().splitlines(keepends=True)
-    for broken in (text[: len(text) // 3], text[:-10], "".join((*lines[:-4], *lines[-2:]))):
+    less = text.splitlines(keepends=True)
+    for broken in (text[: len(text) // 3], text[:-10], "".join((*less[:-4], *less[-2:]))):
         with pytest.raises(InputError, match=r"begins as an export of|cells; |the clock"):
             read_markers(write(tmp_path, broken, name), MarkerLayout(check_axes=False))
 
