@@ -55,8 +55,7 @@ def suit(path):
 
 
 def test_a_suits_lift_becomes_pendulums_of_its_own_joints(tmp_path):
-    file = tmp_path / "lab" / "lift.bvh"
-    file.parent.mkdir()
+    (file := tmp_path / "lab" / "lift.bvh").parent.mkdir()
     suit(file)
     study, _ = new_study(file.parent).save(tmp_path)
     assert not re.search("SACRUM|ASIS", study.read_text())

@@ -1,6 +1,5 @@
 """Tables of markers as Vicon Nexus, Motive and Qualisys Track Manager (TSV) write them, by their published layouts."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -54,8 +53,11 @@ def _nexus(rows: Rows) -> VendorTable:
     begins = next(place for place, (_, cells) in enumerate(rows) if cells[0] == "Trajectories")
     (_, (rate, *_)), (_, markers), (_, axes), (_, units), *frames = rows[begins + 1 :]
     header = ["time_s", *(name if name[-2:-1] == "_" else "" for name in joined_names(markers, axes)[1:])]
-    frames = _trimmed(takewhile(lambda row: row[1][0].isdigit() and len(row[1]) > 1, frames), len(header))
-    frames = [(line, [f"{(int(cells[0]) - 1) / float(rate):.9g}", *cells[1:]]) for line, cells in frames]
+    own = list(takewhile(lambda row: row[1][0].isdigit() and len(row[1]) > 1, frames))
+    frames = [
+        (line, [f"{(int(cells[0]) - 1) / float(rate):.9g}", *cells[1:]])
+        for line, cells in _trimmed(own, len(header))
+    ]
     return VendorTable(header, frames, next(filter(None, units), ""), None)
 
 
@@ -77,15 +79,13 @@ def _qualisys(rows: Rows) -> VendorTable:
     labels = [label for label in facts["MARKER_NAMES"] if label]
     frames = [row for row in rows if not row[1][0][:1].isalpha()]
     numbered = len(frames[0][1]) - 3 * len(labels) >= 2
-    header = [f"{label}_{axis}" for label in labels for axis in "xyz"]
-    header = [*(["", "time_s"] if numbered else []), *header]
+    header = ["", "time_s"] * numbered + [f"{label}_{axis}" for label in labels for axis in "xyz"]
     rate = None if numbered else float(facts["FREQUENCY"][0])
     return VendorTable(header, _trimmed(frames, len(header), facts["NO_OF_FRAMES"][0]), "mm", rate)
 
 
-def _trimmed(rows: Iterable[tuple[int, list[str]]], width: int, announced: str = "") -> Rows:
+def _trimmed(rows: Rows, width: int, announced: str = "") -> Rows:
     """Rows without empty cells beyond the columns."""
-    rows = list(rows)
     if announced and int(announced) != len(rows):
         raise ValueError(f"{announced} frames are announced, {len(rows)} are there")
     return [(line, [*cells[:width], *filter(None, cells[width:])]) for line, cells in rows]

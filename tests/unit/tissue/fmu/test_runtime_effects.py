@@ -111,7 +111,8 @@ ACCURACY = {
     **dict.fromkeys(
         ("coulomb_friction/coulomb", "coulomb_friction/arctangent", "coulomb_friction/stribeck"), REVERSAL
     ),
-    **{key: BACKWARD for key in FORM_NUMBERS if "damping/" in key or key == "inertia/mass"},
+    **{key: BACKWARD for key in FORM_NUMBERS if "damping/" in key},
+    **dict.fromkeys(("inertia/mass", "hardening_stiffness/viscoelastic"), BACKWARD),
     **{key: 1e-4 for key in FORM_NUMBERS if key.startswith("hysteresis/")},
     **{key: 1e-3 for key in FORM_NUMBERS if key.startswith(("contact_loss/", "saturation/"))},
     **dict.fromkeys(

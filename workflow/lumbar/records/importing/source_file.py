@@ -110,6 +110,7 @@ def _reader(content: bytes, path: Path):
 
         return read_hdf5
     if content.startswith(b"MATLAB 5.0 MAT-file") or kind == ".mat":
+        import_module("lumbar.records.matlab_file")  # once for all children
         from lumbar.records.importing.variables import read_matlab
 
         return read_matlab

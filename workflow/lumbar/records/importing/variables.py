@@ -11,7 +11,6 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.records.importing.dialect import FEWEST_ROWS
 from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate, name_and_unit
-from lumbar.records.matlab_file import load_matlab
 from lumbar.records.unpacking import check_size
 
 _MOST_COLUMNS, _MOST_OFFERED = 64, 3
@@ -136,6 +135,8 @@ def read_matlab(content: bytes, source: str, asked: Asked) -> RawTable:
     InputError
         If it is none, or holds no vectors of one length.
     """
+    from lumbar.records.matlab_file import load_matlab
+
     broken = "not a MATLAB file that can be read"
     variables = load_matlab(content, source, broken, squeeze_me=True, struct_as_record=False)
     arrays: dict[str, np.ndarray] = {}
