@@ -64,10 +64,8 @@ BASE_UNITS = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="
 
 def base_unit(unit: str) -> dict[str, float] | None:
     """Return exponents and factor of a unit or of one per second, None where it is not known."""
-    known = BASE_UNITS.get(unit.removesuffix("/s")) if unit.endswith("/s") else BASE_UNITS.get(unit)
-    if known is None or not unit.endswith("/s"):
-        return known
-    return {**known, "s": known.get("s", 0) - 1}
+    known = BASE_UNITS.get(unit.removesuffix("/s"))
+    return {**known, "s": known.get("s", 0) - 1} if known and unit.endswith("/s") else known
 
 
 @cache
