@@ -283,7 +283,7 @@ def test_harmless_contradictions_are_read_and_noted(tmp_path, points, change, sa
         (INTEL, 16, b"\x05", "POINT:DATA_START is 3, 5 in the header; 3 fits"),
         (INTEL, 16, b"\x90", "POINT:DATA_START is 3, 144 in the header; 3 fits"),
         (MIPS, 515, bytes([INTEL]), "processor type 84; it is 86 (MIPS)"),
-        (MIPS, 515, b"\x00", "processor type 0; it is 86 (MIPS)"),
+        (INTEL, 515, bytes([DEC]), "processor type 85; it is 84 (Intel)"),
     ],
 )
 def test_a_header_that_the_size_contradicts(tmp_path, points, processor, place, new, said):

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.records.text_rows import RATES_HZ
 
 INTEL, DEC, MIPS = 84, 85, 86
 _ITEM_BYTES = {-1: 1, 1: 1, 2: 2, 4: 4}
@@ -249,8 +250,7 @@ def _structure(path: Path, content: mmap.mmap, points_needed: bool) -> C3dStruct
     try:
         return _of_processor(path, content, start, stated, points_needed)
     except InputError:
-        # Of the other byte order alone: as DEC's reals a scale of -1 is positive, and half a file would fit.
-        for processor in {INTEL, MIPS} - {stated, INTEL if stated == DEC else None}:
+        for processor in _PROCESSORS.keys() - {stated}:
             with contextlib.suppress(InputError):
                 found = _of_processor(path, content, start, processor, points_needed)
                 if _fits(len(content), found.data_start, found.n_frames * found.frame_bytes):
@@ -446,10 +446,9 @@ def _check_header(path: Path, header: dict, points_needed: bool) -> None:
     """Numbers without which no frame can be found."""
     problems = Problems(str(path))
     needed = header["n_points"] if points_needed else header["n_points"] + header["n_analog"]
-    if not needed or not np.isfinite(header["rate"]) or header["rate"] <= 0:
-        problems.add(
-            "header", f"{header['n_points']} points at {header['rate']:g} Hz", "both must be positive"
-        )
+    if not needed or not RATES_HZ[0] <= header["rate"] <= RATES_HZ[1]:  # of another processor's it is 1e-42
+        allowed = f"both must be positive, the rate {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz"
+        problems.add("header", f"{header['n_points']} points at {header['rate']:g} Hz", allowed)
     if not np.isfinite(header["scale"]) or header["scale"] == 0:
         problems.add("header", f"scale factor {header['scale']:g}", "a finite number other than 0 is needed")
     problems.raise_if_any()
