@@ -34,7 +34,7 @@ def vendor_table(path: Path, rows: Rows) -> VendorTable | None:
     vendor, read = _VENDORS.get(rows[0][1][0], ("", None)) if rows else ("", None)
     try:
         return read and read(rows)
-    except (LookupError, ValueError, StopIteration) as error:
+    except (ArithmeticError, LookupError, ValueError, StopIteration) as error:
         said = f"begins as an export of {vendor}, and is none further on ({type(error).__name__}: {error})"
         raise InputError(f"{path}: {said}; export it again") from error
 
@@ -86,8 +86,8 @@ def _qualisys(rows: Rows) -> VendorTable:
 
 def _trimmed(rows: Rows, width: int, announced: str = "") -> Rows:
     """Rows without empty cells beyond the columns."""
-    if announced and int(announced) != len(rows):
-        raise ValueError(f"{announced} frames are announced, {len(rows)} are there")
+    if not rows or (announced and int(announced) != len(rows)):
+        raise ValueError(f"{announced or 'some'} frames are announced, {len(rows)} are there")
     return [(line, [*cells[:width], *filter(None, cells[width:])]) for line, cells in rows]
 
 
