@@ -1,7 +1,7 @@
 """Adding effects that the user names: base and effects refitted jointly, never worse than the base; the error ladder in words."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +14,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_estimates, estimates
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, with_forms
 from lumbar.tissue.diagnosis.selection.diagnose import choose_base
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
 from lumbar.tissue.diagnosis.selection.verdict import (
@@ -159,7 +159,9 @@ def _added_in_turn(
     if len(chosen) > 1:
         # Forms were chosen one by one; with all effects in place another form of one may fit better.
         best = exchange(path[-1], chosen, experiment)
-        path[-1] = best if set(best.effects) == set(chosen) else path[-1]
+        own = {form.effect: form for form in best.fit.structure.forms}
+        if own.keys() == chosen.keys():  # in the order given, as the rungs before are
+            path[-1] = replace(best, fit=with_forms(best.fit, [own[name] for name in chosen]))
     if chosen and not path[-1].fit.converged:
         raise NumericalError(
             f"{first.fit.structure.base.name} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "
