@@ -82,6 +82,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python benchmarks/body_model.py coverage --seeds 200
 	$(MAKE) STUDY=cohort results # the contest of docs/lifting/pushes.md: its tables/push_prediction
 	python benchmarks/runtime.py
+	python benchmarks/perception.py --markdown docs/tissue/perception.md
 	python benchmarks/browser.py
 	python benchmarks/pendulum.py
 	python benchmarks/calibration.py --markdown docs/tissue/acceptance.md

@@ -21,7 +21,13 @@ ROOMS = [
 """From the top down: what stands in a row imports no row above it and nothing beside it.
 
 The twin, too, uses no code that analyses it."""
-TISSUE = [["haptics"], ["fmu", "diagnosis"], ["identification"], ["signals", "effects", "survey"], ["models"]]
+TISSUE = [
+    ["haptics"],
+    ["fmu", "diagnosis", "survey"],
+    ["identification"],
+    ["signals", "effects", "perception"],
+    ["models"],
+]
 LIFTING = [["body_model"], ["pushes"], ["stability", "measures"], ["movement"], ["quality", "population"]]
 """The rooms of the two wings, likewise."""
 

@@ -12,6 +12,7 @@ DIAGNOSED = (
         for key in ("layout", "rate_Hz", "settling_s", "search", "ridge", "bootstrap", "inverted_linear")
     ),
     "signals.machine",
+    "perception",
     # Models are compiled for the page.
     "runtime.compiler_cache",
     "stability.pendulum.gravity_m_s2",
@@ -37,6 +38,7 @@ rule diagnose_records:
             "diagnoses",
             "comparisons",
             "locations",
+            "felt",
             "comparison_figures",
             "location_figures",
             "effect_signatures",

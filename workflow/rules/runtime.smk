@@ -97,7 +97,9 @@ rule render_models:
         effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
     output:
-        **published("rendering", "runtime_error", "passive_fits", "closed_loop", "z_width"),
+        **published(
+            "rendering", "runtime_error", "rates", "rates_figure", "passive_fits", "closed_loop", "z_width"
+        ),
         models="<results>/runtime/passive_models.json",
     log:
         "<logs>/render_models.log",
@@ -113,6 +115,7 @@ rule render_models:
         code=library_code("render_models.py"),
         settings=plain(settings.runtime),
         tissue=plain(settings.tissue),
+        perception=plain(settings.perception),
         data=DATA,
     message:
         "The models in a person's hand: what they ask of the device, what running them costs, and passive fits"

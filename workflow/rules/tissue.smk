@@ -61,6 +61,7 @@ rule identify_tissue:
             *(f"improvement.{key}" for key in ("base", "effects", "effect_files", "most_effects")),
             *(f"improvement.{key}" for key in ("forward", "session")),
             "stability.pendulum.gravity_m_s2",
+            "perception",
             "seed",
         ),
         data=DATA,
@@ -79,7 +80,7 @@ rule tissue_models:
         bases=BASE_FILES,
         checked="<results>/checked/tissue.json",
     output:
-        **published("table_3_1", "physical_parameters", "figure_3_4", "figure_3_5"),
+        **published("table_3_1", "physical_parameters", "static_or_dynamic", "figure_3_4", "figure_3_5"),
         models="<results>/tissue/models.json",
         search="<results>/tissue/search.csv",
     log:
@@ -95,6 +96,7 @@ rule tissue_models:
     params:
         code=library_code("tissue_models.py"),
         tissue=plain(settings.tissue),
+        perception=plain(settings.perception),
         data=DATA,
     message:
         "Table 3.1, Figures 3.4 and 3.5: the identified tissue models"

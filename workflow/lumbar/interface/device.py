@@ -13,6 +13,7 @@ from lumbar.base.files import read_json
 from lumbar.interface.verb import NOT_SAID, Result
 from lumbar.settings.runtime import Platform, RuntimeSettings
 from lumbar.tissue.models.fitted_model import FittedModel, read_models
+from lumbar.tissue.perception.thresholds import Hands
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -294,11 +295,13 @@ def render(
     return found
 
 
-def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, data: str) -> Rendering:
+def rendering_of(
+    models: Sequence[FittedModel], settings: RuntimeSettings, data: str, hands: Hands | None = None
+) -> Rendering:
     """Judge models on the device of the settings; models that cannot be rendered are refused with the reason, not an error."""
     from lumbar.tissue.haptics.judgement import judge
 
-    judgements, refused = judge(models, settings)
+    judgements, refused = judge(models, settings, hands)
     return Rendering(tuple(judgements), tuple(refused), settings, data)
 
 

@@ -353,11 +353,13 @@ class Diagnosis:
     def _save_pictures(self, folder: Path) -> dict[str, Path]:
         from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
         from lumbar.tissue.diagnosis.residuals.compare import comparison_table
+        from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
         from lumbar.tissue.diagnosis.residuals.locate import location_table
 
         simulated = self.base_on_records
         comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
         location_table([item.location for item in simulated], self.data).write(folder / "location")
+        felt_table(simulated, self.data).write(folder / "felt")
         return draw_pictures(
             self.verdict, simulated, self.candidates, folder, self.data, proposal=self.proposal
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -19,6 +19,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.perception.thresholds import Hands
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -166,13 +167,14 @@ class Refinement(Result):
         """Return the picture of the error ladder."""
         from lumbar.publishing.figures.comparison_figures import ladder_figure, ladder_rungs
 
-        floor, unit = self.experiment.floor, self.experiment.output_unit
+        floor, felt = self.experiment.floor, self.experiment.error_just_felt
         errors = [
             {"effects": item.effects, "train_rms": item.train_rms, "test_rms": item.test_rms}
             for item in self.path
         ]
         rungs = ladder_rungs({"base": self.path[0].fit.structure.base.name, "ladder": errors})
-        return ladder_figure(rungs, unit, None if floor is None else floor.rms)
+        rms = None if floor is None else floor.rms
+        return ladder_figure(rungs, self.experiment.output_unit, rms, felt)
 
     def __str__(self) -> str:
         from lumbar.tissue.diagnosis.selection.refine import ladder_sentences
@@ -264,6 +266,7 @@ def _on_records(
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
     experiment = prepare(records, train, settling_s=settings.tissue.settling_s)
+    experiment = replace(experiment, hands=Hands.of(settings.perception))
     simulate = in_session(records, model.simulate) if session else model.simulate
     reports = residual_reports(records, simulate, experiment, settings.seed)
     return model, reports, data, changed
@@ -370,6 +373,18 @@ class Locations(OnRecords):
 
         return location_table([item.location for item in self.simulated], self.data)
 
+    @property
+    def felt(self) -> Table:
+        """Where a hand feels the error of every record."""
+        from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
+
+        return felt_table(self.simulated, self.data)
+
+    def save(self, folder: str | os.PathLike) -> None:
+        """Beside what every model on records has, the table ``felt``."""
+        super().save(folder)
+        self.felt.write(Path(folder) / "felt")
+
     def figure(self, name: str) -> Figure:
         """Return the nine pictures of one record's error."""
         from lumbar.publishing.figures.location_figure import location_figure
@@ -382,8 +397,9 @@ class Locations(OnRecords):
         return location_page(self.simulated, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
+        from lumbar.tissue.diagnosis.residuals.felt_where import located_sentences
         from lumbar.tissue.diagnosis.residuals.locate import all_records_sentence
 
         locations = [item.location for item in self.simulated]
-        told = ["\n  ".join(item.sentences) for item in locations]
+        told = ["\n  ".join(located_sentences(item)) for item in self.simulated]
         return "\n".join([all_records_sentence(locations), *told, *self._finding_lines])

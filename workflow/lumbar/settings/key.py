@@ -128,6 +128,24 @@ class Unique:
 UNIQUE = Unique()
 
 
+class Ascending:
+    """No entry of a list smaller than the one before it, for ``Annotated``."""
+
+    def __get_pydantic_core_schema__(self, kind, handler):
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_after_validator_function(self._check, handler(kind))
+
+    @staticmethod
+    def _check(entries: tuple) -> tuple:
+        if list(entries) != sorted(entries):
+            raise ValueError(f"{', '.join(f'{entry:g}' for entry in entries)} do not ascend")
+        return entries
+
+
+ASCENDING = Ascending()
+
+
 class NoDevice:
     """No name of a device, for ``Annotated``: files of that name cannot be copied to Windows."""
 

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.key import SEED, UNIQUE, FolderName, key, required, section, settings
 from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.perception import PerceptionSettings
 from lumbar.settings.population import PopulationSettings
 from lumbar.settings.pushes import PerturbationsSettings, PushesSettings
 from lumbar.settings.runtime import RuntimeSettings
@@ -57,6 +58,7 @@ class StudySettings:
     tissue: TissueSettings = section(default_factory=TissueSettings)
     improvement: ImprovementSettings = section(default_factory=ImprovementSettings)
     runtime: RuntimeSettings = section(default_factory=RuntimeSettings)
+    perception: PerceptionSettings = section(default_factory=PerceptionSettings)
     survey: SurveySettings = section(default_factory=SurveySettings)
     lifting: LiftingSettings = section(default_factory=LiftingSettings)
     stability: StabilitySettings = section(default_factory=StabilitySettings)

@@ -19,6 +19,9 @@ LIFTED = {"lifting", "population"}
 OF_TWIN = {"table_3_1_experiments"}
 """Artefacts for which recordings are made anew: only of the synthetic twin."""
 
+OF_TISSUE = {"survey_felt", "survey_power"}
+"""Artefacts of another chapter that are made where the study has tissue models."""
+
 
 @dataclass(frozen=True)
 class Artefact:

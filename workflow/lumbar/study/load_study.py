@@ -15,7 +15,7 @@ from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
 from lumbar.settings.improvement import ImprovementSettings, is_data
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
-from lumbar.study.artefacts import LIFTED, NEEDS, OF_TWIN, read_artefacts
+from lumbar.study.artefacts import LIFTED, NEEDS, OF_TISSUE, OF_TWIN, read_artefacts
 from lumbar.study.consistency import check_consistency, check_effects
 from lumbar.study.study import TWIN, RecordedLift, Study
 from lumbar.study.validation import Origins, overlay, validate
@@ -65,6 +65,7 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
             if row.chapter in chapters
             and (not row.check or row.check in settings.stability.checks)
             and (settings.data == "twin" or row.id not in OF_TWIN)
+            and ("tissue" in chapters or row.id not in OF_TISSUE)
         ],
         data_root=_data_root(settings, root, problems, origins),
         lifts=lifts if LIFTED & set(chapters) else {},

@@ -36,6 +36,8 @@ SYNTHETIC_TWIN = "synthetic twin"
 ROWS_SHOWN = 40
 """Rows that are shown at once; of more the first ones, the others below them on demand."""
 _FIRST_ROWS = 12
+_NAMED = 16
+"""Columns that are named in one line."""
 LATEX_WIDTH = 52
 """Characters in ``\\footnotesize`` across a journal's column."""
 PAGE_ROWS = 45
@@ -95,8 +97,9 @@ class Table:
                     raise NumericalError(f"{self.title}: {value} in column {column}, row {row}")
 
     def __repr__(self) -> str:
-        columns = ", ".join(map(str, self.frame.columns))
-        return f"<Table: {self.title} {len(self.frame)} rows; {columns}>"
+        columns = [*map(str, self.frame.columns)]
+        more = [f"{len(columns) - _NAMED} more"] if len(columns) > _NAMED else []
+        return f"<Table: {self.title} {len(self.frame)} rows; {', '.join([*columns[:_NAMED], *more])}>"
 
     def __str__(self) -> str:
         """The table as a terminal shows it."""

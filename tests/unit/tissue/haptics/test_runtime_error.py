@@ -20,6 +20,7 @@ from lumbar.tissue.haptics.judgement import judge
 from lumbar.tissue.haptics.runtime_error import runtime_error_table
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.perception.thresholds import Hands
 
 STEP = 0.01
 ORDER_3 = ([0.0, 21.0, -40.0, 19.6], [1.0, -0.4, 0.2, -0.05])
@@ -124,7 +125,9 @@ def ramp(samples: int) -> Record:
 def costs(samples: int, **settings) -> dict[str, dict]:
     spring = replace(arx(fitted("KB")), name="LE", structure=TransferFunction((SPRING,), (1.0,)))
     chosen = RuntimeSettings(models=("LE", "LE-thesis"), **settings)
-    table = runtime_error_table(find_models([spring], chosen), ramp(samples), chosen, 0.05, "synthetic twin")
+    table = runtime_error_table(
+        find_models([spring], chosen), ramp(samples), chosen, 0.05, Hands.of(), "synthetic twin"
+    )
     return {row["model"]: row for row in table.frame.to_dict("records")}
 
 

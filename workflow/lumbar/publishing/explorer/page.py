@@ -142,6 +142,7 @@ class ExplorerPage:
             "findings": [item.sentence for item in verdict.findings],
             "sure": how_sure(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {experiment.output_unit}",
+            "felt": self._felt_words,
             "records": sorted(self.records, key=lambda record: not record.trained),
             "groups": _grouped(self.models),
             "others_remark": self.others_remark,
@@ -161,6 +162,13 @@ class ExplorerPage:
         }
 
     @property
+    def _felt_words(self) -> str:
+        """Error that a hand just feels, noise and all; empty where that is not known."""
+        felt = self.verdict.experiment.error_just_felt
+        unit = self.verdict.experiment.output_unit
+        return "" if felt is None else f"{felt.value:.2g} {unit} ({felt.low:.2g} to {felt.high:.2g})"
+
+    @property
     def title(self) -> str:
         """Title of the page."""
         return f"Diagnosis of the {self.verdict.base.fit.structure.base.name} model"
@@ -178,11 +186,13 @@ class ExplorerPage:
 
     def _content(self, served: bool) -> dict[str, Any]:
         """What the page's script knows: models with errors, and sentences, by key."""
-        verdict, floor = self.verdict, self.verdict.experiment.floor
+        verdict, experiment = self.verdict, self.verdict.experiment
+        floor = experiment.floor
         located = {model_key(()): self.base_on_records, model_key(verdict.selected): self.evidence.remaining}
         return {
-            "unit": verdict.experiment.output_unit,
+            "unit": experiment.output_unit,
             "noise_rms": None if floor is None else floor.rms,
+            "felt_rms": experiment.error_just_felt and experiment.error_just_felt.value,
             "window_s": _FIRST_SHOWN_S if floor is None else floor.period,
             "base": model_name(verdict.base.fit),
             "selected": list(verdict.selected),

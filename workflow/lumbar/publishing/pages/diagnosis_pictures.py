@@ -41,7 +41,12 @@ def draw_pictures(
     figures = {
         "comparison": comparison_figure(shown.record, shown.values, comparisons, base),
         "location": location_figure(trained.location),
-        "ladder": ladder_figure(ladder_rungs(content), content["unit"], content["noise_floor_rms"]),
+        "ladder": ladder_figure(
+            ladder_rungs(content),
+            content["unit"],
+            content["noise_floor_rms"],
+            diagnosis.experiment.error_just_felt,
+        ),
         "signatures": signature_figure(
             pictured_effects(diagnosis, catalogue), diagnosis.base.fit.structure.base.system
         ),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
+from lumbar.tissue.diagnosis.residuals.felt_where import located_sentences
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence
 from lumbar.tissue.models.printing import equation_mathml
 
@@ -114,7 +115,7 @@ def location_page(simulated: list[ResidualReport], model: str, data: str, pictur
     blocks = []
     for item in simulated:
         name = item.record.name
-        headline, *sentences = item.location.sentences
+        headline, *sentences = located_sentences(item)
         blocks += [
             heading(name),
             paragraph(headline, "headline"),

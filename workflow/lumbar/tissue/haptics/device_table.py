@@ -10,11 +10,13 @@ from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.haptics.judgement import Judgement, analyse, judge_exported
+from lumbar.tissue.haptics.held_force import felt_on_device
+from lumbar.tissue.haptics.judgement import Judgement, analyse, felt_words, judge_exported
 from lumbar.tissue.haptics.passivity import FASTEST_HZ
 from lumbar.tissue.haptics.rendered_model import REACH_MM, render_model, renderable
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
 from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.perception.thresholds import Hands
 
 
 def device_table(
@@ -37,6 +39,7 @@ def device_table(
             "stable_share_percent": 100 * item.hands.share if item.hands else None,
             "worst_hand": item.hands.worst if item.hands else "",
             "oscillation_N": item.run.peak_to_peak,
+            "felt_jnd": item.felt and item.felt.jnd.value,
         }
         for item in judgements
     ]
@@ -137,6 +140,9 @@ def with_device(
             sentences.append(
                 f"Read as FMI 2.0 reads, the position set after, by the analysis: {late.finding}."
             )
+        felt = felt_on_device(model, source, settings, Hands.of())
+        if felt is not None:
+            sentences.append(f"{felt_words(felt).capitalize()}.")
         told.append(replace(model, on_device=tuple(sentences)))
     _tell(unsafe, device)
     return told

@@ -17,6 +17,7 @@ from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.conventions import RECORD
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
+from lumbar.tissue.haptics.held_force import felt_on_device
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import (
     RenderedModel,
@@ -38,6 +39,8 @@ from lumbar.tissue.haptics.simulation import (
 from lumbar.tissue.haptics.stable_share import StableShare, stable_share
 from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.perception.felt import Felt
+from lumbar.tissue.perception.thresholds import Hands
 
 PUSHES_MM = (PUSH_MM, PUSH_MM / 10.0)
 """Depths that a model which is not linear is pushed to."""
@@ -221,6 +224,8 @@ class Judgement:
     lowest_stable_rate: float | None = None
     """`lowest_passive_rate`, `lowest_stable_rate`: in Hz; None where there is none, or where the model has effects and
     only its own rate was looked at."""
+    felt: Felt | None = None
+    """What rate, moving average and delay change to a hand (`felt_on_device`)."""
 
     @property
     def passive(self) -> bool:
@@ -242,7 +247,8 @@ class Judgement:
         elif analysis.stable and not run.calm:
             state = "UNSTABLE by the simulation"
         hands = f"; {self.hands.finding}" if self.hands else ""
-        return f"{analysis.name} at {analysis.clocks}: {state} ({analysis.numbers}; simulated, {run.outcome}{hands})"
+        felt = f"; {felt_words(self.felt)}" if self.felt else ""
+        return f"{analysis.name} at {analysis.clocks}: {state} ({analysis.numbers}; simulated, {run.outcome}{hands}){felt}"
 
     @property
     def safe(self) -> bool:
@@ -252,8 +258,10 @@ class Judgement:
         )
 
 
-def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[list[Judgement], list[str]]:
-    """Judge models as they are exported, and at the rate of the servo.
+def judge(
+    models: Sequence[FittedModel], settings: RuntimeSettings, hands: Hands | None = None
+) -> tuple[list[Judgement], list[str]]:
+    """Judge models as they are exported and at the rate of the servo, and what `hands` feel of it (default the literature's).
 
     Returns
     -------
@@ -288,7 +296,9 @@ def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[lis
             else:
                 passive, stable = lowest
                 judged = judge_exported(exported, settings, model)
-                found.append(replace(judged, lowest_passive_rate=passive, lowest_stable_rate=stable))
+                felt = felt_on_device(exported, model, settings, hands or Hands.of())
+                rates = {"lowest_passive_rate": passive, "lowest_stable_rate": stable}
+                found.append(replace(judged, **rates, felt=felt))
     return found, list(dict.fromkeys(refused))
 
 
@@ -398,3 +408,11 @@ def oscillating_and_calm(judgements: Sequence[Judgement]) -> tuple[Judgement, Ju
         return (fitted and fitted.scores.vaf_percent) or 0.0
 
     return max(pairs, key=fit, default=None)
+
+
+def felt_words(felt: Felt) -> str:
+    """What rate, moving average and delay change to a hand."""
+    return (
+        f"to a hand rate, average and delay change a push by {felt.jnd.value:.2g} times what it just notices "
+        f"({felt.jnd.low:.2g} to {felt.jnd.high:.2g})"
+    )

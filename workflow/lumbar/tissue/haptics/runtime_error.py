@@ -14,6 +14,8 @@ from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, expo
 from lumbar.tissue.fmu.build.reference_response import model_output, reference_output
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.perception.felt import felt_columns, force_difference
+from lumbar.tissue.perception.thresholds import Hands
 
 _WITHIN = 1e-3
 """Share of a sample within which an instant counts as reached, as in ``sampled_force.c``."""
@@ -26,18 +28,21 @@ def runtime_error_table(
     record: Record,
     settings: RuntimeSettings,
     settling_s: float | None,
+    hands: Hands,
     data: str,
 ) -> Table:
     """Return the table model × step, one row per model of `find_models` as it is exported.
 
     All files are given the position of the record, and `settling_s` seconds at its start do not count.
     """
-    rows = [_row(model, record, settings, settling_s) for model in models]
+    rows = [_row(model, record, settings, settling_s, hands) for model in models]
     words = {"record": record.name, "unit": models[0].output.unit}
     return described(__file__, "runtime_error", rows, data, words)
 
 
-def _row(model: FittedModel, record: Record, settings: RuntimeSettings, settling_s: float | None) -> dict:
+def _row(
+    model: FittedModel, record: Record, settings: RuntimeSettings, settling_s: float | None, hands: Hands
+) -> dict:
     (exported,) = export_models([model], settings)
     prompt = _with_newest(model, exported, settings)
     late = exported.dynamics.delay - prompt.dynamics.delay
@@ -56,6 +61,11 @@ def _row(model: FittedModel, record: Record, settings: RuntimeSettings, settling
     def rms(values: np.ndarray) -> float:
         return round(float(np.sqrt(np.mean(values[settled] ** 2))), _DIGITS)
 
+    own, file = steps[0][settled], steps[-1][settled]
+    met = force_difference(
+        own, file, model.output.unit, record["input"][settled], record.sampling_time, hands
+    )
+    felt = felt_columns(met and met.felt)
     changes = [rms(after - before) for before, after in pairwise(steps)]
     return {
         "model": model.name,
@@ -65,6 +75,8 @@ def _row(model: FittedModel, record: Record, settings: RuntimeSettings, settling
         **dict(zip(("sampling", "average", "late_sample", "limit"), changes, strict=True)),
         "all": rms(steps[-1] - steps[0]),
         "file_error": rms(steps[-1] - record["output"]),
+        "file_felt_jnd": felt["felt_jnd"],
+        "file_told_apart_percent": felt["told_apart_percent"],
         "file_error_fmi2": rms(as_fmi2 - record["output"]),
     }
 

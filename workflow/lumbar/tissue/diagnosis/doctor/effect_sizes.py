@@ -75,6 +75,8 @@ class EffectSize:
     """RMS of its force in the records that were diagnosed; None where these motions do not call the effect forth."""
     outcome: Outcome | None = None
     """What was said of them. Sizes are in the output's unit."""
+    felt: float | None = None
+    """Smallest RMS of its force that a hand would feel beside the model without it; None where the output is no force."""
 
     @property
     def is_named(self) -> bool:
@@ -110,7 +112,9 @@ def effect_size(truth: Truth, effect: Effect, least_gain: float, diagnose: Diagn
         truth.records(injection.at(put_in)), len(model.structure.forms) + 1, diagnose
     )
     outcome = judge_effect(found, effect.name, model.structure.effects, model.structure.base.name)
-    return EffectSize(form, injection, own, predicted, put_in, outcome)
+    experiment = truth.verdict.experiment
+    felt = injection.just_felt(put_in, experiment.output_unit, experiment.hands)
+    return EffectSize(form, injection, own, predicted, put_in, outcome, felt)
 
 
 def _least_visible(truth: Truth, injection: Injection, least_gain: float) -> float:

@@ -17,6 +17,8 @@ from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.perception.felt import force_difference
+from lumbar.tissue.perception.thresholds import Hands
 
 _LARGEST = 10.0
 """RMS of the response, in those of the record, up to which a parallel form's force is scaled."""
@@ -215,6 +217,14 @@ class Injection:
         """RMS of what another model adds to the one without the effect, over the samples that count."""
         added = fit.simulate(self.data.motion) - self._without
         return float(np.sqrt(np.mean(self.data.trim(added) ** 2)))
+
+    def just_felt(self, rms: float, unit: str, hands: Hands) -> float | None:
+        """RMS of the force that a hand just feels, to first order about this RMS; None where the output is no force."""
+        motion, without = self.data.motion, self._without
+        fit = self.at(rms)
+        force = fit.simulate(motion)
+        met = force_difference(without, force, unit, motion.position, motion.sampling_time, hands)
+        return None if met is None or not met.felt.jnd.value else self.rms(fit) / met.felt.jnd.value
 
     @cached_property
     def _without(self) -> np.ndarray:

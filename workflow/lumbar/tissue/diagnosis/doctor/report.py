@@ -26,6 +26,7 @@ def effect_row(item: EffectSize, found: Examination) -> dict:
         "form": item.form.name,
         "predicted": item.predicted,
         "predicted_over_noise": None if item.predicted is None else item.predicted / noise,
+        "felt": item.felt,
         "put_in": item.put_in,
         "put_in_over_noise": None if item.put_in is None else item.put_in / noise,
         "said": item.words,
@@ -102,10 +103,10 @@ def terminal_text(found: Examination) -> str:
 
 def _effects_text(found: Examination) -> str:
     unit, noise = found.truth.verdict.experiment.output_unit, found.truth.noise
-    rows = [["effect", f"predicted ({unit})", "in noises", "put in", "said"]]
+    rows = [["effect", f"predicted ({unit})", "in noises", f"felt ({unit})", "put in", "said"]]
     for item in found.effects:
         row = effect_row(item, found)
-        numbers = (row[name] for name in ("predicted", "predicted_over_noise", "put_in_over_noise"))
+        numbers = (row[name] for name in ("predicted", "predicted_over_noise", "felt", "put_in_over_noise"))
         rows.append(
             [
                 readable(item.form.effect) + ("*" if item.present is not None else ""),
@@ -113,7 +114,7 @@ def _effects_text(found: Examination) -> str:
                 row["said"],
             ]
         )
-    lines = _in_columns(rows, numbers=(1, 2, 3))
+    lines = _in_columns(rows, numbers=(1, 2, 3, 4))
     lines += [
         f"* in your records already: {readable(item.form.effect)}, {item.present:.3g} {unit} RMS, "
         f"{item.present / noise:.2g} times the noise"

@@ -194,7 +194,17 @@ _WIDE = 0.5
 """Half width of an interval, as a share of the value, from which on a parameter is poorly known."""
 _NAMED = 4
 """Effects named as the hardest to see."""
-LADDER_COLUMNS = ("rung", "effects", "forms", "train_rms", "test_rms", "unit", "noise_floor_rms", "data")
+LADDER_COLUMNS = (
+    "rung",
+    "effects",
+    "forms",
+    "train_rms",
+    "test_rms",
+    "unit",
+    "noise_floor_rms",
+    "just_felt_rms",
+    "data",
+)
 EXCITATION = "separating_excitation.csv"
 
 
@@ -377,11 +387,18 @@ def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dic
 
 def ladder_csv(diagnosis: Verdict, data: str) -> str:
     """Return the error ladder: base, base and first effect, …."""
-    floor, unit, text = diagnosis.experiment.floor, diagnosis.experiment.output_unit, io.StringIO()
+    experiment, text = diagnosis.experiment, io.StringIO()
+    felt, floor = experiment.error_just_felt, experiment.floor
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(LADDER_COLUMNS)
     for number, item in enumerate(diagnosis.path):
         forms = "+".join(form.name for form in item.fit.structure.forms)
-        errors = item.train_rms, item.test_rms, unit, floor and floor.rms
+        errors = (
+            item.train_rms,
+            item.test_rms,
+            experiment.output_unit,
+            floor and floor.rms,
+            felt and felt.value,
+        )
         writer.writerow((number, "+".join(item.effects), forms, *errors, data))
     return text.getvalue()

@@ -35,6 +35,7 @@ from lumbar.tissue.diagnosis.residuals.time_frequency import frequency_view, tim
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.perception.thresholds import Hands
 
 VIEWS = (
     time_view,
@@ -210,9 +211,11 @@ def residual_reports(
     for number, record in enumerate(track(records, "records compared and located")):
         values, source = simulated[number], _floor_from(record, experiment)
         start = _start(record, experiment)
-        comparison = compare_record(record, values, experiment.floor, source, start, seed + number)
+        comparison = compare_record(
+            record, values, experiment.floor, source, start, seed + number, experiment.hands
+        )
         location = _location(record, residuals[number], causes)
-        found.append(ResidualReport(record, values, comparison, location))
+        found.append(ResidualReport(record, values, comparison, location, experiment.hands))
     return found
 
 
@@ -225,6 +228,8 @@ class ResidualReport:
     """Shape (samples,): free run."""
     comparison: Comparison
     location: Location
+    hands: Hands
+    """What hands can tell."""
 
 
 def all_records_sentence(locations: Sequence[Location]) -> str:

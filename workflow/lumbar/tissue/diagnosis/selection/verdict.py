@@ -115,7 +115,7 @@ class Verdict:
 
     def to_json(self) -> dict:
         """Return the content of ``diagnosis.json`` (schema ``lumbar.diagnosis/1``)."""
-        floor = self.experiment.floor
+        floor, felt = self.experiment.floor, self.experiment.error_just_felt
         return {
             "schema": "lumbar.diagnosis/1",
             "base": self.base.fit.structure.base.name,
@@ -130,6 +130,7 @@ class Verdict:
             "findings": [item.to_json() for item in self.findings],
             "chain": None if self.chain is None else self.chain.to_json(),
             "noise_floor_rms": None if floor is None else floor.rms,
+            "just_felt_rms": None if felt is None else felt._asdict(),
             "explainable_share_removed": self.explainable_share_removed,
             "ranking": [_ranked_json(item) for item in self.ranking],
             "ladder": [

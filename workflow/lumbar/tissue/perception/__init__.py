@@ -1,0 +1,1 @@
+"""What a hand can tell: thresholds with their sources, and a difference of two forces in their units."""
