@@ -1,15 +1,14 @@
 """``Lift.body_model``: the same lift by one model fitted to all markers, with standard deviations and intervals."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_csv
@@ -18,13 +17,9 @@ from lumbar.lifting.body_model.pendulums import COLUMNS as AREAS
 from lumbar.lifting.body_model.pendulums import MARKERS, ModelledLift, basin_intervals, model_of_lift
 from lumbar.lifting.body_model.pendulums import STATE_COLUMNS as STATES
 from lumbar.lifting.movement.lift import AnalysedLift, no_deposit
+from lumbar.settings.lifting import BodyModelSettings, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from lumbar.settings.lifting import LiftingSettings
-    from lumbar.settings.subject import SubjectSettings, TrialSettings
+from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,8 +103,6 @@ def body_model(
     InputError
         The lift has no deposit, or its file too few markers of pelvis or thorax.
     """
-    from lumbar.settings.lifting import BodyModelSettings
-
     reason = no_deposit(analysed.events)
     if reason:
         raise InputError(
@@ -122,7 +115,5 @@ def body_model(
 
 def save_without_model(folder: str | os.PathLike) -> None:
     """Write the tables of a lift that has no body model: columns without rows."""
-    import pandas as pd
-
     for name, columns in {"pendulum": STATES, "markers": MARKERS, "areas": AREAS}.items():
         write_csv(Path(folder) / f"body_model_{name}.csv", pd.DataFrame(columns=[*columns, "data"]))

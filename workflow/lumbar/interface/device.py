@@ -12,15 +12,20 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.verb import NOT_SAID, Result
 from lumbar.settings.runtime import Platform, RuntimeSettings
+from lumbar.tables.table import Table
+from lumbar.tissue.effects.catalogue import catalogues_with
+from lumbar.tissue.fmu.build.compiler import cache_folder, resolve_targets
+from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, export_models, find_models
+from lumbar.tissue.haptics.device_table import device_table, device_text, with_device
+from lumbar.tissue.haptics.judgement import Judgement, judge, oscillating_and_calm
+from lumbar.tissue.haptics.passivity import z_width
 from lumbar.tissue.models.fitted_model import FittedModel, read_models
 from lumbar.tissue.perception.thresholds import Hands
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from lumbar.tables.table import Table
     from lumbar.tissue.fmu.check.file_check import FileCheck
-    from lumbar.tissue.haptics.judgement import Judgement
 
 
 def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLike] = ()) -> list[FittedModel]:
@@ -48,8 +53,6 @@ def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLik
 
 
 def _read(path: Path, effect_files) -> tuple[list[FittedModel], str]:
-    from lumbar.tissue.effects.catalogue import catalogues_with
-
     content = read_json(path)
     models = read_models(content, catalogues_with(list(effect_files), content), str(path))
     return models, content.get("data") or path.name
@@ -111,11 +114,8 @@ def export_fmu(
     >>> lumbar.export_fmu("refined/refined.json", "fmu", rate_Hz=1000)  # doctest: +SKIP
     [PosixPath('fmu/KB+coulomb_friction_fmi2.fmu'), PosixPath('fmu/KB+coulomb_friction_fmi3.fmu')]
     """
-    from lumbar.tissue.fmu.build.compiler import cache_folder, resolve_targets
-    from lumbar.tissue.fmu.build.export_model import export_models
     from lumbar.tissue.fmu.build.package import export_fmus
     from lumbar.tissue.fmu.check.file_check import check_new_files
-    from lumbar.tissue.haptics.device_table import with_device
 
     settings = settings or RuntimeSettings()
     settings = replace(
@@ -138,8 +138,6 @@ def chosen_models(
     model, settings: RuntimeSettings, names, trained_on: str | None, effect_files
 ) -> tuple[list[FittedModel], str]:
     """Models that are given, or meant of a file, and words for the source of their data; rest as of `export_fmu`."""
-    from lumbar.tissue.fmu.build.export_model import find_models
-
     if not isinstance(model, str | os.PathLike):
         return [model] if isinstance(model, FittedModel) else list(model), NOT_SAID
     fitted, read_from = _read(Path(model), effect_files)
@@ -204,8 +202,6 @@ def check_fmu(
     >>> print(*lumbar.check_fmu("fmu/KB_fmi3.fmu"))  # doctest: +SKIP
     KB_fmi3.fmu: sound; plays its reference, and its sources give the same library
     """
-    from lumbar.tissue.effects.catalogue import catalogues_with
-    from lumbar.tissue.fmu.build.compiler import cache_folder
     from lumbar.tissue.fmu.check.file_check import all_sound, check_files
 
     known = catalogues_with([Path(item) for item in effect_files])
@@ -299,8 +295,6 @@ def rendering_of(
     models: Sequence[FittedModel], settings: RuntimeSettings, data: str, hands: Hands | None = None
 ) -> Rendering:
     """Judge models on the device of the settings; models that cannot be rendered are refused with the reason, not an error."""
-    from lumbar.tissue.haptics.judgement import judge
-
     judgements, refused = judge(models, settings, hands)
     return Rendering(tuple(judgements), tuple(refused), settings, data)
 
@@ -330,15 +324,11 @@ class Rendering(Result):
     @property
     def table(self) -> Table:
         """Model × device, with the definition of every number."""
-        from lumbar.tissue.haptics.device_table import device_table
-
         return device_table(self.judgements, self.refused, self.settings, self.data)
 
     @property
     def linear(self) -> list[FittedModel]:
         """The transfer functions among the models, each once, without those that have one rate alone, as the thesis ran them."""
-        from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS
-
         given = [item.fitted for item in self if item.fitted is not None and item.fitted.discrete]
         return list({model.name: model for model in given if not model.name.endswith(AS_IN_THESIS)}.values())
 
@@ -351,7 +341,6 @@ class Rendering(Result):
             If no model is a transfer function.
         """
         from lumbar.publishing.figures.runtime_figures import z_width_figure
-        from lumbar.tissue.haptics.passivity import z_width
 
         if not self.linear:
             raise InputError("the Z-width needs a model of models.json: none of these is a transfer function")
@@ -360,7 +349,6 @@ class Rendering(Result):
     def loop_figure(self) -> Figure:
         """The loop that oscillates beside the mended one, of the best fitting model that has both; else the first two loops."""
         from lumbar.publishing.figures.runtime_figures import loop_figure
-        from lumbar.tissue.haptics.judgement import oscillating_and_calm
 
         return loop_figure(oscillating_and_calm(self.judgements) or self.judgements[:2])
 
@@ -376,8 +364,6 @@ class Rendering(Result):
 
     def __str__(self) -> str:
         """Device and hand, then one paragraph per loop."""
-        from lumbar.tissue.haptics.device_table import device_text
-
         return "\n".join([device_text(self.settings.device), *map(_loop_sentence, self), *self.refused])
 
 

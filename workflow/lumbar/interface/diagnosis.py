@@ -13,20 +13,31 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import write_json, write_text
 from lumbar.interface.refinement import Refinement, fit_effects
 from lumbar.interface.verb import label_of, settings_or_default
+from lumbar.publishing.explorer.shown import candidates_of, model_key
 from lumbar.records.record import Record, forced
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
+from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
+from lumbar.tissue.diagnosis.evidence.evidence import Evidence, gather_evidence, write_diagnosis
+from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.law.chain import with_chain
+from lumbar.tissue.diagnosis.law.proposal import Proposal, effect_text, surface_model, with_law
+from lumbar.tissue.diagnosis.law.proposal import propose as propose_law
+from lumbar.tissue.diagnosis.residuals.compare import comparison_table
+from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate, location_table
+from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
+from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, details, headline
+from lumbar.tissue.effects.notation import check_name
+from lumbar.tissue.identification.identify_tissue import without_intervals
+from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 
 if TYPE_CHECKING:
     from lumbar.publishing.explorer.page import ExplorerPage
-    from lumbar.tissue.diagnosis.evidence.evidence import Evidence
-    from lumbar.tissue.diagnosis.law.proposal import Proposal
-    from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
-    from lumbar.tissue.diagnosis.selection.candidate import Candidate
-    from lumbar.tissue.diagnosis.selection.verdict import Verdict
-    from lumbar.tissue.models.fitted_model import FittedModel
 
 STATIC = "points of a static test, without a clock"
 FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
@@ -76,9 +87,6 @@ def diagnose(
     >>> print(str(diagnosis).splitlines()[0])
     The KB model is missing coulomb friction: with it the error on unseen records falls by 96 %, from 0.225 to 0.0099 N.
     """
-    from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
-    from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
-
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
     data = label_of(data, records)
@@ -97,11 +105,8 @@ def diagnose(
 
 def _beyond_catalogue(verdict: Verdict, proposing: bool) -> tuple[Verdict, Proposal | None]:
     """Look for a chain of a curve and filters, and for a law, in what no effect explains."""
-    from lumbar.tissue.diagnosis.law.chain import with_chain
-    from lumbar.tissue.diagnosis.law.proposal import propose, with_law
-
     verdict = with_chain(verdict)
-    proposal = propose(verdict.experiment, verdict.base, verdict.model) if proposing else None
+    proposal = propose_law(verdict.experiment, verdict.base, verdict.model) if proposing else None
     return with_law(verdict, proposal), proposal
 
 
@@ -159,8 +164,6 @@ class Diagnosis:
     @cached_property
     def models(self) -> list[FittedModel]:
         """Base, base and first effect, …."""
-        from lumbar.tissue.diagnosis.selection.refine import fitted_model
-
         return [fitted_model(item, self.verdict.experiment) for item in self.verdict.path]
 
     @property
@@ -171,15 +174,11 @@ class Diagnosis:
     @cached_property
     def evidence(self) -> Evidence:
         """Ties, the experiment that settles them, what these records would have shown, what remains."""
-        from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
-
         return gather_evidence(self.verdict, self.settings, self.study.seed, self.study.signals.machine)
 
     @cached_property
     def base_on_records(self) -> list[ResidualReport]:
         """The base model beside every record, and where it fails."""
-        from lumbar.tissue.diagnosis.residuals.locate import compare_and_locate
-
         return compare_and_locate(self.verdict.experiment, self.verdict.base.fit, self.study.seed)
 
     @cached_property
@@ -187,17 +186,12 @@ class Diagnosis:
         """Models that name no mechanism: linear dynamics of higher order, a surface in the place of a formula."""
         found = [self.verdict.linear]
         if self.proposal is not None and self.proposal.is_surface:
-            from lumbar.tissue.diagnosis.law.proposal import surface_model
-
             found.append(surface_model(self.proposal, self.data))
         return [item for item in found if item is not None]
 
     @property
     def sentences(self) -> list[str]:
         """The verdict, then what a reader asks next."""
-        from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
-        from lumbar.tissue.diagnosis.selection.verdict import details, headline
-
         lines = [headline(self.verdict), *details(self.verdict, self.candidates)]
         if self.evidence.separation is not None:
             lines.append(separation_sentence(self.evidence.separation, self.verdict))
@@ -218,8 +212,6 @@ class Diagnosis:
         Models that the search fitted are taken from it, in whatever order their effects were added there; others are
         fitted now, as by `refit`.
         """
-        from lumbar.publishing.explorer.shown import candidates_of, model_key
-
         effects = list(effects)
         known = {model_key(item.effects): item for item in candidates_of(self.verdict)}
         if model_key(effects) not in known:
@@ -237,8 +229,6 @@ class Diagnosis:
         InputError
             For a pendulum: the library of terms is that of tissue. For records with the force as input.
         """
-        from lumbar.tissue.diagnosis.law.proposal import propose
-
         if self.settings.system != "tissue":
             raise InputError(
                 f"base {self.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
@@ -250,7 +240,7 @@ class Diagnosis:
             raise InputError(
                 f"{STATIC}: laws are proposed for motions; lumbar diagnose fits the catalogue's static laws"
             )
-        proposal = self.proposal or propose(verdict.experiment, verdict.base, verdict.model)
+        proposal = self.proposal or propose_law(verdict.experiment, verdict.base, verdict.model)
         return ProposedLaw(proposal, self.candidates, self.data)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
@@ -296,7 +286,6 @@ class Diagnosis:
         from lumbar.interface.python_code import fitting_code
         from lumbar.publishing.explorer.page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_sections
-        from lumbar.tissue.diagnosis.selection.refine import fitted_model
 
         beside = self.thesis_models if thesis else NOT_IDENTIFIED
         own = [fitted_model(item, self.verdict.experiment) for item in self._without_names]
@@ -327,9 +316,6 @@ class Diagnosis:
         effects : iterable of str, optional
             Effects of the model in ``refined.json``; default those that were selected.
         """
-        from lumbar.tissue.diagnosis.evidence.evidence import write_diagnosis
-        from lumbar.tissue.diagnosis.selection.refine import refined_document
-
         folder = Path(folder)
         write_diagnosis(self.verdict, lambda: self.evidence, folder, self.data)
         kept = self.verdict if effects is None else self.with_effects(effects)
@@ -352,9 +338,6 @@ class Diagnosis:
 
     def _save_pictures(self, folder: Path) -> dict[str, Path]:
         from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
-        from lumbar.tissue.diagnosis.residuals.compare import comparison_table
-        from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
-        from lumbar.tissue.diagnosis.residuals.locate import location_table
 
         simulated = self.base_on_records
         comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
@@ -403,9 +386,6 @@ class ProposedLaw:
         InputError
             If no law is proposed, or the name cannot be an effect's.
         """
-        from lumbar.tissue.diagnosis.law.proposal import effect_text
-        from lumbar.tissue.effects.notation import check_name
-
         if not self.found:
             raise InputError(f"no effect to write: {self.sentences[0]}")
         check_name(name, self.candidates)
@@ -458,8 +438,6 @@ NOT_IDENTIFIED = ThesisModels(
 
 def thesis_models(verdict: Verdict, settings: TissueSettings) -> ThesisModels:
     """Identify the thesis's models on the longest record that the diagnosis was trained on; of a pendulum there are none."""
-    from lumbar.tissue.identification.identify_tissue import without_intervals
-
     if verdict.base.fit.structure.base.system != "tissue":
         return ThesisModels()
     experiment = verdict.experiment

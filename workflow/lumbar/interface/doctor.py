@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
@@ -15,12 +15,15 @@ from lumbar.interface.diagnosis import Diagnosis, diagnose
 from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record, require_clock
 from lumbar.settings.study_settings import StudySettings
-
-if TYPE_CHECKING:
-    from lumbar.tables.table import Table
-    from lumbar.tissue.diagnosis.doctor.effect_sizes import EffectSize
-    from lumbar.tissue.diagnosis.doctor.examination import Examination
-    from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tables.table import Table
+from lumbar.tissue.diagnosis.doctor.effect_sizes import EffectSize
+from lumbar.tissue.diagnosis.doctor.examination import Examination, examine
+from lumbar.tissue.diagnosis.doctor.report import effects_table, terminal_text, to_json
+from lumbar.tissue.diagnosis.evidence.discrimination import motion_csv
+from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.effects.catalogue import choose
 
 
 def doctor(
@@ -60,11 +63,6 @@ def doctor(
     >>> found["coulomb_friction"].words
     'named'
     """
-    from lumbar.tissue.diagnosis.doctor.examination import examine
-    from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
-    from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-    from lumbar.tissue.effects.catalogue import choose
-
     data, records = label_of(data, records), list(records)
     # What is asked is whether an effect of the catalogue would be named: no law is looked for in hundreds of records.
     settings = settings_or_default(settings)
@@ -117,14 +115,10 @@ class Examined(Result):
     @cached_property
     def table(self) -> Table:
         """From what size on each effect would have been named."""
-        from lumbar.tissue.diagnosis.doctor.report import effects_table
-
         return effects_table(self.examination, self.data)
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``doctor.json`` and the table ``doctor``."""
-        from lumbar.tissue.diagnosis.doctor.report import to_json
-
         yield "doctor", self.table
         yield "doctor.json", to_json(self.examination, self.data)
 
@@ -136,8 +130,6 @@ class Examined(Result):
         InputError
             Where no excitation within the machine's limits would help.
         """
-        from lumbar.tissue.diagnosis.evidence.discrimination import motion_csv
-
         further = self.examination.further
         if further is None:
             raise InputError(
@@ -147,8 +139,6 @@ class Examined(Result):
         write_text(Path(path), motion_csv(further.excitation.motion, unit))
 
     def __str__(self) -> str:
-        from lumbar.tissue.diagnosis.doctor.report import terminal_text
-
         return terminal_text(self.examination)
 
     def __repr__(self) -> str:

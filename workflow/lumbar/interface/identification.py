@@ -7,12 +7,22 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from lumbar.base.errors import InputError
 from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record, RecordSet, require_clock
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
+from lumbar.tables.table import Table
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
+from lumbar.tissue.diagnosis.selection.refine import refined_fit
+from lumbar.tissue.identification.identify_tissue import distinct, given_model
+from lumbar.tissue.identification.identify_tissue import identify as identify_one
+from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1
+from lumbar.tissue.identification.static_models import felt_on, static_or_dynamic_table
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.model_data import ARX
@@ -20,10 +30,8 @@ from lumbar.tissue.perception.thresholds import Hands
 
 if TYPE_CHECKING:
     import numpy as np
-    import pandas as pd
     from matplotlib.figure import Figure
 
-    from lumbar.tables.table import Table
     from lumbar.tissue.haptics.passive_models import PassiveFits
 
 
@@ -64,13 +72,6 @@ def identify(
     >>> f"{stiffness.value:.2f} {stiffness.unit}"
     '0.62 N/mm'
     """
-    import pandas as pd
-
-    from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-    from lumbar.tissue.diagnosis.selection.refine import refined_fit
-    from lumbar.tissue.identification.identify_tissue import given_model
-    from lumbar.tissue.identification.identify_tissue import identify as identify_one
-
     settings = settings_or_default(settings)
     tissue, improvement = settings.tissue, settings.improvement
     data, records = label_of(data, records), RecordSet(records)
@@ -141,9 +142,6 @@ class Identification(Result):
     @property
     def table_3_1(self) -> Table:
         """Error metrics of all models on all training records."""
-        from lumbar.tissue.identification.model_tables import table_3_1
-        from lumbar.tissue.identification.static_models import felt_on
-
         felt = [
             felt_on(self.records[str(model.trained_on)], model.simulate, *self._how_felt)
             if model.stable
@@ -155,8 +153,6 @@ class Identification(Result):
     @cached_property
     def _noise(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Frequencies and density of the noise of the first record that repeats; None where none does."""
-        from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
-
         floors = (noise_floor(record) for record in self.records)
         return next((floor.spectrum for floor in floors if floor is not None), None)
 
@@ -167,8 +163,6 @@ class Identification(Result):
     @property
     def static_or_dynamic(self) -> Table:
         """Static laws beside the models of the first training record: how much of what is felt needs time."""
-        from lumbar.tissue.identification.static_models import static_or_dynamic_table
-
         training = self.records[str(self.models[0].trained_on)]
         tests = [record for record in self.records if record is not training]
         return static_or_dynamic_table(self.models, training, tests, *self._how_felt, self.data)
@@ -176,8 +170,6 @@ class Identification(Result):
     @property
     def physical_parameters(self) -> Table:
         """Physical parameters with intervals."""
-        from lumbar.tissue.identification.model_tables import physical_parameters_table
-
         return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.data)
 
     def comparison_figure(self, record: Record) -> Figure:
@@ -224,7 +216,6 @@ class Identification(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``models.json``, ``search.csv``, tables ``table_3_1``, ``physical_parameters`` and ``static_or_dynamic``."""
-        from lumbar.tissue.identification.identify_tissue import distinct
 
         yield "models.json", models_document(distinct(self.models), self.data)
         yield "search.csv", self.search

@@ -20,6 +20,7 @@ from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.source_file import file_name, read_content
 from lumbar.records.importing.study_file import PROVENANCE, needs_study, write_folder
 from lumbar.records.record import RecordSet, same_units
+from lumbar.tissue.diagnosis.linear.direction import of_other_sign
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -190,8 +191,6 @@ def _sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]
 
 def _with_sign(recording: ImportedRecording, flipped: bool) -> ImportedRecording:
     """The recording with a note where its force is surely counted against the motion."""
-    from lumbar.tissue.diagnosis.linear.direction import of_other_sign
-
     reason = of_other_sign(recording.record)
     if not reason:
         return recording
@@ -246,8 +245,6 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         forward : bool
             Whether the load drove the tests and the motion was measured: the study takes the load for the input.
         """
-        from lumbar.interface.reading import is_column_file
-
         folder = Path(folder)
         there = sorted(folder.iterdir()) if folder.is_dir() else []
         return write_folder(

@@ -7,19 +7,27 @@ import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.files import replacing
+from lumbar.interface.lift import lift
+from lumbar.interface.reading import read
+from lumbar.lifting.movement.lift import NEW_STUDY
+from lumbar.lifting.quality.body import axes_found
+from lumbar.lifting.quality.gate import usable_markers
+from lumbar.lifting.quality.landmarks import landmarks
+from lumbar.lifting.quality.screening import Screening, meant_labels
+from lumbar.lifting.quality.sheet import QualitySheet, quality_sheet
+from lumbar.records.force_plates import read_force_plates
+from lumbar.records.ground_forces import ForcePlate
+from lumbar.records.marker_axes import rotation_to_standard
+from lumbar.records.markers import read_markers
+from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import Axis, MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.subject import SubjectSettings
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from lumbar.lifting.quality.sheet import QualitySheet
-    from lumbar.records.ground_forces import ForcePlate
 
 _STAND_IN = SubjectSettings(
     name="nobody", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
@@ -59,10 +67,6 @@ def inspect(
     >>> print(found.axes)
     up +z, forward +y
     """
-    from lumbar.lifting.quality.gate import usable_markers
-    from lumbar.lifting.quality.screening import Screening, meant_labels
-    from lumbar.lifting.quality.sheet import quality_sheet
-
     path = Path(path)
     if path.is_dir():
         raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
@@ -97,9 +101,6 @@ def inspect(
 
 
 def _read(path: Path, layout, screening):
-    from lumbar.records.markers import read_markers
-    from lumbar.records.unpacking import ending_of
-
     try:
         return read_markers(path, layout, screen=screening)
     except InputError as error:
@@ -111,8 +112,6 @@ def _read(path: Path, layout, screening):
 
 
 def _is_record(path: Path) -> bool:
-    from lumbar.interface.reading import read
-
     try:
         read(path)
     except InputError:
@@ -124,10 +123,6 @@ def _axes(
     points: dict[str, np.ndarray], meant: dict[str, str], layout: MarkerLayout
 ) -> tuple[Axis, Axis] | None:
     """Axes of the file by the body in it, undoing the settings' rotation."""
-    from lumbar.lifting.quality.body import axes_found
-    from lumbar.lifting.quality.landmarks import landmarks
-    from lumbar.records.marker_axes import rotation_to_standard
-
     named = {label: landmark for landmark, label in landmarks(points, meant).items()}
     rotation = rotation_to_standard(layout.up, layout.forward)
     return axes_found({label: positions @ rotation for label, positions in points.items()}, named)
@@ -135,8 +130,6 @@ def _axes(
 
 def _plates(path: Path, layout) -> list[ForcePlate] | str:
     """Force plates of the file, or why they cannot be read."""
-    from lumbar.records.force_plates import read_force_plates
-
     try:
         return read_force_plates(path, layout)
     except InputError as error:
@@ -145,8 +138,6 @@ def _plates(path: Path, layout) -> list[ForcePlate] | str:
 
 def _pipeline(path: Path, settings: LiftingSettings, height_m: float | None) -> tuple[bool, str]:
     """Whether a lift is analysed from the file with these settings, and what is found or why not."""
-    from lumbar.interface.lift import lift
-
     subject = replace(_STAND_IN, height_m=height_m or _STAND_IN.height_m)
     try:
         return True, str(lift(path, subject, 0.0, settings=settings))
@@ -198,8 +189,6 @@ class Inspected:
 
     def lines(self) -> list[str]:
         """Return all but the trajectories in sentences."""
-        from lumbar.lifting.movement.lift import NEW_STUDY
-
         sheet, (runs, words) = self.sheet, self.pipeline
         plates = self.plates if isinstance(self.plates, str) else ", ".join(map(repr, self.plates))
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
@@ -224,8 +213,6 @@ class Inspected:
 
     def _suggested(self) -> dict[str, str]:
         """Landmarks whose usual labels the file has, which no alias of the settings takes."""
-        from lumbar.lifting.quality.landmarks import landmarks
-
         known = landmarks(self.points, self.meant).items()
         return {name: label for name, label in known if label not in self.meant.values()}
 

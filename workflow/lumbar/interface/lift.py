@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from lumbar.base.errors import InputError
 from lumbar.interface.reading import MARKER_ENDINGS
 from lumbar.interface.verb import Result, data_label
@@ -16,7 +18,9 @@ from lumbar.lifting.movement import lift as lifting
 from lumbar.lifting.movement import lift_tables
 from lumbar.lifting.movement.event_detection import hands_doubt
 from lumbar.lifting.movement.events import comparison, event_sources
+from lumbar.lifting.movement.plate_check import PlateCheck, plate_check
 from lumbar.lifting.movement.rigid_filling import BodyFilling
+from lumbar.lifting.quality.screening import Screening, read_screened
 from lumbar.lifting.quality.sheet import QualitySheet
 from lumbar.records.markers import read_markers
 from lumbar.records.unpacking import ending_of
@@ -27,11 +31,9 @@ from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
 
     from lumbar.interface.body_model import LiftModel
-    from lumbar.lifting.movement.plate_check import PlateCheck
 
 TABLES = (".csv", ".tsv", ".mat")
 """Endings of files that may hold markers or anything else: in a folder they count where a trial names them."""
@@ -88,8 +90,6 @@ def lift(
     deposit_start: 5.820 s (box; 5.78 to 6.06)
     release: 7.070 s (box)
     """
-    from lumbar.lifting.quality.screening import read_screened
-
     subject = subject_of(subject)
     settings = settings or LiftingSettings()
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
@@ -114,8 +114,6 @@ def lift(
 
 def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> dict[str, np.ndarray]:
     """Markers of a static trial by their own labels, in metres and standard axes, without what cannot be a body's."""
-    from lumbar.lifting.quality.screening import Screening
-
     bare = replace(layout, aliases={}, required=None, check_axes=False)
     screening = Screening(height_m, layout.aliases)
     try:
@@ -199,8 +197,6 @@ class Lift(Result):
     @cached_property
     def plates(self) -> PlateCheck | None:
         """What the force plates of the recording, or of the trial's file of forces, say of the centre of mass; None without."""
-        from lumbar.lifting.movement.plate_check import plate_check
-
         return plate_check(self.analysed, self.subject, self.trial, self.settings, self.forces)
 
     @property

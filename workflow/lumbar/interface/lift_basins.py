@@ -7,20 +7,21 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import NOT_SAID, Result, read_table
+from lumbar.lifting.stability.basins import LiftBasins, basins_of_lift
+from lumbar.lifting.stability.comparison.table_4_1_grid import grid_areas
+from lumbar.lifting.stability.extended_basins import extended_basins
+from lumbar.lifting.stability.model.failures import failures_frame
+from lumbar.lifting.stability.model.trajectories import THESIS, Failure, LiftStates, Trajectory, headline
 from lumbar.settings.key import SEED
 from lumbar.settings.stability import StabilitySettings
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from lumbar.lifting.stability.basins import LiftBasins
-    from lumbar.lifting.stability.model.trajectories import Failure, LiftStates, Trajectory
 
 
 def basins(
@@ -66,8 +67,6 @@ def basins(
     pelvis, lateral_bending, hanging, unit time: 0.8726 rad²/s on average, 1.889 at first
     pelvis, flexion_extension, hanging, unit time: 0.8676 rad²/s on average, 1.876 at first
     """
-    from lumbar.lifting.stability.model.trajectories import LiftStates
-
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
         states, data = LiftStates(lift.states, lift.facts, lift.other_states), data or lift.data
@@ -79,8 +78,6 @@ def basins(
 
 def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
     """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pendulums.csv`` where it is there."""
-    from lumbar.lifting.stability.model.trajectories import LiftStates
-
     beside = path.with_suffix(".json")
     if facts is None and path.is_file() and not beside.is_file():
         raise InputError(
@@ -105,8 +102,6 @@ class Basins(Result):
 
     @cached_property
     def _found(self) -> tuple[list[Trajectory], list[Failure]]:
-        from lumbar.lifting.stability.model.trajectories import headline
-
         return self.states.trajectories(headline(self.settings, self.states.facts))
 
     @property
@@ -117,17 +112,12 @@ class Basins(Result):
     @cached_property
     def _basins(self) -> LiftBasins:
         """Areas, funnels and what could not be computed."""
-        from lumbar.lifting.stability.basins import basins_of_lift
-        from lumbar.lifting.stability.model.trajectories import THESIS
-
         as_in_thesis, _ = self.states.trajectories(THESIS)
         return basins_of_lift(self.trajectories, self.settings, self.seed, as_in_thesis)
 
     @cached_property
     def grid(self) -> pd.DataFrame:
         """Average cross-sections under every convention, each with its null control (θ0 = 0)."""
-        from lumbar.lifting.stability.comparison.table_4_1_grid import grid_areas
-
         return grid_areas(self.states, self.settings)
 
     @property
@@ -142,8 +132,6 @@ class Basins(Result):
 
     @cached_property
     def _extended(self) -> tuple[pd.DataFrame, list[Failure]]:
-        from lumbar.lifting.stability.extended_basins import extended_basins
-
         chosen = self.trajectories if "extended" in self.settings.checks else []
         return extended_basins(chosen, self.settings, self.seed)
 
@@ -154,8 +142,6 @@ class Basins(Result):
 
     def failures(self) -> pd.DataFrame:
         """Basins that could not be computed, with their reasons."""
-        from lumbar.lifting.stability.model.failures import failures_frame
-
         return failures_frame([*self._found[1], *self._basins.failures, *self._extended[1]])
 
     def files(self) -> Iterator[tuple[str, Any]]:

@@ -1,24 +1,21 @@
 """Several lifts of one person at once, from files or a folder."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.base.files import write_csv
 from lumbar.interface.lift import Lift, lift, lift_names, marker_files, without_pendulum
+from lumbar.interface.movement import measure_movement
+from lumbar.lifting.measures.lift_values import long_table
 from lumbar.lifting.movement.events import EVENTS, event_sources
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 COLUMNS = (
     *("lift", "file", "box_mass_kg"),
@@ -108,11 +105,6 @@ def lift_all(
     failed : list of str
         Names of the lifts without any result.
     """
-    import pandas as pd
-
-    from lumbar.interface.movement import measure_movement
-    from lumbar.lifting.measures.lift_values import long_table
-
     rows, failed, measured = [], [], []
     for item in lifts:
         try:

@@ -6,14 +6,16 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import NOT_SAID, read_table
+from lumbar.publishing.lift_page.lift_data import RecordedLift
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
-    from lumbar.publishing.lift_page.lift_data import RecordedLift
     from lumbar.publishing.lift_page.page import LiftPage
 
 FILES = ("body.csv", "com.csv", "pendulum.csv", "pendulum.json", "events.json")
@@ -67,17 +69,11 @@ def saved_lifts(folder: str | os.PathLike) -> list[Path]:
 
 
 def _analysed(lift: Lift, data: str) -> RecordedLift:
-    from lumbar.publishing.lift_page.lift_data import RecordedLift
-
     events = {name: event.as_dict() for name, event in lift.analysed.events.items()}
     return RecordedLift(lift.body, lift.analysed.pivot, lift.states, lift.facts, events, data or lift.data)
 
 
 def _saved(folder: Path, data: str) -> RecordedLift:
-    import numpy as np
-
-    from lumbar.publishing.lift_page.lift_data import RecordedLift
-
     absent = [name for name in FILES if not (folder / name).is_file()]
     if absent:
         raise InputError(f"{folder}: no {', '.join(absent)}; a folder that 'lumbar lift' writes is needed")

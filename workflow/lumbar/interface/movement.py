@@ -8,22 +8,25 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError, LumbarError
 from lumbar.base.files import read_json
-from lumbar.interface.lift import Lift
+from lumbar.interface.lift import Lift, lift
 from lumbar.interface.verb import NOT_SAID, Result, read_table
+from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
+from lumbar.lifting.measures.lift_values import values_of_lift
+from lumbar.lifting.measures.registry import MEASURES, WINDOWS
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.trajectories import COMS, PLANES, Trajectory, trajectories_of_lift
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
-
-    from lumbar.lifting.measures.course import Course
-    from lumbar.lifting.stability.model.trajectories import Trajectory
 
 
 def measure_movement(
@@ -94,8 +97,6 @@ class Measures(Result):
     @cached_property
     def course(self) -> Course:
         """All measures at every instant, and what is missing."""
-        from lumbar.lifting.measures.course import Lifter, course_of_lift
-
         gravity = self.settings.pendulum.gravity_m_s2
         return course_of_lift(Lifter(self.body, self.facts, self.settings.measures, gravity))
 
@@ -107,8 +108,6 @@ class Measures(Result):
     @cached_property
     def values(self) -> pd.DataFrame:
         """One row per measure and plane: value, unit, which way is safer, source, or why there is none."""
-        from lumbar.lifting.measures.lift_values import values_of_lift
-
         return values_of_lift(self.course, self.facts)
 
     def files(self) -> Iterator[tuple[str, Any]]:
@@ -117,8 +116,6 @@ class Measures(Result):
         yield "movement_course.csv", self.instants.assign(data=self.data)
 
     def __str__(self) -> str:
-        from lumbar.lifting.measures.registry import MEASURES, WINDOWS
-
         named = self.values[self.values["measure"].map(lambda name: MEASURES[name].headline)]
         lines = [
             f"{row.measure}: none ({row.reason})"
@@ -170,10 +167,6 @@ def measure_person(
     each : callable, optional
         Called with every lift that could be analysed.
     """
-    import pandas as pd
-
-    from lumbar.interface.lift import lift
-
     found: dict[str, Lift] = {}
     frames: dict[str, pd.DataFrame] = {}
     for name, path in markers.items():
@@ -200,13 +193,6 @@ def measure_person(
 
 def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.DataFrame:
     """Average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
-    import pandas as pd
-
-    from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-    from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
-    from lumbar.lifting.stability.model.failures import attempts
-    from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
-
     sound: list[tuple[str, Trajectory]] = []
     rows: list[tuple] = []
     for name, found in lifts.items():
@@ -236,11 +222,6 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
 
 def _unmeasured(reason: str) -> pd.DataFrame:
     """Rows of all measures of a lift that could not be analysed."""
-    import pandas as pd
-
-    from lumbar.lifting.measures.registry import MEASURES
-    from lumbar.lifting.stability.model.trajectories import COMS, PLANES
-
     rows = [
         (measure.name, plane, measure.unit, measure.safer, measure.source)
         for measure in MEASURES.values()

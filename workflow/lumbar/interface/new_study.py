@@ -1,5 +1,6 @@
 """``lumbar new-study``: a commented study for a folder of lifting recordings, to be completed by a person."""
 
+import json
 import os
 import re
 from collections import Counter
@@ -22,7 +23,9 @@ from lumbar.interface.marker_set import (
     joined_aliases,
     marker_set,
 )
+from lumbar.lifting.quality.body import stature_found
 from lumbar.lifting.quality.landmarks import landmarks
+from lumbar.records.ground_forces import names_forces
 from lumbar.records.marker_file import NoMarkers
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import stem_of
@@ -199,8 +202,6 @@ def _in_unit(layout: MarkerLayout, unit: str) -> MarkerLayout:
 
 
 def _is_a_persons_size(recording: MarkerRecording) -> bool:
-    from lumbar.lifting.quality.body import stature_found
-
     named = {label: landmark for landmark, label in landmarks(recording.positions).items()}
     stature, lengths = stature_found(recording.positions, named)
     return lengths > 1 and _STATURES_M[0] < stature < _STATURES_M[1]
@@ -229,8 +230,6 @@ def _unit(read: Sequence[FoundRecording], folder: Path) -> str:
 
 def _forces_beside(path: Path, folder: Path) -> str:
     """The one ``.mot`` file with ground reaction forces whose name is that of a marker file, but for words such as ``grf``."""
-    from lumbar.records.ground_forces import names_forces
-
     named = [
         file
         for file in sorted(path.parent.rglob("*"))
@@ -378,6 +377,4 @@ def _subject_text(study: str, person: str, items: Sequence[FoundRecording], forw
 
 
 def _quoted(text: str) -> str:
-    import json
-
     return text if re.fullmatch(r"[A-Za-z_./][\w./-]*", text) else json.dumps(text, ensure_ascii=False)

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from lumbar.interface.verb import NOT_SAID, Result, data_label
+from lumbar.records.ratings import Ratings, read_ratings
 from lumbar.settings.key import SEED
 from lumbar.settings.survey import SurveySettings
+from lumbar.tables.table import Table
+from lumbar.tissue.survey.survey_analysis import SurveyAnalysis
+from lumbar.tissue.survey.survey_analysis import analyse_survey as analyse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from lumbar.records.ratings import Ratings
-    from lumbar.tables.table import Table
-    from lumbar.tissue.survey.survey_analysis import SurveyAnalysis
 
 
 def analyse_survey(
@@ -57,9 +57,6 @@ def analyse_survey(
     kruskal_wallis: 29.40, 2 degrees of freedom, p = 4.1e-07
     friedman: 18.33, 2 degrees of freedom, p = 0.00010
     """
-    from lumbar.records.ratings import read_ratings
-    from lumbar.tissue.survey.survey_analysis import analyse_survey as analyse
-
     settings = settings or SurveySettings()
     if isinstance(ratings, str | os.PathLike):
         data = data_label(data, [os.fspath(ratings)])

@@ -8,18 +8,25 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from lumbar.base.errors import InputError
 from lumbar.interface.verb import NOT_SAID, Result, data_label, read_table
+from lumbar.lifting.population.comparison import (
+    Comparison,
+    check_long_table,
+    compare_people,
+    comparison_table,
+    planning_table,
+)
+from lumbar.lifting.population.sample_size import MOST_PERSONS, assured_sd, person_mean_sd, persons_needed
 from lumbar.settings.key import SEED
 from lumbar.settings.population import PopulationSettings
 from lumbar.settings.stability import GROUPS
+from lumbar.tables.table import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
-
-    from lumbar.lifting.population.comparison import Comparison
-    from lumbar.tables.table import Table
 
 
 def compare_groups(
@@ -62,8 +69,6 @@ def compare_groups(
     >>> print(lumbar.compare_groups(table))
     expert_vs_novice, 15 kg, margin, all: 10.5 mm (5.95 to 15.1), p = 0.0013, 4 + 4 persons: expert is safer
     """
-    from lumbar.lifting.population.comparison import check_long_table, compare_people
-
     settings = settings or PopulationSettings()
     frame, sources = _read(table)
     check_long_table(frame)
@@ -77,8 +82,6 @@ def compare_groups(
 
 
 def _read(table) -> tuple[pd.DataFrame, list[str]]:
-    import pandas as pd
-
     if isinstance(table, pd.DataFrame):
         return table, []
     paths = [table] if isinstance(table, str | os.PathLike) else list(table)
@@ -109,15 +112,11 @@ class PeopleCompared(Result):
     @cached_property
     def table(self) -> Table:
         """Differences with intervals and p values."""
-        from lumbar.lifting.population.comparison import comparison_table
-
         return comparison_table(self.comparisons, self.data)
 
     @cached_property
     def planning(self) -> Table:
         """Scatter between people and trials, and how many persons a study needs."""
-        from lumbar.lifting.population.comparison import planning_table
-
         return planning_table(self.comparisons, self.settings, self.data)
 
     def figure(self) -> Figure:
@@ -202,8 +201,6 @@ def sample_size(
     >>> lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=5, pilot_df=18)  # a pilot of 10 + 10 persons
     26
     """
-    from lumbar.lifting.population.sample_size import MOST_PERSONS, assured_sd, person_mean_sd, persons_needed
-
     if min(person_sd, trial_sd) < 0 or trials < 1 or not 0 < significance < power < 1:
         raise InputError(
             f"person_sd {person_sd:g}, trial_sd {trial_sd:g}, trials {trials:g}, power {power:g}, significance "

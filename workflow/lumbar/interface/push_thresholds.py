@@ -6,19 +6,20 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.interface.verb import NOT_SAID, Result, data_label, read_table
+from lumbar.lifting.pushes import threshold_tables as made
+from lumbar.lifting.pushes.dose_response import Posterior, PushRecords, posterior_of
+from lumbar.lifting.pushes.push_design import NextPush, next_push
+from lumbar.lifting.pushes.push_sheet import records_of
 from lumbar.settings.key import SEED
 from lumbar.settings.pushes import ScoringSettings
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from lumbar.lifting.pushes.dose_response import Posterior, PushRecords
-    from lumbar.lifting.pushes.push_design import NextPush
-    from lumbar.tables.table import Table
+from lumbar.tables.described import described
+from lumbar.tables.table import Table
 
 FEWEST_DRAWS = 50
 """Effective ones, below which no quantile is told."""
@@ -66,9 +67,6 @@ def push_thresholds(
     >>> 8 < found.next_push("ann").impulse_N_s < 12
     True
     """
-    from lumbar.lifting.pushes.dose_response import posterior_of
-    from lumbar.lifting.pushes.push_sheet import records_of
-
     source = os.fspath(sheet) if isinstance(sheet, str | os.PathLike) else ""
     frame = read_table(source, "pushes") if source else sheet
     records = records_of(frame, sizes, source or "pushes")
@@ -102,9 +100,6 @@ class PushThresholds(Result):
     @cached_property
     def tables(self) -> dict[str, Table]:
         """``push_thresholds``, ``push_calibration`` and, where the sheet has measures, ``push_increments``."""
-        from lumbar.lifting.pushes import threshold_tables as made
-        from lumbar.tables.described import described
-
         records, posterior = self.records, self.posterior
         told = made.predicted(records, posterior)
         rows = {
@@ -135,8 +130,6 @@ class PushThresholds(Result):
 
         It is at most `step` times the largest after which the person stood in that direction, and the smallest before that.
         """
-        from lumbar.lifting.pushes.push_design import next_push
-
         if not 1 < step < float("inf"):
             raise InputError(f"step is {step:g}; allowed: above 1, as 1.5 for half as large again")
         return next_push(self.records, self.posterior, person, step, self.seed)

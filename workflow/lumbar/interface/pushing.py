@@ -7,23 +7,36 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import Result, data_label, read_table
+from lumbar.lifting.measures.course import Lifter
+from lumbar.lifting.pushes.contest import COLUMNS, Contest, contest_of, push_bodies
+from lumbar.lifting.pushes.levels import from_states, levels_of, states_frame
+from lumbar.lifting.pushes.motion import deposit_motion
+from lumbar.lifting.pushes.prediction import (
+    Followed,
+    Verdict,
+    chances,
+    follow,
+    prediction_frame,
+    prediction_table,
+    sensitivity_frame,
+    sensitivity_table,
+    verdict_json,
+    verdict_of,
+)
+from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
 from lumbar.settings.key import SEED
 from lumbar.settings.pushes import PushesSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.table import Table
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
-
-    from lumbar.lifting.pushes.contest import Contest
-    from lumbar.lifting.pushes.prediction import Followed, Verdict
 
 
 @dataclass(frozen=True)
@@ -51,11 +64,6 @@ def push_states(
 
     `push_share` says where the trunk is pushed, between hips and shoulders (``pushes.push.height_share``).
     """
-    from lumbar.lifting.measures.course import Lifter
-    from lumbar.lifting.pushes.levels import levels_of, states_frame
-    from lumbar.lifting.pushes.motion import deposit_motion
-    from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
-
     lifters, motions, trajectories = [], [], []
     for item in lifts:
         lifter = Lifter(item.body, item.facts, stability.measures, stability.pendulum.gravity_m_s2)
@@ -132,11 +140,6 @@ def push_outcomes(states: pd.DataFrame, settings: PushesSettings, seed: int) -> 
 
     From `push_states` to one row per push, columns `lumbar.lifting.pushes.contest.COLUMNS`.
     """
-    import pandas as pd
-
-    from lumbar.lifting.pushes.contest import COLUMNS, push_bodies
-    from lumbar.lifting.pushes.levels import from_states
-
     people = [part for _, part in states.groupby("subject", sort=False)] if len(states) else []
     frames = [push_bodies(*from_states(part), settings, seed) for part in people]
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=list(COLUMNS))
@@ -155,8 +158,6 @@ def pooled_prediction(
 
     `outcomes` and `states` are CSV files of `push_outcomes` and of `push_states`, in the same order.
     """
-    import pandas as pd
-
     file_of: dict[str, str | os.PathLike] = {}
     frames = []
     for path, source in zip(outcomes, states, strict=True):
@@ -183,10 +184,6 @@ def _scored(
     data: str,
 ) -> PushPrediction:
     """Score all pushes drawn; `states_of` gives the states of some lifts."""
-    from lumbar.lifting.pushes.contest import contest_of
-    from lumbar.lifting.pushes.levels import from_states
-    from lumbar.lifting.pushes.prediction import follow
-
     if drawn.empty:
         raise InputError(
             "pushes: of no lift a body of three links can be made: each needs a deposit, both ankles, heels, toes and shoulders, "
@@ -226,36 +223,26 @@ class PushPrediction(Result):
     @cached_property
     def chances(self) -> dict[tuple[str, str], np.ndarray]:
         """Log odds of a step of every push, shape (pushes,), by measure, alone or added to push, mass and direction."""
-        from lumbar.lifting.pushes.prediction import chances
-
         return chances(self.contest, self.settings.scoring, self.seed)
 
     @cached_property
     def frame(self) -> pd.DataFrame:
         """One row per contest, direction and measure, the best first."""
-        from lumbar.lifting.pushes.prediction import prediction_frame
-
         return prediction_frame(self.contest, self.chances, self.settings.scoring, self.seed)
 
     @cached_property
     def winner(self) -> Verdict:
         """The measure that adds most, with its interval and what it rests on."""
-        from lumbar.lifting.pushes.prediction import verdict_of
-
         return verdict_of(self.contest, self.frame, self.chances, self.settings.scoring)
 
     @property
     def table(self) -> Table:
         """The contests as a published table."""
-        from lumbar.lifting.pushes.prediction import prediction_table
-
         return prediction_table(self.contest, self.frame, self.winner, self.data)
 
     @cached_property
     def sensitivity(self) -> Table:
         """The contest with other bodies and controllers."""
-        from lumbar.lifting.pushes.prediction import sensitivity_frame, sensitivity_table
-
         frame = sensitivity_frame(self.followed, self.settings, self.winner, self.seed)
         return sensitivity_table(frame, self.winner, self.data)
 
@@ -267,8 +254,6 @@ class PushPrediction(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``pushes.csv``, ``winner.json`` and the tables ``push_prediction`` and ``push_sensitivity``."""
-        from lumbar.lifting.pushes.prediction import verdict_json
-
         yield "pushes.csv", self.pushes.assign(data=self.data)
         yield "winner.json", verdict_json(self.winner, self.data)
         yield "push_prediction", self.table

@@ -15,18 +15,34 @@ from lumbar.base.files import write_text
 from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record, forced
 from lumbar.settings.study_settings import StudySettings
+from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, in_session, prepare
+from lumbar.tissue.diagnosis.residuals.compare import comparison_table
+from lumbar.tissue.diagnosis.residuals.felt_where import felt_table, located_sentences
+from lumbar.tissue.diagnosis.residuals.locate import (
+    ResidualReport,
+    all_records_sentence,
+    compare_and_locate,
+    location_table,
+    residual_reports,
+)
+from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.refine import (
+    fitted_model,
+    ladder_sentences,
+    model_name,
+    not_converged,
+    refined_document,
+)
+from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.perception.thresholds import Hands
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from lumbar.tables.table import Table
-    from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
-    from lumbar.tissue.diagnosis.selection.candidate import Candidate
 
 
 def refine(
@@ -72,10 +88,6 @@ def refine(
 
 def fit_effects(records, effects, settings, seed, data) -> Refinement:
     """Fit the base with these effects, each added in turn, on records of a manageable size."""
-    from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
-    from lumbar.tissue.diagnosis.selection.refine import not_converged
-    from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
-
     driven = [forced(record) for record in records] if settings.load_drives else list(records)
     used, findings = limit_samples(driven, settings.session)
     experiment, path = fit_path(used, effects, settings)
@@ -107,8 +119,6 @@ class Refinement(Result):
     @cached_property
     def models(self) -> list[FittedModel]:
         """Base, base and first effect, …."""
-        from lumbar.tissue.diagnosis.selection.refine import fitted_model
-
         return [fitted_model(item, self.experiment) for item in self.path]
 
     @property
@@ -138,14 +148,10 @@ class Refinement(Result):
 
     @cached_property
     def _on_records(self) -> list[ResidualReport]:
-        from lumbar.tissue.diagnosis.residuals.locate import compare_and_locate
-
         return compare_and_locate(self.experiment, self.path[-1].fit, self.seed)
 
     def rows(self) -> list[dict]:
         """The error ladder: one dict per model."""
-        from lumbar.tissue.diagnosis.selection.refine import model_name
-
         unit = self.experiment.output_unit
         return [
             {
@@ -158,8 +164,6 @@ class Refinement(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``refined.json``, every model of the path, ready for export, and ``ladder``, its picture."""
-        from lumbar.tissue.diagnosis.selection.refine import refined_document
-
         yield "refined.json", refined_document(self.path, self.experiment, self.data)
         yield "ladder", self.figure()
 
@@ -177,8 +181,6 @@ class Refinement(Result):
         return ladder_figure(rungs, self.experiment.output_unit, rms, felt)
 
     def __str__(self) -> str:
-        from lumbar.tissue.diagnosis.selection.refine import ladder_sentences
-
         lines = ladder_sentences(self.path, self.experiment)
         return "\n".join([*lines, *(item.sentence for item in self.findings)])
 
@@ -252,10 +254,6 @@ def locate(
 def _on_records(
     records, model, train, settings, data
 ) -> tuple[FittedModel, list[ResidualReport], str, tuple]:
-    from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
-    from lumbar.tissue.diagnosis.fitting.preparation import in_session, prepare
-    from lumbar.tissue.diagnosis.residuals.locate import residual_reports
-
     settings = settings_or_default(settings)
     session = settings.improvement.session
     data = label_of(data, records)
@@ -339,8 +337,6 @@ class Comparisons(OnRecords):
     @property
     def table(self) -> Table:
         """VAF, FIT, error, noise and explainable error of every record."""
-        from lumbar.tissue.diagnosis.residuals.compare import comparison_table
-
         return comparison_table([item.comparison for item in self.simulated], self.data)
 
     def figure(self, name: str) -> Figure:
@@ -369,15 +365,11 @@ class Locations(OnRecords):
     @property
     def table(self) -> Table:
         """Numbers behind the pictures."""
-        from lumbar.tissue.diagnosis.residuals.locate import location_table
-
         return location_table([item.location for item in self.simulated], self.data)
 
     @property
     def felt(self) -> Table:
         """Where a hand feels the error of every record."""
-        from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
-
         return felt_table(self.simulated, self.data)
 
     def save(self, folder: str | os.PathLike) -> None:
@@ -397,9 +389,6 @@ class Locations(OnRecords):
         return location_page(self.simulated, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
-        from lumbar.tissue.diagnosis.residuals.felt_where import located_sentences
-        from lumbar.tissue.diagnosis.residuals.locate import all_records_sentence
-
         locations = [item.location for item in self.simulated]
         told = ["\n  ".join(located_sentences(item)) for item in self.simulated]
         return "\n".join([all_records_sentence(locations), *told, *self._finding_lines])

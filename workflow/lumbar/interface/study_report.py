@@ -6,6 +6,13 @@ from pathlib import Path
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import read_json, write_text
+from lumbar.base.yaml_file import read_yaml
+from lumbar.publishing.figures.style import person_and_box
+from lumbar.publishing.study_report.contents import chapters
+from lumbar.publishing.study_report.page import StudyFacts, report_page
+from lumbar.study.artefacts import read_artefacts
+from lumbar.study.load_study import load_study
+from lumbar.tables.layout import value_in_words
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,14 +59,6 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
     lumbar.base.errors.InputError: results/unknown/run_config.yaml: no such file; ...
     """
     import pandas as pd
-
-    from lumbar.base.yaml_file import read_yaml
-    from lumbar.publishing.figures.style import person_and_box
-    from lumbar.publishing.study_report.contents import chapters
-    from lumbar.publishing.study_report.page import StudyFacts, report_page
-    from lumbar.study.artefacts import read_artefacts
-    from lumbar.study.load_study import load_study
-    from lumbar.tables.layout import value_in_words
 
     results, project = Path(results), Path(project)
     for path in (results / "run_config.yaml", results / "run_environment.json"):

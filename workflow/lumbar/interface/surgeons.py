@@ -15,13 +15,25 @@ from lumbar.records.record import Record
 from lumbar.settings.key import SEED
 from lumbar.settings.plain import plain
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
+from lumbar.tables.table import Table
+from lumbar.tissue.signals.excitation import (
+    Excitation,
+    assumptions,
+    design_excitation,
+    excited_band,
+    machine_file,
+    multisine_description,
+    signal_properties,
+)
+from lumbar.tissue.signals.surgeon_motion import (
+    MotionSpectra,
+    motion_bandwidths,
+    motion_spectra,
+    spectra_table,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from lumbar.tables.table import Table
-    from lumbar.tissue.signals.excitation import Excitation
-    from lumbar.tissue.signals.surgeon_motion import MotionSpectra
 
 
 def bandwidth(
@@ -59,8 +71,6 @@ def bandwidth(
     >>> f"{found.values['position']['power_share']['value_Hz']:.1f} Hz"
     '2.1 Hz'
     """
-    from lumbar.tissue.signals.surgeon_motion import motion_bandwidths, motion_spectra
-
     data = label_of(data, trials)
     settings, trials = settings or SurgeonSettings(), list(trials)
     surgeons = list(surgeons or (trial.name.split("_trial")[0] for trial in trials))
@@ -96,8 +106,6 @@ class Bandwidth(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``bandwidth.json`` and ``psd.csv``."""
-        from lumbar.tissue.signals.surgeon_motion import spectra_table
-
         yield "bandwidth.json", {**self.values, "welch": plain(self.settings.welch), "data": self.data}
         yield "psd.csv", spectra_table(self.spectra).assign(data=self.data)
 
@@ -155,8 +163,6 @@ def design_signals(
     >>> signals.properties.frame["signal"].tolist()
     ['multisine', 'noise', 'chirp']
     """
-    from lumbar.tissue.signals.excitation import design_excitation, excited_band
-
     settings, values = settings or SignalsSettings(), {}
     if isinstance(band, Bandwidth):
         values = {**band.values, "data": band.data}
@@ -189,21 +195,16 @@ class Signals(Result):
     @property
     def properties(self) -> Table:
         """What the signals are and ask of the machine."""
-        from lumbar.tissue.signals.excitation import signal_properties
-
         return signal_properties(self.excitation, self.settings, self.data, self.bandwidths)
 
     def figure(self) -> Figure:
         """Return the signals in time and in frequency."""
         from lumbar.publishing.figures.signal_figures import excitation_figure
-        from lumbar.tissue.signals.excitation import assumptions
 
         return excitation_figure(self.excitation.signals, self.band_Hz, assumptions(self.settings))
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """Every signal as ``<name>.csv``, ``multisine.json`` and ``properties.csv``."""
-        from lumbar.tissue.signals.excitation import machine_file, multisine_description
-
         for signal in self.excitation.signals:
             yield f"{signal.name}.csv", machine_file(signal)
         described = multisine_description(self.excitation, self.settings)

@@ -8,12 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
 from lumbar.base.files import require_file, write_csv, write_json
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
 
     from lumbar.records.record import Record

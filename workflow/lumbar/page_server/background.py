@@ -1,7 +1,5 @@
 """Long work beside the server: in threads that end with it, that say how far they are, and that can be ended."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import sys

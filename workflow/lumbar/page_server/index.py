@@ -1,7 +1,5 @@
 """The one door: what the server shows, on its index, in the bar of every page, and where an address leads nowhere."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The page for own recordings over HTTP: the page, its tabs and the files they hold, and what it asks."""
 
-from __future__ import annotations
-
 import mmap
 import secrets
 from typing import Any

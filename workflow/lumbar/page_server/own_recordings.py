@@ -22,12 +22,12 @@ from lumbar.page_server.served_sets import ExploredSet, ServedSets
 from lumbar.records.importing.raw_table import Asked
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.study_file import common_rate
+from lumbar.records.record import Record, resample
 from lumbar.settings.key import NAME
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.page_server.study_change import Change
-    from lumbar.records.record import Record
 
 _TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table", "encoding")
 _SWITCHES = ("flip_force", "accept_clipped")
@@ -291,8 +291,6 @@ class OwnRecordings:
 
 def at_one_rate(records: Sequence[Record]) -> list[Record]:
     """Return records at the lowest of their rates: one model needs one."""
-    from lumbar.records.record import resample
-
     rate = common_rate(1 / record.sampling_time for record in records)
     return list(records) if rate is None else [resample(record, rate) for record in records]
 

@@ -1,7 +1,5 @@
 """What the page shows of recordings before they are diagnosed: columns, and messages beside the field they concern."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -16,10 +16,13 @@ from lumbar.base.files import refuse_links
 from lumbar.page_server.background import DRAWING, WRITING, page_message
 from lumbar.page_server.served_sets import ExploredSet
 from lumbar.page_server.study_change import Change
+from lumbar.publishing.explorer.page import excitation_of, model_facts
+from lumbar.publishing.explorer.shown import ShownModel
+from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
+from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 
 if TYPE_CHECKING:
     from lumbar.interface.refinement import Refinement
-    from lumbar.publishing.explorer.shown import ShownModel
 
 MOST_BYTES = 10_000
 """Largest message that a page may send: what it asks for is a line, what its pictures tell are a few numbers."""
@@ -125,26 +128,18 @@ class TabRequests:
 
     def _fit(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """Every step of the path, and where its end fails."""
-        from lumbar.publishing.explorer.page import model_facts
-
         models = [self.explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
         located = {models[-1].key: self.explored.refitted(effects).locate().simulated}
         content = {model.key: model_facts(model, located.get(model.key, [])) for model in models}
         return {"models": content, "effects": effects}, models
 
     def _locate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
-        from lumbar.publishing.explorer.page import model_facts
-
         model = self.explored.fitted(effects)
         located = self.explored.refitted(effects).locate().simulated
         return {"key": model.key, "located": model_facts(model, located)["located"]}, []
 
     def _separate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """The excitation that tells these effects from the selected ones."""
-        from lumbar.publishing.explorer.page import excitation_of
-        from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
-        from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
-
         diagnosis = self.explored.diagnosis
         verdict = replace(diagnosis.verdict, tied_with=[self.explored.refitted(effects).path[-1]])
         limits = machine_limits(diagnosis.study.signals.machine, verdict.experiment)

@@ -14,7 +14,9 @@ from urllib.parse import quote
 from lumbar.base.progress import going_on
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, Job
-from lumbar.publishing.explorer.shown import model_key
+from lumbar.publishing.explorer.shown import ShownModel, model_key
+from lumbar.records.record import Record
+from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
@@ -22,9 +24,6 @@ if TYPE_CHECKING:
     from lumbar.page_server.stored import StoredVerdict
     from lumbar.page_server.study_change import Change
     from lumbar.publishing.explorer.page import ExplorerPage
-    from lumbar.publishing.explorer.shown import ShownModel
-    from lumbar.records.record import Record
-    from lumbar.settings.stability import StabilitySettings
 
 
 @dataclass(eq=False)

@@ -8,16 +8,21 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
+from bokeh.document import Document
+from bokeh.models import CustomJS
+from bokeh.server.views.ws import WSHandler
+from tornado.routing import AnyMatches, PathMatches, Rule
+
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
+from lumbar.page_server import requests, waiting
 from lumbar.page_server.background import in_background
 from lumbar.page_server.index import Index, IndexedHandler
-from lumbar.page_server.requests import TabRequests
+from lumbar.page_server.requests import PageSocket, TabRequests
 from lumbar.page_server.served_sets import RESULT, ExploredSet, ServedSets
 from lumbar.page_server.trust import HOST, DoorHandler, Guarded, Outside, Visitors, log_refused
 
 if TYPE_CHECKING:
-    from bokeh.document import Document
     from bokeh.server.server import Server
 
     from lumbar.page_server.own_recordings import OwnDiagnosis
@@ -54,8 +59,6 @@ def new_server(index: Index, port: int, own: OwnDiagnosis) -> tuple[Server, Visi
     from bokeh.application import Application
     from bokeh.application.handlers.function import FunctionHandler
     from bokeh.server.server import Server
-
-    from lumbar.page_server import requests
 
     pages: dict[str, Callable[[Document], ExploredSet | None]] = {
         address: partial(_given, explored=explored) for address, explored in index.sets.given.items()
@@ -96,12 +99,8 @@ def _route(server: Server, visitors: Visitors, index: Index, own: OwnDiagnosis) 
     from bokeh.server.views.autoload_js_handler import AutoloadJsHandler
     from bokeh.server.views.metadata_handler import MetadataHandler
     from bokeh.server.views.root_handler import RootHandler
-    from bokeh.server.views.ws import WSHandler
-    from tornado.routing import AnyMatches, PathMatches, Rule
 
-    from lumbar.page_server import waiting
     from lumbar.page_server.own_handlers import own_rules
-    from lumbar.page_server.requests import PageSocket
 
     application = server._tornado
     inner = application.wildcard_router.rules
@@ -134,7 +133,6 @@ def _asked_for(document: Document, served: ServedSets) -> ExploredSet | None:
 
 def _fill(document: Document, find: Callable[[Document], ExploredSet | None], index: Index) -> None:
     """Fill a tab's document; of a set that is not ready the page in waiting is shown instead."""
-    from bokeh.models import CustomJS
 
     explored = find(document)
     if explored is None or not explored.ready:

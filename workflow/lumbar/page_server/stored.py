@@ -1,7 +1,5 @@
 """Verdicts that a study's run left in its results, which are shown instead of being computed again."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime

@@ -1,7 +1,5 @@
 """A key set in a study's YAML without touching anything else, as a change that a person sees first."""
 
-from __future__ import annotations
-
 import difflib
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Whom the server answers: pages that it served itself, to whoever was given its token, on this machine."""
 
-from __future__ import annotations
-
 import secrets
 from dataclasses import dataclass, field
 from typing import Any

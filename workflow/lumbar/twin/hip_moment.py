@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from lumbar.settings.twin import SyntheticMomentSettings, SyntheticPerson, TrueEvents
 from lumbar.twin.lifter import Movement
@@ -137,9 +138,7 @@ def hip_moment(
 
 def trunk_angle(movement: Movement) -> Signal:
     """Inclination of the trunk between the movement's frames, at rest before and after it."""
-    from scipy.interpolate import make_interp_spline
-
-    spline = make_interp_spline(movement.time, movement.hip_angle, k=5)
+    spline = scipy.interpolate.make_interp_spline(movement.time, movement.hip_angle, k=5)
     return lambda time: spline(np.clip(time, movement.time[0], movement.time[-1]))
 
 

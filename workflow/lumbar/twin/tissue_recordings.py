@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
@@ -90,9 +91,7 @@ def noise_deviation(force: np.ndarray, share: float) -> float:
 
 def _correlated(white: np.ndarray, decay: float, before: float) -> np.ndarray:
     """First-order autoregression of variance 1 that is `before` one sample earlier."""
-    from scipy.signal import lfilter
-
-    found, _ = lfilter([math.sqrt(1.0 - decay**2)], [1.0, -decay], white, zi=[decay * before])
+    found, _ = scipy.signal.lfilter([math.sqrt(1.0 - decay**2)], [1.0, -decay], white, zi=[decay * before])
     return found
 
 

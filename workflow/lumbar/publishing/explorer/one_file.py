@@ -6,15 +6,18 @@ import itertools
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from bokeh.core.serialization import Serializer
+from bokeh.document import Document
+from bokeh.embed.bundle import bundle_for_objs_and_resources
+from bokeh.embed.elements import html_page_for_render_items
+from bokeh.embed.util import RenderItem, standalone_docs_json_and_render_items
+from bokeh.models import ColumnDataSource
+from bokeh.plotting import figure
+from bokeh.resources import INLINE
 
 from lumbar.base.templates import template
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
-    from bokeh.embed.util import RenderItem
-    from bokeh.models import ColumnDataSource
-    from bokeh.plotting import figure
 
 _CODE = "<!-- Bokeh's code -->"
 """Stands for it where names are looked for."""
@@ -25,15 +28,11 @@ _NUMBERED = re.compile(r"""(?<=["'])p\d{4,}(?=["'])""")
 
 def empty_source(name: str, columns: Iterable[str]) -> ColumnDataSource:
     """Source of a picture's data that the page's script fills."""
-    from bokeh.models import ColumnDataSource
-
     return ColumnDataSource({column: [] for column in columns}, name=name)
 
 
 def plain_figure(name: str, across: str, up: str, left: int, **more) -> figure:
     """Picture as wide as its place, without frame and ground, `left` pixels for the labels of its axis."""
-    from bokeh.plotting import figure
-
     labels = {"x_axis_label": across, "y_axis_label": up}
     picture = figure(name=name, sizing_mode="stretch_width", **labels, **more)
     picture.toolbar.logo = None
@@ -56,8 +55,6 @@ class Drawn:
 
     def holding(self, sources: list[ColumnDataSource]) -> Drawn:
         """Return the same pictures with further data in their document, which a page's script finds by name."""
-        from bokeh.core.serialization import Serializer
-
         ((name, document),) = self.documents.items()
         first, *others = document["roots"]
         held = {"tags": Serializer(deferred=False).encode(sources)}
@@ -67,11 +64,6 @@ class Drawn:
 
 def embedded_pictures(fill: Callable[[Document], None]) -> Drawn:
     """Return the pictures that `fill` puts, with their data, into a Bokeh document."""
-    from bokeh.document import Document
-    from bokeh.embed.bundle import bundle_for_objs_and_resources
-    from bokeh.embed.util import standalone_docs_json_and_render_items
-    from bokeh.resources import INLINE
-
     document = Document()
     fill(document)
     documents, items = standalone_docs_json_and_render_items(document)
@@ -80,8 +72,6 @@ def embedded_pictures(fill: Callable[[Document], None]) -> Drawn:
 
 def one_file(pictures: Drawn, page: str, variables: dict[str, Any]) -> str:
     """Return the page as HTML: a template that extends ``publishing/explorer/shell.html.jinja``, with its variables."""
-    from bokeh.embed.elements import html_page_for_render_items
-
     text = html_page_for_render_items(
         (_CODE, pictures.style),
         pictures.documents,

@@ -1,12 +1,14 @@
 """The page of a diagnosis as one document: pictures, and words: what is missing, how sure that is, the candidates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from bokeh.document import Document
+from bokeh.models import CustomJS
+from markupsafe import Markup
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file
@@ -45,11 +47,6 @@ from lumbar.tissue.diagnosis.selection.verdict import (
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
-    from markupsafe import Markup
-
 
 PAGE = "publishing/explorer/explorer.html.jinja"
 _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
@@ -116,8 +113,6 @@ class ExplorerPage:
 
     def fill(self, document: Document) -> None:
         """Put pictures and data into a Bokeh document."""
-        from bokeh.models import CustomJS
-
         pictures, held = page_models(self.verdict.experiment, self.records, self.models)
         answer = next(source for source in held if source.name == ANSWER)
         answer.js_on_change("data", CustomJS(code="window.lumbar.answered(cb_obj.data.content[0])"))

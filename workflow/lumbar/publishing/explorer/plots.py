@@ -1,20 +1,28 @@
 """The page's pictures: measured and simulated output over time, loops, spectrum, and where in the motion the error lies."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from bokeh.models import (
+    BasicTickFormatter,
+    BoxAnnotation,
+    ColorBar,
+    ColumnDataSource,
+    CustomJS,
+    CustomJSHover,
+    FixedTicker,
+    HoverTool,
+    LinearColorMapper,
+    Model,
+    Range1d,
+)
+from bokeh.palettes import Blues256
+from bokeh.plotting import figure
 
 from lumbar.publishing.explorer.one_file import empty_source, plain_figure
 from lumbar.publishing.explorer.shown import ShownModel, ShownRecord
 from lumbar.publishing.figures.palette import MEASURED, SERIES
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-
-if TYPE_CHECKING:
-    from bokeh.models import ColumnDataSource, Model
-    from bokeh.plotting import figure
 
 FIRST, SECOND = SERIES[0], SERIES[3]
 """Colours of the two models that are compared; the first is drawn whole, the second dashed: readable in grey."""
@@ -41,8 +49,6 @@ def page_models(
 
     Units and quantities are the experiment's.
     """
-    from bokeh.models import ColumnDataSource
-
     shown = empty_source(SHOWN, _COLUMNS)
     brushed = empty_source(BRUSHED, _COLUMNS)
     held = [
@@ -69,8 +75,6 @@ def _noise(record: ShownRecord) -> np.ndarray:
 
 
 def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
-    from bokeh.models import CustomJS, Range1d
-
     output = f"{experiment.output_quantity.capitalize()} ({experiment.output_unit})"
     position = f"{experiment.input_quantity.capitalize()} ({experiment.input_unit})"
     velocity = f"Velocity ({experiment.input_unit}/s)"
@@ -113,8 +117,6 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
 
 def _when_drawn(picture: figure, script: str) -> None:
     """Call the page's script when a box is drawn in a picture."""
-    from bokeh.models import CustomJS
-
     picture.js_on_event("selectiongeometry", CustomJS(code=script))
 
 
@@ -131,8 +133,6 @@ def _line(column: str) -> dict:
 
 def _tell(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSource) -> None:
     """Show the values of all curves where the pointer is; a line that is not seen carries them when curves are switched off."""
-    from bokeh.models import CustomJSHover, HoverTool
-
     carrier = "measured" if "measured" in ups else ups[-1]
     unseen = picture.line(across, carrier, source=source, color=SECOND, alpha=0)
     digits = CustomJSHover(code="return Number.isFinite(value) ? value.toPrecision(4) : '–'")
@@ -150,8 +150,6 @@ def _figure(name: str, across: str, up: str, **more) -> figure:
 
 def _draw_noise(picture: figure, experiment: Experiment) -> None:
     """Band of ± the noise's RMS."""
-    from bokeh.models import BoxAnnotation
-
     if experiment.floor is not None:
         rms = experiment.floor.rms
         picture.add_layout(BoxAnnotation(bottom=-rms, top=rms, fill_color=NOISE, fill_alpha=0.25))
@@ -171,9 +169,6 @@ def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns:
 
 def _draw_cells(plane: figure, error: str) -> None:
     """RMS of the first model's error in cells of position and velocity."""
-    from bokeh.models import ColorBar, HoverTool, LinearColorMapper
-    from bokeh.palettes import Blues256
-
     cells = empty_source(CELLS, ("position", "velocity", "width", "height", "rms"))
     light_to_dark = list(reversed(Blues256))[16:]  # one hue: the order survives in grey
     mapper = LinearColorMapper(palette=light_to_dark, low=0, high=1, name="shading")
@@ -184,8 +179,6 @@ def _draw_cells(plane: figure, error: str) -> None:
 
 
 def _spectrum(experiment: Experiment) -> figure:
-    from bokeh.models import BasicTickFormatter, FixedTicker
-
     spectrum = empty_source(SPECTRUM, ("frequency", "noise", "marker", "first", "second", "aside"))
     up, logarithmic = f"Error ({experiment.output_unit}/√Hz)", {"x_axis_type": "log", "y_axis_type": "log"}
     picture = _figure("spectrum", "Frequency (Hz)", up, **logarithmic)

@@ -1,7 +1,5 @@
 """Models under the reader's hand: the C code of their FMUs as WebAssembly, in the page itself."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from pathlib import Path

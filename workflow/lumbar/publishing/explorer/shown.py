@@ -1,7 +1,5 @@
 """What the page of a diagnosis holds: every record, and every model that was fitted, simulated on each of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

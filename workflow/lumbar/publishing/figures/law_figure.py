@@ -1,6 +1,7 @@
 """A law that is proposed, over the missing force, and how the error falls; a static curve between linear filters."""
 
 import numpy as np
+import scipy
 from matplotlib.figure import Figure
 
 from lumbar.base.templates import in_print
@@ -156,8 +157,6 @@ def linear_figure(found: Verdict) -> Figure:
     All three responses are cross spectra of force and motion over the motion's own spectrum (Welch's estimate), so that its bias
     is the same, at the frequencies where the training record moves.
     """
-    from scipy.signal import csd
-
     part = max(found.experiment.training.records, key=lambda item: item.size)
     rate, unit = 1 / part.motion.sampling_time, found.experiment.output_unit
     drawn = {
@@ -167,12 +166,12 @@ def linear_figure(found: Verdict) -> Figure:
     }
     settings = {"fs": rate, "nperseg": len(part.own(part.force)) // _SEGMENTS}
     position = part.own(part.motion.position)
-    frequency, power = csd(position, position, **settings)
+    frequency, power = scipy.signal.csd(position, position, **settings)
     moved = np.flatnonzero(np.abs(power) > _MOVED * np.abs(power).max())
     moved = moved[moved > 0]
     figure, (gain, phase, plane) = new_figure(DOUBLE_COLUMN, 2.4, ncols=3)
     for (label, force), color in zip(drawn.items(), SERIES, strict=False):
-        response = csd(position, part.own(force), **settings)[1][moved] / power[moved].real
+        response = scipy.signal.csd(position, part.own(force), **settings)[1][moved] / power[moved].real
         look = {"color": color, "label": label, "linestyle": "" if label == "measured" else "-"}
         look["marker"], look["markersize"] = "." if label == "measured" else "", 2
         gain.loglog(frequency[moved], np.abs(response), **look)

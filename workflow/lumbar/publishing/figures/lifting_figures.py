@@ -4,8 +4,10 @@
 from textwrap import fill
 
 import numpy as np
+import scipy
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 
 from lumbar.base.errors import LumbarError
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
@@ -144,14 +146,11 @@ def _stick_figure(axis, points: dict, horizontal: int, color: str, width: float)
 
 def _box(axis, points: dict, horizontal: int, color: str) -> None:
     """Outline of the box: the hull of its markers as seen in this view."""
-    from matplotlib.patches import Polygon
-    from scipy.spatial import ConvexHull
-
     corners = np.array(
         [[point[horizontal], point[2]] for name, point in points.items() if name.startswith("BOX_")]
     )
     if len(corners) >= 3 and np.linalg.matrix_rank(corners - corners[0], tol=1e-3) == 2:
-        outline = corners[ConvexHull(corners).vertices]
+        outline = corners[scipy.spatial.ConvexHull(corners).vertices]
         look = {"facecolor": "#f3e9d8", "edgecolor": color, "linewidth": 0.8, "zorder": 0}
         axis.add_patch(Polygon(outline, closed=True, **look))
 

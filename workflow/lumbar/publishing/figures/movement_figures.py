@@ -1,11 +1,9 @@
 """Measures that see movement over a lift, the base of support from above, and when each marker was seen or cannot be a body's."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from lumbar.base.templates import in_print
@@ -18,10 +16,6 @@ from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.palette import MEASURED, SERIES
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, note, say_instead
 from lumbar.records.stretches import runs
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 SHOWN = 4
 """Lifts of a figure, the first ones."""

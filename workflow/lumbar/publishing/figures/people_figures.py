@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from lumbar.lifting.measures.registry import measure_in_words
@@ -16,8 +17,6 @@ from lumbar.publishing.figures.stability_figures import shared_legend
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lumbar.lifting.population.comparison import Comparison
 
 MARKERS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}

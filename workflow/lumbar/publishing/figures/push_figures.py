@@ -1,11 +1,9 @@
 """Pushes: ROC of the measures, and perturbed trials in the plane of the pendulum's states."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from lumbar.lifting.measures.registry import measure_in_words
@@ -24,12 +22,8 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
 from lumbar.lifting.stability.model.eq_4_2_regulator import normal_axes
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from lumbar.settings.pushes import PerturbationsSettings
-    from lumbar.settings.stability import StabilitySettings
+from lumbar.settings.pushes import PerturbationsSettings
+from lumbar.settings.stability import StabilitySettings
 
 PANELS = (
     (ALL_SIZES, BOTH, "All sizes, both directions"),

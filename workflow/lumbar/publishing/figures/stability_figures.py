@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels
@@ -17,11 +19,11 @@ from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import THESIS, Convention, Trajectory
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, say_instead
+from lumbar.settings.stability import PendulumSettings, StabilitySettings
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.stability import PendulumSettings, StabilitySettings
 
 PLANE_TITLES = {"flexion_extension": "Flexion/extension", "lateral_bending": "Lateral bending"}
 NO_BASIN = "no basin: see tables/missing_basins"
@@ -192,9 +194,6 @@ def shared_legend(figure, axes, ncols: int) -> None:
 
 def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None = None) -> None:
     """Draw the sections of one basin, the goal set, the trajectory and, where its level is given, the regulator's ellipses."""
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import to_rgba
-
     every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
     edges = np.stack(ellipses(every, every["rho"].to_numpy()), axis=-1)
     later = np.linspace(0.3, 1.0, SECTIONS)

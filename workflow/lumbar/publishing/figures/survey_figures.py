@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Sequence
 
+import matplotlib.colors as colours
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -64,8 +65,6 @@ def likert_figure(models: Sequence[str], counts: np.ndarray, labels: Sequence[st
 
 def _point_styles(points: int) -> list[tuple[str, str]]:
     """Colour and hatch of each point, so that a grey print still tells them apart."""
-    import matplotlib.colors as colours
-
     half = points // 2
 
     def ramp(ends: tuple[str, str]) -> list[str]:

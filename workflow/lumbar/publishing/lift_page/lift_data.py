@@ -1,13 +1,12 @@
 """What the page of a lift holds: what 'lumbar lift' wrote, the body frame by frame, and pendulums that can be pushed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from lumbar.lifting.measures.balance import corners_around
 from lumbar.lifting.measures.course import CORNERS, base_in
@@ -22,10 +21,6 @@ from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_l
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import Failure, LiftStates, Trajectory, headline
 from lumbar.settings.stability import StabilitySettings
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,13 @@
 """The page of a lift as one document: pictures, the data behind them, and the words around them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from bokeh.document import Document
+from bokeh.models import ColumnDataSource
 
 from lumbar.base.files import write_text
 from lumbar.base.templates import in_print
@@ -41,11 +41,6 @@ from lumbar.publishing.lift_page.plots import (
     lift_pictures,
 )
 from lumbar.settings.stability import StabilitySettings
-
-if TYPE_CHECKING:
-    from bokeh.document import Document
-    from bokeh.models import ColumnDataSource
-
 
 PAGE = "publishing/lift_page/lift_page.html.jinja"
 COLOURS = {**SEGMENTS, "whole body": SERIES[4], "box": SERIES[3]}
@@ -108,8 +103,6 @@ class LiftPage:
 
     def _sources(self) -> list[ColumnDataSource]:
         """Data that the page's script shows in the pictures."""
-        from bokeh.models import ColumnDataSource
-
         held = [ColumnDataSource(body_columns(self.lift, self._frames), name="body")]
         outlines = {name: values.ravel() for name, values in self._balance.items() if values.ndim == 2}
         if outlines:

@@ -1,17 +1,11 @@
 """The pictures of a lift's page: body from two sides and above, courses over time, and a pendulum's funnel."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from bokeh.models import ColumnDataSource, CustomJS, DataRange1d, LabelSet, Range1d, Span
+from bokeh.plotting import figure
 
 from lumbar.publishing.explorer.one_file import empty_source, plain_figure
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
-
-if TYPE_CHECKING:
-    from bokeh.models import ColumnDataSource
-    from bokeh.plotting import figure
 
 GREY, GOAL, PUSHED = "#888888", SERIES[3], SERIES[4]
 """Colours of what stands behind, of the goal set and of what was pushed; the funnel has `CERTIFIED`."""
@@ -57,8 +51,6 @@ def _figure(name: str, across: str, up: str, height: int, tools: str = "", **mor
 
 def _still(picture: figure, name: str) -> None:
     """Keep what is shown to bounds that the script sets, with equal scales, whatever moves inside."""
-    from bokeh.models import ColumnDataSource, DataRange1d
-
     corners = ColumnDataSource({"x": [-0.5, 0.5], "y": [-0.5, 0.5]}, name=name)
     unseen = picture.scatter("x", "y", source=corners, size=0, alpha=0)
     picture.x_range = DataRange1d(renderers=[unseen], range_padding=0.06)
@@ -106,8 +98,6 @@ def _above() -> figure:
 
 def _course(name: str, up: str, **more) -> figure:
     """Picture over the recording's time with the present instant as a line; a click goes there."""
-    from bokeh.models import CustomJS, Range1d, Span
-
     ranges = {"x_range": Range1d(0, 1), "y_range": Range1d(0.1, 1), **more}  # the page's script sets them
     picture = _figure(name, "Time (s)", up, 220, "xpan,xbox_zoom,xwheel_zoom,reset", **ranges)
     picture.toolbar.active_drag = picture.toolbar.active_scroll = None
@@ -119,8 +109,6 @@ def _course(name: str, up: str, **more) -> figure:
 
 def _draw_margin(picture: figure) -> None:
     """The margin over time with the phases behind."""
-    from bokeh.models import LabelSet, Span
-
     phases = _source("phases", "start", "stop", "shade", "phase")
     grey = {"fill_color": GREY, "fill_alpha": "shade", "line_color": None}
     picture.vstrip(x0="start", x1="stop", source=phases, level="underlay", **grey)
@@ -133,8 +121,6 @@ def _draw_margin(picture: figure) -> None:
 
 def _funnel() -> list[figure]:
     """Cross-sections with the push, the funnel over time, and V/ρ over time."""
-    from bokeh.models import Span
-
     over_time = _course("funnel", "Angle off it (rad)")
     level = _course("level", "V/ρ", x_range=over_time.x_range, y_axis_type="log")
     band = _source("band", "time", "low", "high", "least", "most")
@@ -150,8 +136,6 @@ def _funnel() -> list[figure]:
 
 def _plane(path: ColumnDataSource) -> figure:
     """Phase plane about the trajectory: where one can push to, by a click, by dragging, or with the fields beside it."""
-    from bokeh.models import CustomJS, Range1d
-
     picture = _figure(
         "plane", "Angle off the trajectory (rad)", "Angular velocity off it (rad/s)", 460,
         x_range=Range1d(-1, 1), y_range=Range1d(-1, 1),

@@ -1,9 +1,8 @@
 """The page of a diagnosis: the verdict, and the evidence that a referee would want."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from markupsafe import Markup
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.pages.html import (
@@ -33,9 +32,6 @@ from lumbar.tissue.diagnosis.selection.verdict import (
     runner_up,
 )
 from lumbar.tissue.models.form import Effect
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
 
 _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 

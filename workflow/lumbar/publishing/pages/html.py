@@ -3,22 +3,17 @@
 Of them are the pages of `lumbar compare` and `lumbar locate`: what a model makes of every record, and where it fails.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from markupsafe import Markup
 
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.residuals.felt_where import located_sentences
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence
 from lumbar.tissue.models.printing import equation_mathml
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
-
 
 PAGE = "publishing/pages/page.html.jinja"
 _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
@@ -64,8 +59,6 @@ def picture(svg: str | Path, description: str) -> Markup:
 
 def equation(latex: str) -> Markup:
     """Equation, which scrolls where there is less room: browsers do not break it into lines."""
-    from markupsafe import Markup
-
     return Markup(f'<span class="equation" tabindex="0">{equation_mathml(latex)}</span>')
 
 

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import unescape
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from lumbar.base.files import read_json
 from lumbar.base.yaml_file import shipped_yaml
@@ -16,10 +17,6 @@ from lumbar.publishing.figures.style import SHOWS
 from lumbar.study.artefacts import Artefact
 from lumbar.tables.layout import column_in_words, scientific, split_number, unit_in_print
 from lumbar.tables.table import svg_address
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _DRAWN = re.compile(r'(?<=\s)(?:d|points|x|y|cx|cy)="[^"]*"')

@@ -1,21 +1,17 @@
 """The report of a study as one HTML page that needs nothing from elsewhere, begun with what fails or warns."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
 from lumbar.publishing.study_report.contents import Chapter, Entry, count_verdicts, not_holding
 from lumbar.tables.layout import split_number
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FAILS, WARNS = "fails", "warns"
 _WARNING = re.compile(r"^(?:\w*Warning|WARNING): (.*(?:\n  .*)*)", flags=re.M)
@@ -187,8 +183,6 @@ def _of_logs(results: Path) -> Iterator[Trouble]:
 
 
 def _table(path: Path) -> pd.DataFrame | None:
-    import pandas as pd
-
     return pd.read_csv(path) if path.is_file() else None
 
 

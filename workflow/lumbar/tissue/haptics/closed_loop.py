@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+import scipy
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.models.transfer_function import TransferFunction
@@ -121,13 +122,11 @@ def propagation(device: DeviceSettings, seconds: float) -> tuple[np.ndarray, np.
     by_force : numpy.ndarray, shape (2,)
         What one newton adds to them.
     """
-    from scipy.linalg import expm
-
     mass = device.mass_kg + device.hand_mass_kg
     damping = device.damping_N_s_m + device.hand_damping_N_s_m
     held = np.zeros((3, 3))
     held[0, 1], held[1] = 1.0, (-device.hand_stiffness_N_m / mass, -damping / mass, 1.0 / mass)
-    exact = expm(held * seconds)
+    exact = scipy.linalg.expm(held * seconds)
     return exact[:2, :2], exact[:2, 2]
 
 
@@ -203,7 +202,6 @@ def _static_response(model: SampledModel, device: DeviceSettings) -> float:
 
 def _real_crossings(response: Callable[[np.ndarray], np.ndarray]) -> list[float]:
     """Angles at which a loop's response crosses the real axis, two close together included."""
-    from scipy.optimize import brentq, minimize_scalar
 
     def imaginary(angle: float) -> float:
         return response(angle).imag
@@ -216,7 +214,7 @@ def _real_crossings(response: Callable[[np.ndarray], np.ndarray]) -> list[float]
     between = []
     for index in np.flatnonzero(dips) + 1:
         sign = np.sign(values[index])
-        lowest = minimize_scalar(
+        lowest = scipy.optimize.minimize_scalar(
             lambda angle, sign=sign: sign * imaginary(angle),
             bounds=angles[[index - 1, index + 1]],
             method="bounded",
@@ -226,6 +224,6 @@ def _real_crossings(response: Callable[[np.ndarray], np.ndarray]) -> list[float]
     angles = np.sort(np.r_[angles, between])
     positive = np.signbit(response(angles).imag)
     return [
-        brentq(imaginary, angles[i], angles[i + 1], xtol=1e-15)
+        scipy.optimize.brentq(imaginary, angles[i], angles[i + 1], xtol=1e-15)
         for i in np.flatnonzero(positive[1:] != positive[:-1])
     ]

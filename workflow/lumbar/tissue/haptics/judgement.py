@@ -13,8 +13,12 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.files import parsed_json
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
+from lumbar.tissue.effects.catalogue import catalogues_with
+from lumbar.tissue.fmu.build.compiler import cache_folder
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.fmu.build.package import export_fmus
+from lumbar.tissue.fmu.build.record import read_record
 from lumbar.tissue.fmu.conventions import RECORD
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
 from lumbar.tissue.haptics.held_force import felt_on_device
@@ -319,9 +323,6 @@ def judge_exported(
     guards = exported.guards
     if isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact):
         return Judgement(meets, analysis, run_loop(meets, device, gains=analysis.gains), fitted, hands)
-    from lumbar.tissue.fmu.build.compiler import cache_folder
-    from lumbar.tissue.fmu.build.package import export_fmus
-
     with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
         cache = cache_folder(settings.compiler_cache)
         made = file or export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])[0]
@@ -364,9 +365,6 @@ def judge_fmu(
     InputError
         If the file is not sound, or cannot be rendered.
     """
-    from lumbar.tissue.effects.catalogue import catalogues_with
-    from lumbar.tissue.fmu.build.compiler import cache_folder
-    from lumbar.tissue.fmu.build.record import read_record
     from lumbar.tissue.fmu.check.file_check import NO_LIBRARY, UNKNOWN, all_sound, check_files
     from lumbar.tissue.fmu.check.lint import open_fmu
     from lumbar.tissue.fmu.check.playing import played

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
@@ -129,7 +130,6 @@ def fit_branches(
 def _solve(factor: np.ndarray, projected: np.ndarray, columns, damping: float | None) -> np.ndarray:
     """Minimise ‖R k − q‖² subject to k ≥ 0 and the cones of the device."""
     import clarabel
-    from scipy import sparse
 
     count = factor.shape[1]
     size = np.linalg.norm(factor, axis=0)  # stiffnesses of like size: the solver's tolerances are absolute
@@ -148,9 +148,9 @@ def _solve(factor: np.ndarray, projected: np.ndarray, columns, damping: float | 
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     solver = clarabel.DefaultSolver(
-        sparse.csc_matrix(np.triu(scaled.T @ scaled)),
+        scipy.sparse.csc_matrix(np.triu(scaled.T @ scaled)),
         -scaled.T @ projected,
-        sparse.csc_matrix(np.vstack(rows)),
+        scipy.sparse.csc_matrix(np.vstack(rows)),
         np.concatenate(bounds),
         cones,
         settings,
@@ -171,8 +171,6 @@ def fit_passive(
     branches : int or None
         0 or 1 Maxwell branch with the best relaxation time; None for as many as the data ask for.
     """
-    from scipy.optimize import minimize_scalar
-
     beside = [np.inf] if spring else []
     times = np.geomspace(data.sampling_time / 2.0, SLOWEST_S, TIMES)
     if branches == 0:
@@ -186,5 +184,5 @@ def fit_passive(
     coarse = np.log(times[::2])
     best = int(np.argmin([error(logarithm) for logarithm in coarse]))
     ends = coarse[max(best - 1, 0)], coarse[min(best + 1, len(coarse) - 1)]
-    found = minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": 1e-4})
+    found = scipy.optimize.minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": 1e-4})
     return fit_branches(data, [*beside, float(np.exp(found.x))], condition)[0]

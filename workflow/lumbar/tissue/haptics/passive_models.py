@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import NumericalError
+from lumbar.base.files import write_json
 from lumbar.records.record import Record
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tables.described import described
@@ -19,7 +20,7 @@ from lumbar.tissue.haptics.rendered_model import export_at, render_model, render
 from lumbar.tissue.haptics.ticks.uneven import even
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.identification.identify_tissue import ports_of, scores_of
-from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.model_data import ARX, OUTPUT_ERROR
 from lumbar.tissue.models.transfer_function import TransferFunction
 from lumbar.tissue.signals.spectrum import motion_range
@@ -54,9 +55,6 @@ class PassiveFits:
 
     def save(self, folder: Path, data: str) -> None:
         """Write ``passive_models.json`` and the table ``passive_fits``."""
-        from lumbar.base.files import write_json
-        from lumbar.tissue.models.fitted_model import models_document
-
         write_json(folder / "passive_models.json", models_document(self.passive, data))
         self.table(data).write(folder / "passive_fits")
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
@@ -97,9 +98,7 @@ def _parameters(fitted: FittedModel | None) -> dict:
 
 
 def _drawn(parameter, chance: float) -> float:
-    from scipy.special import ndtri
-
-    at = ndtri(chance) / _NORMAL_95
+    at = scipy.special.ndtri(chance) / _NORMAL_95
     end = parameter.high if at > 0 else parameter.low
     return max(parameter.value + abs(at) * (end - parameter.value), 1e-9 * parameter.value)
 

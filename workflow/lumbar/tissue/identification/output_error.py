@@ -9,6 +9,7 @@ Identification, 2nd ed., section 8.4).
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.models.transfer_function import ArxStructure, TransferFunction
@@ -58,8 +59,6 @@ def fit_output_error(
     NumericalError
         If no start leads to a stable model.
     """
-    from scipy.optimize import least_squares
-
     penalty = np.full(len(outputs) - skip, _UNSTABLE_PENALTY * np.sqrt(np.mean(outputs**2)))
 
     def residuals(coefficients):
@@ -73,7 +72,7 @@ def fit_output_error(
     initials.sort(key=lambda coefficients: float(np.sum(residuals(coefficients) ** 2)))
     best = None
     for initial in initials[:_STARTS_FOLLOWED]:
-        found = least_squares(
+        found = scipy.optimize.least_squares(
             residuals, initial, jac=jacobian, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-12, max_nfev=300
         )
         if structure.transfer_function(found.x).stable and (best is None or found.cost < best.cost):

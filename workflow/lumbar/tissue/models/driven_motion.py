@@ -13,6 +13,7 @@ from functools import cached_property, reduce
 from itertools import chain
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.models.algebra import Evaluator, derivative
@@ -393,8 +394,6 @@ def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = 
     `slope` has shape (steps, size, size), `driven` (steps, size, columns) and `first`, y₀ and by default 0, (size,
     columns); the result has shape (steps + 1, size, columns).
     """
-    from scipy.linalg.lapack import dtbtrs
-
     steps, size, columns = driven.shape
     lower = 2 * size - 1
     bands = np.zeros((lower + 1, size * (steps + 1)))
@@ -416,5 +415,5 @@ def recursion(slope: np.ndarray, driven: np.ndarray, first: np.ndarray | None = 
         )
         return found
     # Substitution forward, without pivoting: with slopes as large as sticking friction makes them that ends in a zero pivot.
-    solved, _ = dtbtrs(bands, right, uplo="L", diag="U")
+    solved, _ = scipy.linalg.lapack.dtbtrs(bands, right, uplo="L", diag="U")
     return solved.reshape(steps + 1, size, columns)

@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError, Problems
+from lumbar.records.record import Record
 from lumbar.records.text_rows import stop_at_many
+from lumbar.tissue.models.bases import Base
+from lumbar.tissue.models.driven_motion import linearised
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.measured_motion import with_measured_motion
+from lumbar.tissue.models.measured_motion import for_base, with_measured_motion
 from lumbar.tissue.models.model_data import ModelData, Scores, headline, in_html, in_text
 from lumbar.tissue.models.model_entry import checked_entry, entry_of, read_entry
+from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
-from lumbar.tissue.models.transfer_function import TransferFunction
+from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
 
 if TYPE_CHECKING:
     import control
-
-    from lumbar.records.record import Record
-    from lumbar.tissue.models.bases import Base
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,9 +67,6 @@ class FittedModel(ModelData):
         return self.structure.simulate(record["input"] - self.input.offset) + self.output.offset
 
     def _simulate_structure(self, structure: Structure, record: Record) -> np.ndarray:
-        from lumbar.tissue.models.measured_motion import for_base
-        from lumbar.tissue.models.motion import Motion
-
         parts = [self.values_of(structure.base), *map(self.values_of, structure.forms)]
         linear, nonlinear = (np.concatenate([part[kind] for part in parts]) for kind in (0, 1))
         if isinstance(structure, ForwardStructure):
@@ -110,7 +108,6 @@ class FittedModel(ModelData):
             return control.TransferFunction(
                 [values["inertia"], values["damping"], values["gravity_moment"]], [1.0]
             )
-        from lumbar.tissue.models.transfer_function import FirstOrder
 
         mass = values.pop("mass", 0.0)
         system = FirstOrder.of_base(**values)
@@ -121,8 +118,6 @@ class FittedModel(ModelData):
 
     def _linearised(self, base: Base) -> tuple[np.ndarray, np.ndarray]:
         """Numerator and denominator in s, from the slopes of the equation and of the rates of its states."""
-        from lumbar.tissue.models.driven_motion import linearised
-
         by_motion, by_states = linearised(base.form, *self.values_of(base))
         if not (np.isfinite(by_motion).all() and np.isfinite(by_states).all()):
             raise NumericalError(f"{self.name}: it has no slope at 0 of its input and states")

@@ -10,6 +10,7 @@ is replaced by a quintic spline fitted by least squares, whose knots lie as far 
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
@@ -42,15 +43,13 @@ def without_noise(signal: np.ndarray) -> np.ndarray:
 
     The noise is what the highest quarter of the frequencies holds; a motion has little there.
     """
-    from scipy.signal import butter, sosfiltfilt, welch
-
-    frequency, power = welch(signal, nperseg=min(len(signal), max(len(signal) // _BLOCK, 64)))
+    frequency, power = scipy.signal.welch(signal, nperseg=min(len(signal), max(len(signal) // _BLOCK, 64)))
     noise = float(np.median(power[frequency > 0.5 * (1 - _QUIET)]))
     seen = np.flatnonzero(power > _ABOVE * noise)
     cut = _ROOM * float(frequency[seen[-1]]) if len(seen) else 0.0
     if not 0 < cut < _HIGHEST:
         return signal
-    return sosfiltfilt(butter(_ORDER, 2 * cut, output="sos"), signal)
+    return scipy.signal.sosfiltfilt(scipy.signal.butter(_ORDER, 2 * cut, output="sos"), signal)
 
 
 SPACINGS = 2.0 * 1.4 ** np.arange(18)
@@ -102,9 +101,7 @@ def with_smooth_angle(record: Record) -> Record:
 
 def _least_squares_spline(values: np.ndarray, spacing: float) -> tuple[np.ndarray, int]:
     """Quintic spline with even knots `spacing` samples apart, at the samples, and its number of coefficients."""
-    from scipy.interpolate import make_lsq_spline
-
     samples = np.arange(len(values), dtype=float)
     inner = np.linspace(0, samples[-1], max(int(len(values) / spacing), 1) + 1)
     knots = np.concatenate([np.full(5, inner[0]), inner, np.full(5, inner[-1])])
-    return make_lsq_spline(samples, values, knots, k=5)(samples), len(knots) - 6
+    return scipy.interpolate.make_lsq_spline(samples, values, knots, k=5)(samples), len(knots) - 6

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 
 from lumbar.records.record import Record
 
@@ -57,9 +58,7 @@ class Motion:
     @cached_property
     def _spline(self):
         """Interpolating quintic spline: its second derivative is accurate to the fourth order of the step."""
-        from scipy.interpolate import make_interp_spline
-
-        return make_interp_spline(self.time, self.position, k=5)
+        return scipy.interpolate.make_interp_spline(self.time, self.position, k=5)
 
     @cached_property
     def velocity(self) -> np.ndarray:
@@ -89,9 +88,7 @@ class Motion:
 
     def rate_of(self, role: str) -> np.ndarray:
         """First derivative of a further channel, by the same spline as the input's."""
-        from scipy.interpolate import make_interp_spline
-
-        return make_interp_spline(self.time, self.channels[role], k=5)(self.time, 1)
+        return scipy.interpolate.make_interp_spline(self.time, self.channels[role], k=5)(self.time, 1)
 
     @cached_property
     def increments(self) -> np.ndarray:

@@ -14,6 +14,7 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.models.motion import SUBSTEPS, Motion
 from lumbar.tissue.models.transfer_function import filtered
@@ -185,10 +186,8 @@ def surface_of_branch(motion: Motion, share: float, time_constant: float) -> tup
     weights = [1.0 - mean, mean - decay]  # of the position now and a sample ago
 
     def followed(depth: np.ndarray, before: float, dashpot: float) -> np.ndarray:
-        from scipy.signal import lfilter
-
         state = [weights[1] * before + decay * dashpot]
-        return lfilter(weights, [1.0, -decay], depth, zi=state)[0]
+        return scipy.signal.lfilter(weights, [1.0, -decay], depth, zi=state)[0]
 
     return _touches(motion.position, 1.0 - share, recovery, followed)
 

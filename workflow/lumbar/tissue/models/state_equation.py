@@ -20,6 +20,7 @@ from functools import cached_property
 from itertools import repeat
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.models.algebra import MATH, NUMPY, Evaluator, Functions, derivative
 from lumbar.tissue.models.expression import (
@@ -367,8 +368,6 @@ def _matrix_phi1(matrix: np.ndarray) -> np.ndarray:
 
 def _recursion(slopes: np.ndarray, driven: np.ndarray) -> np.ndarray:
     """Solve rₖ = Sₖ rₖ₋₁ + dₖ from r₀ = 0: shapes (states, states, steps), (states, steps), (states, steps + 1)."""
-    from scipy.linalg import solve_banded
-
     states, steps = driven.shape
     lower = 2 * states - 1
     bands = np.zeros((lower + 1, states * (steps + 1)))
@@ -377,5 +376,7 @@ def _recursion(slopes: np.ndarray, driven: np.ndarray) -> np.ndarray:
         for column in range(states):
             bands[states + row - column, column : states * steps : states] = -slopes[row, column]
     right = np.concatenate([np.zeros(states), driven.T.ravel()])
-    solved = solve_banded((lower, 0), bands, right, overwrite_ab=True, overwrite_b=True, check_finite=False)
+    solved = scipy.linalg.solve_banded(
+        (lower, 0), bands, right, overwrite_ab=True, overwrite_b=True, check_finite=False
+    )
     return solved.reshape(steps + 1, states).T

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any, Self, TypeVar
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.driven_motion import POINTS, Driven, ForceBalance, ForceDrive
@@ -296,10 +297,8 @@ def _at_points(motion: Motion, parts: int) -> np.ndarray:
     steps = parts * (len(motion) - 1)
     if is_held(motion):
         return np.repeat(motion.position[:-1], parts)[:, None] * np.ones(len(POINTS))
-    from scipy.interpolate import make_interp_spline
-
     samples = (np.arange(steps)[:, None] + POINTS) / parts
-    return make_interp_spline(np.arange(len(motion)), motion.position, k=3)(samples)
+    return scipy.interpolate.make_interp_spline(np.arange(len(motion)), motion.position, k=3)(samples)
 
 
 def _at_rest(drive: ForceDrive, values: dict[str, float]) -> np.ndarray:
@@ -329,10 +328,8 @@ def _as_measured(motion: Motion, parts: int, zero: float, states: int) -> np.nda
     """Measured motion at the collocation points, states at rest: what friction makes of its speed is nearly right."""
 
     def at_points() -> np.ndarray:
-        from scipy.interpolate import make_interp_spline
-
         samples = (np.arange(parts * (len(motion) - 1))[:, None] + POINTS) / parts
-        return make_interp_spline(np.arange(len(motion)), _measured(motion), k=3)(samples)
+        return scipy.interpolate.make_interp_spline(np.arange(len(motion)), _measured(motion), k=3)(samples)
 
     position = motion.keep("measured at points", at_points) - zero
     return np.concatenate([position[None], np.zeros((states, *position.shape))])

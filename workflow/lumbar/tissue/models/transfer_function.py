@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import NumericalError
 
@@ -102,10 +103,8 @@ def filtered(numerator: Sequence[float], denominator: Sequence[complex], inputs:
     driven = forth[0] * inputs if len(forth) == 1 else np.convolve(forth, inputs)[: len(inputs)]
     if len(back) == 1:
         return driven
-    from scipy.linalg import get_lapack_funcs
-
     bands = np.tile(back, (len(inputs), 1)).T
-    (substituted,) = get_lapack_funcs(("tbtrs",), (bands, driven))
+    (substituted,) = scipy.linalg.get_lapack_funcs(("tbtrs",), (bands, driven))
     return substituted(bands, driven[:, None], uplo="L", diag="U", overwrite_b=True)[0][:, 0]
 
 

@@ -6,17 +6,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import InputError
+from lumbar.settings.signals import AmplitudeSettings, SignalsSettings
+from lumbar.tables.described import described
+from lumbar.tables.table import Table
 from lumbar.tissue.signals.multisine import Multisine, design_multisine
 from lumbar.tissue.signals.spectrum import Kinematics, check_machine_limits, peak_kinematics
 from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from lumbar.settings.signals import AmplitudeSettings, SignalsSettings
-    from lumbar.tables.table import Table
 
 
 def linear_chirp(duration: float, lowest: float, highest: float, rate: float) -> np.ndarray:
@@ -75,8 +76,6 @@ def band_limited_noise(duration: float, highest: float, rate: float, order: int,
     InputError
         The corner is not below half the rate.
     """
-    from scipy.signal import butter, sosfiltfilt
-
     # |H|⁴ = 1/2 at `highest`, with |H|² = 1/(1 + (f/corner)^(2·order)).
     corner = highest / (np.sqrt(2) - 1) ** (1 / (2 * order))
     if not 0 < corner < rate / 2:
@@ -87,7 +86,9 @@ def band_limited_noise(duration: float, highest: float, rate: float, order: int,
     samples = round(duration * rate)
     margin = int(np.ceil(10 * order * rate / highest))
     white = np.random.default_rng([seed, 3]).standard_normal(samples + 2 * margin)
-    noise = sosfiltfilt(butter(order, corner, fs=rate, output="sos"), white)[margin : margin + samples]
+    noise = scipy.signal.sosfiltfilt(scipy.signal.butter(order, corner, fs=rate, output="sos"), white)[
+        margin : margin + samples
+    ]
     noise -= noise.mean()
     return noise / np.sqrt(np.mean(noise**2))
 
@@ -279,8 +280,6 @@ def signal_properties(
     excitation: Excitation, settings: SignalsSettings, data: str, bandwidths: dict | None = None
 ) -> Table:
     """Table of what each signal is and what it asks of the machine; `bandwidths` are the surgeons', where it follows them."""
-    from lumbar.tables.described import described
-
     rows = []
     for signal in excitation.signals:
         motion = peak_kinematics(signal.position, signal.rate)

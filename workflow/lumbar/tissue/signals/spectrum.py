@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.base.errors import InputError, Problems
@@ -81,8 +82,6 @@ def _welch(
     values: np.ndarray, rate: float, settings: WelchSettings, needed_besides: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Call `scipy.signal.welch` on values made from a recording `needed_besides` samples longer."""
-    from scipy.signal import welch
-
     samples = round(settings.segment_s * rate)
     if samples < 8:
         raise InputError(
@@ -95,7 +94,7 @@ def _welch(
             f"{settings.segment_s:g} s needs {samples + needed_besides}: shorten "
             "surgeon.welch.segment_s or leave the recording out"
         )
-    return welch(
+    return scipy.signal.welch(
         values,
         fs=rate,
         window=settings.window,
@@ -290,10 +289,8 @@ def peak_kinematics(position: np.ndarray, rate: float) -> Kinematics:
     rate : float
         Samples per second, Hz.
     """
-    from scipy.interpolate import make_interp_spline
-
     time = np.arange(len(position)) / rate
-    spline = make_interp_spline(time, position, k=5)
+    spline = scipy.interpolate.make_interp_spline(time, position, k=5)
     fine = np.linspace(0, time[-1], _POINTS_PER_SAMPLE * (len(position) - 1) + 1)
     return Kinematics(*(float(np.abs(spline(fine, nu=order)).max()) for order in range(3)))
 

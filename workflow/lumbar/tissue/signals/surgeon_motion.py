@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
+from lumbar.settings.signals import BandwidthSettings, WelchSettings
 from lumbar.tissue.signals.spectrum import (
     QUANTITIES,
     level_frequency,
@@ -21,7 +23,6 @@ from lumbar.tissue.signals.spectrum import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.settings.signals import BandwidthSettings, WelchSettings
 
 POOLED = "pooled"
 """Name of the mean of all trials in the table of spectra."""
@@ -251,14 +252,12 @@ def _interval(
 
     A draw that did not reach its level lies above all others.
     """
-    from scipy.stats import norm, t
-
     if value is None or not draws:
         return None, None
     # "closest_observation" picks a draw: interpolating towards an infinite one would give NaN.
     ordered = np.array([np.inf if draw is None else draw for draw in draws])
-    below, above = np.quantile(ordered, norm.cdf([-1.0, 1.0]), method="closest_observation")
-    widening = t.ppf((1 + confidence) / 2, freedom)
+    below, above = np.quantile(ordered, scipy.stats.norm.cdf([-1.0, 1.0]), method="closest_observation")
+    widening = scipy.stats.t.ppf((1 + confidence) / 2, freedom)
     low = value * min(below / value, 1.0) ** widening
     high = value * max(above / value, 1.0) ** widening
     return float(low), (float(high) if high <= maximum else None)

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+import scipy
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
@@ -293,8 +294,6 @@ class Injection:
 
     def _dose_of(self, rms: float) -> float:
         """Dose at which the added force has this RMS, by Brent's method; 0 where the least dose adds more."""
-        from scipy.optimize import brentq
-
         fit_at, _ = self._doses
 
         def above(dose: float) -> float:
@@ -302,7 +301,7 @@ class Injection:
 
         if above(0.0) >= 0:
             return 0.0
-        return 1.0 if above(1.0) <= 0 else float(brentq(above, 0.0, 1.0, xtol=1e-9, rtol=1e-7))
+        return 1.0 if above(1.0) <= 0 else float(scipy.optimize.brentq(above, 0.0, 1.0, xtol=1e-9, rtol=1e-7))
 
 
 def without_effect(fit: Fit, effect: str) -> tuple[Fit, Form, np.ndarray]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy
 
 from lumbar.base.files import write_json, write_text
 from lumbar.base.yaml_file import shipped_yaml
@@ -125,15 +126,13 @@ def complete_linkage(angles: np.ndarray, largest: float) -> list[list[int]]:
 
     The cluster of the first item comes first, the others in the order of their first members.
     """
-    from scipy.cluster.hierarchy import fcluster, linkage
-    from scipy.spatial.distance import squareform
-
     if len(angles) == 1:
         return [[0]]
     clusters: dict[int, list[int]] = {}
-    for index, number in enumerate(
-        fcluster(linkage(squareform(angles, checks=False), "complete"), largest, "distance")
-    ):
+    tree = scipy.cluster.hierarchy.linkage(
+        scipy.spatial.distance.squareform(angles, checks=False), "complete"
+    )
+    for index, number in enumerate(scipy.cluster.hierarchy.fcluster(tree, largest, "distance")):
         clusters.setdefault(number, []).append(index)
     return list(clusters.values())
 

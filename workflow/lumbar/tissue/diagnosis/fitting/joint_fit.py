@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
+import scipy
 
 from lumbar.base.progress import going_on
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
@@ -110,13 +111,13 @@ def _solve_with_signs(
 
 def _by_active_set(normal: np.ndarray, right: np.ndarray, signs: tuple[int, ...]) -> np.ndarray:
     """Non-negative least squares on the Cholesky factor; a free amplitude is a difference of two."""
-    from scipy.optimize import nnls
-
     factor = np.linalg.cholesky(normal)
     target = np.linalg.solve(factor, right)
     expanded = [(index, 1.0) for index, sign in enumerate(signs) if sign >= 0]
     expanded += [(index, -1.0) for index, sign in enumerate(signs) if sign <= 0]
-    positive, _ = nnls(np.stack([direction * factor[index] for index, direction in expanded], axis=1), target)
+    positive, _ = scipy.optimize.nnls(
+        np.stack([direction * factor[index] for index, direction in expanded], axis=1), target
+    )
     linear = np.zeros(len(signs))
     for (index, direction), value in zip(expanded, positive, strict=True):
         linear[index] += direction * value
@@ -215,8 +216,6 @@ def _least_squares(error, jacobian, start, low, high, **tolerances):
     derivatives, shape (samples, parameters). The search is the same in every unit: it divides by the first error, and what
     it asks of the gradient's size alone is left out.
     """
-    from scipy.optimize import least_squares
-
     least, rotated, unit = np.inf, np.empty(0), float(np.linalg.norm(error(start))) or 1.0
 
     def fun(vector):
@@ -229,7 +228,7 @@ def _least_squares(error, jacobian, start, low, high, **tolerances):
         rotated = np.linalg.qr(np.column_stack([jacobian(vector, found), found]) / unit, mode="r")
         return rotated[:, -1]
 
-    return least_squares(
+    return scipy.optimize.least_squares(
         fun,
         start,
         jac=lambda _: rotated[:, :-1],

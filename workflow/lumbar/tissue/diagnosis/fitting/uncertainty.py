@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
@@ -184,13 +185,11 @@ def sensitivities_over(fit: Fit, records: list[FitData]) -> np.ndarray:
 
     The sensor's zeros are columns of their own for each record where the records have theirs.
     """
-    from scipy.linalg import block_diag
-
     pieces = [fit.sensitivities(record) for record in records]
     if not any(record.own_zero for record in records):
         return np.concatenate(pieces)
     shared = len(fit.linear) + len(fit.nonlinear)
-    zeros = block_diag(*(piece[:, shared:] for piece in pieces))
+    zeros = scipy.linalg.block_diag(*(piece[:, shared:] for piece in pieces))
     return np.hstack([np.concatenate([piece[:, :shared] for piece in pieces]), zeros])
 
 
@@ -240,13 +239,11 @@ def check_excited(without: Fit, form: Form, data: FitData, nonlinear: np.ndarray
 
 def are_white(errors: Sequence[np.ndarray]) -> bool:
     """Whether errors of several records pass for white noise: the test of Ljung and Box (Biometrika 65 (1978) 297-303)."""
-    from scipy.special import chdtri
-
     size = sum(map(len, errors))
     lags = min(_LAGS, min(map(len, errors)) - 1)
     correlation = _autocorrelation([item[:, None] for item in errors], lags)[1:, 0]
     statistic = size * (size + 2) * np.sum(correlation**2 / (size - np.arange(1, lags + 1)))
-    return bool(statistic < chdtri(lags, _LEVEL))
+    return bool(statistic < scipy.special.chdtri(lags, _LEVEL))
 
 
 def score_covariance(scores: Sequence[np.ndarray]) -> np.ndarray:
@@ -301,29 +298,25 @@ def correlation_times(scores: Sequence[np.ndarray]) -> np.ndarray:
 
 def _autocorrelation(series: Sequence[np.ndarray], lags: int) -> np.ndarray:
     """Of each column over all records, without removing means; shape (lags + 1, columns)."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
     total = np.zeros((lags + 1, series[0].shape[1]))
     for item in series:
-        length = next_fast_len(2 * len(item) - 1, real=True)
-        power = np.abs(rfft(item, length, axis=0)) ** 2
-        found = irfft(power, length, axis=0)[: min(lags + 1, len(item))]
+        length = scipy.fft.next_fast_len(2 * len(item) - 1, real=True)
+        power = np.abs(scipy.fft.rfft(item, length, axis=0)) ** 2
+        found = scipy.fft.irfft(power, length, axis=0)[: min(lags + 1, len(item))]
         total[: len(found)] += found
     return total / np.where(total[0] > 0, total[0], 1.0)
 
 
 def _bartlett_sum(scores: np.ndarray, bandwidth: float) -> np.ndarray:
     """Σ w(k) Γ(k) with Bartlett's weights, in the frequency domain, where they are never negative."""
-    from scipy.fft import next_fast_len, rfft
-
     size = len(scores)
-    length = next_fast_len(2 * size - 1, real=True)
+    length = scipy.fft.next_fast_len(2 * size - 1, real=True)
     lags = np.arange(1, min(int(np.ceil(bandwidth)), size))
     window = np.zeros(length)
     window[0] = 1.0
     window[lags] = window[-lags] = 1 - lags / bandwidth
     # A real signal's spectrum is symmetric: all frequencies count twice but the first, and the last of an even number.
-    weights = rfft(window).real
+    weights = scipy.fft.rfft(window).real
     weights[1 : None if length % 2 else -1] *= 2
-    spectrum = rfft(scores, length, axis=0)
+    spectrum = scipy.fft.rfft(scores, length, axis=0)
     return ((spectrum.conj() * weights[:, None]).T @ spectrum).real / length

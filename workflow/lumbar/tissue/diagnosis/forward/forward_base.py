@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
@@ -83,15 +84,15 @@ class CarriedData(FitData):
 
     def _carried(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) through the response, from rest."""
-        from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
-
-        length = next_fast_len(2 * len(signal), real=True)
+        length = scipy.fft.next_fast_len(2 * len(signal), real=True)
         kept = self.motion.keep(
             f"response {id(self.response)}",
-            lambda: (self.response, self.response(rfftfreq(length, self.motion.sampling_time))),
+            lambda: (self.response, self.response(scipy.fft.rfftfreq(length, self.motion.sampling_time))),
         )[1]
-        spectrum = rfft(signal, length, axis=0)
-        return irfft(spectrum * kept.reshape(-1, *[1] * (signal.ndim - 1)), length, axis=0)[: len(signal)]
+        spectrum = scipy.fft.rfft(signal, length, axis=0)
+        return scipy.fft.irfft(spectrum * kept.reshape(-1, *[1] * (signal.ndim - 1)), length, axis=0)[
+            : len(signal)
+        ]
 
     def whiten(self, signal: np.ndarray) -> np.ndarray:
         """Carried and whitened signal (samples first) from the first sample that counts."""
@@ -143,11 +144,9 @@ def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Respon
 
 def measured_response(data: FitData) -> Response:
     """Ratio of the spectra of motion and force without their phases, for a first weighting."""
-    from scipy.signal import welch
-
     force, motion = data.motion.position, data.force
     rate = 1 / data.motion.sampling_time
-    frequency, powers = welch(
+    frequency, powers = scipy.signal.welch(
         np.array([force - force.mean(), motion - motion.mean()]), rate, nperseg=len(force) // _SEGMENTS
     )
     ratio = np.sqrt(powers[1] / np.maximum(powers[0], 1e-12 * powers[0].max()))
@@ -240,8 +239,6 @@ def fit_by_simulation(
 
     The motion of the experiment's data is the force, their force the motion. The error is evaluated at most `evaluations` times.
     """
-    from scipy.optimize import least_squares
-
     data = experiment.training
     signs = np.array(structure.signs, dtype=int)
     size = np.where(linear != 0, np.abs(linear), _AT_ZERO * (np.abs(linear).max(initial=0.0) or 1.0))
@@ -276,7 +273,7 @@ def fit_by_simulation(
         scale = np.concatenate([size, np.ones(shapes), np.full(zeros, extent)]) / extent
         return np.where(np.isfinite(slopes), slopes, 0.0) * scale
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda vector: error_of(vector.tobytes()), start, jac=jacobian, bounds=(lower, upper), x_scale="jac",
         xtol=1e-6, ftol=1e-7, gtol=1e-15, max_nfev=evaluations,
     )  # fmt: skip

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, unfolded
@@ -73,14 +74,12 @@ def _may_be_absolute(signal: np.ndarray) -> bool:
 
 def _first_signs(training: FitData) -> list[np.ndarray]:
     """Signs of the force after lags from a few samples to a tenth of the record."""
-    from scipy.signal import lfilter
-
     step = training.motion.sampling_time
     force = training.motion.position
     found = []
     for lag in np.geomspace(4 * step, 0.1 * len(training.motion) * step, _LAGS):
         pole = np.exp(-step / lag)
-        found.append(_sign(lfilter([1 - pole], [1, -pole], force)))
+        found.append(_sign(scipy.signal.lfilter([1 - pole], [1, -pole], force)))
     return found
 
 
@@ -130,8 +129,6 @@ def _fit_of(base: Base, dynamics: LinearDynamics, data: FitData) -> Fit:
 
 def _refined(structure: Structure, dynamics: LinearDynamics, data: FitData) -> Fit:
     """Poles and residues together, from a start at which the motion's sign is known."""
-    from scipy.optimize import least_squares
-
     count, poles = len(dynamics.linear), np.exp(dynamics.poles.to_vector())
     reach = np.sqrt(np.mean(forces(data.motion, dynamics.poles, dynamics.held) ** 2, axis=0))
     reach[reach == 0] = 1.0
@@ -146,7 +143,7 @@ def _refined(structure: Structure, dynamics: LinearDynamics, data: FitData) -> F
         return data.whiten(structure.simulate(data.motion, *parameters(vector)) - data.force) / unit
 
     start = np.concatenate([dynamics.linear / size, np.ones(len(poles))])
-    found = least_squares(error, start, x_scale="jac", gtol=1e-15, max_nfev=_EVALUATIONS)
+    found = scipy.optimize.least_squares(error, start, x_scale="jac", gtol=1e-15, max_nfev=_EVALUATIONS)
     linear, nonlinear = parameters(found.x)
     return Fit(structure, linear, nonlinear, 2 * float(found.cost) * unit**2, bool(found.status > 0))
 

@@ -18,6 +18,7 @@ from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -68,10 +69,8 @@ class Filter:
 
     def apply(self, signal: np.ndarray) -> np.ndarray:
         """Filtered signal (samples first), the first sample's value having stood for ever."""
-        from scipy.signal import lfilter
-
         rest = self.static_gain * signal[0]
-        return lfilter(self.numerator, self.denominator, signal - signal[0], axis=0) + rest
+        return scipy.signal.lfilter(self.numerator, self.denominator, signal - signal[0], axis=0) + rest
 
     @property
     def static_gain(self) -> float:
@@ -87,9 +86,7 @@ class Filter:
 
     def response(self, angle: np.ndarray) -> np.ndarray:
         """Frequency response at these angles per sample, complex."""
-        from scipy.signal import freqz
-
-        return freqz(self.numerator, self.denominator, angle)[1]
+        return scipy.signal.freqz(self.numerator, self.denominator, angle)[1]
 
     def scaled(self, factor: float) -> Filter:
         """The same filter with a gain of this factor."""
@@ -106,11 +103,11 @@ class Filter:
 
     def slopes(self, signal: np.ndarray) -> np.ndarray:
         """Derivatives of the filtered signal by the numerator's coefficients and by the denominator's but for the first."""
-        from scipy.signal import lfilter
-
         moved = signal - signal[0]
-        through = lfilter([1.0], self.denominator, moved)
-        answer = lfilter([1.0], self.denominator, self.apply(signal) - self.static_gain * signal[0])
+        through = scipy.signal.lfilter([1.0], self.denominator, moved)
+        answer = scipy.signal.lfilter(
+            [1.0], self.denominator, self.apply(signal) - self.static_gain * signal[0]
+        )
         delayed = [_delayed(through, lag) for lag in range(len(self.numerator))]
         delayed += [-_delayed(answer, lag) for lag in range(1, len(self.denominator))]
         total = self.denominator.sum()
@@ -133,9 +130,7 @@ class Curve:
     @cached_property
     def basis(self):
         """Splines that are 1 at one knot and 0 at the others, as one spline with as many values."""
-        from scipy.interpolate import CubicSpline
-
-        return CubicSpline(self.knots, np.eye(len(self.knots)), bc_type="natural")
+        return scipy.interpolate.CubicSpline(self.knots, np.eye(len(self.knots)), bc_type="natural")
 
     def design(self, signal: np.ndarray, order: int = 0) -> np.ndarray:
         """What each knot's value adds at a signal, shape (samples, knots), or its derivative by the signal."""
@@ -356,22 +351,22 @@ def linear_approximation(data: FitData, order: int) -> Filter:
 
     By the iteration of Steiglitz and McBride (IEEE Trans. Automat. Contr. 10 (1965) 461-464), of whose turns the best one counts.
     """
-    from scipy.signal import lfilter
-
     parts = list(zip(_split(data, data.motion.position), _split(data, data.force), strict=True))
     parts = [[item - item.mean() for item in part] for part in parts]
     best, denominator = (np.inf, np.ones(1), np.ones(1)), np.eye(1, order + 1)[0]
     for _ in range(_TURNS):
         rows = []
         for part in parts:
-            motion, answer = (lfilter([1.0], denominator, item) for item in part)
+            motion, answer = (scipy.signal.lfilter([1.0], denominator, item) for item in part)
             lagged = [-_delayed(answer, lag) for lag in range(order + 1)]
             rows.append(np.column_stack([*lagged, *(_delayed(motion, lag) for lag in range(order + 1))]))
         table = data.trim(np.concatenate(rows))
         solution = np.linalg.lstsq(table[:, 1:], -table[:, 0], rcond=None)[0]
         roots = np.roots(np.concatenate([[1.0], solution[:order]]))
         denominator = np.real(np.poly(np.where(np.abs(roots) >= 1, 1 / roots.conj(), roots)))
-        errors = [lfilter(solution[order:], denominator, motion) - answer for motion, answer in parts]
+        errors = [
+            scipy.signal.lfilter(solution[order:], denominator, motion) - answer for motion, answer in parts
+        ]
         left = float(np.mean(data.trim(np.concatenate(errors)) ** 2))
         if left < best[0]:
             best = (left, solution[order:], denominator)
@@ -426,8 +421,6 @@ def _knots(signal: np.ndarray, count: int) -> np.ndarray:
 
 def _refined(data: FitData, start: BlockStructure, evaluations: int) -> BlockStructure:
     """All coefficients together, by the simulation error."""
-    from scipy.optimize import least_squares
-
     unit = float(np.linalg.norm(data.whiten(data.force))) or 1.0
     size = np.maximum(np.abs(start.vector), 1e-3)
 
@@ -445,7 +438,7 @@ def _refined(data: FitData, start: BlockStructure, evaluations: int) -> BlockStr
             slopes = data.whiten(chain_of(vector.tobytes()).slopes(data.motion)) * size / unit
         return np.nan_to_num(slopes)
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         error,
         start.vector / size,
         jacobian,

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.finding import Finding
@@ -374,8 +375,6 @@ def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
 
 def surface_model(proposal: Proposal, data: str = "") -> Candidate | None:
     """The model with the surface as an effect of its own, which files of models carry; None where none is proposed."""
-    import yaml
-
     if proposal.law is None or not proposal.is_surface:
         return None
     definition = yaml.safe_load(effect_text(proposal, SURFACE, data))

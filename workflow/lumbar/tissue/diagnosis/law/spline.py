@@ -5,8 +5,6 @@ knots. What a base's spring and the sensor's zero can take up, a straight line o
 knots the surface is held as it ends there.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit

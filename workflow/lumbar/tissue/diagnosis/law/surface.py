@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
@@ -116,12 +117,10 @@ def _folds(data: FitData, experiment: Experiment) -> np.ndarray:
 
 def _splines(values: np.ndarray, intervals: int) -> np.ndarray:
     """Cubic B-splines over the range of a coordinate; shape (samples, functions)."""
-    from scipy.interpolate import BSpline
-
     low, high = np.quantile(values, [_OUTERMOST, 1 - _OUTERMOST])
     high = high if high > low else low + 1.0
     knots = low + (high - low) * np.arange(-3, intervals + 4) / intervals
-    return BSpline.design_matrix(np.clip(values, knots[3], knots[-4]), knots, 3).toarray()
+    return scipy.interpolate.BSpline.design_matrix(np.clip(values, knots[3], knots[-4]), knots, 3).toarray()
 
 
 def _roughness(counts: tuple[int, int]) -> np.ndarray:

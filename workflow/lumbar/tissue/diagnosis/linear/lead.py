@@ -1,7 +1,5 @@
 """A force that leads the position: no tissue answers before it is moved, so channels or sensors are not on one clock."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

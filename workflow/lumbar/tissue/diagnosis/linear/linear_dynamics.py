@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+import scipy
 
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.decimation import decimate
@@ -226,8 +227,6 @@ def _with_delay(data: FitData, fitted: LinearDynamics) -> LinearDynamics:
 
 def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
     """Search poles and delay, linear parameters solved for at each."""
-    from scipy.optimize import least_squares
-
     force, first = data.whiten(data.force), np.exp(start.poles.to_vector())
     low, high = (folds(bound, first) for bound in _bounds(start.poles, *_rates_seen(data)))
     unit = float(np.linalg.norm(force)) or 1.0
@@ -251,7 +250,7 @@ def _refine(data: FitData, start: LinearDynamics) -> LinearDynamics:
         directions = design @ basis
         return (slopes - directions @ (directions.T @ slopes)) / unit
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         error,
         np.clip(np.ones(len(first)), low, high),
         jacobian,

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.models.motion import JoinedMotions, Motion
@@ -217,8 +218,6 @@ def _real_form(poles: Poles) -> tuple[np.ndarray, np.ndarray]:
 
 def _filtered_forces(data: FitData, poles: Poles) -> np.ndarray:
     """Force through the state equations of `_real_form`, taken as linear between samples, shape (samples, order)."""
-    from scipy.signal import cont2discrete, lfilter
-
     parts = data.motion.split(data.force) if isinstance(data.motion, JoinedMotions) else [data.force]
     transfers = []
     for damping, square in poles.sections:
@@ -226,6 +225,10 @@ def _filtered_forces(data: FitData, poles: Poles) -> np.ndarray:
     transfers += [([1.0], [1.0, rate]) for rate in poles.rates]
     columns = []
     for transfer in transfers:
-        (numerator,), denominator, _ = cont2discrete(transfer, data.motion.sampling_time, method="foh")
-        columns.append(np.concatenate([lfilter(numerator, denominator, part - part[0]) for part in parts]))
+        (numerator,), denominator, _ = scipy.signal.cont2discrete(
+            transfer, data.motion.sampling_time, method="foh"
+        )
+        columns.append(
+            np.concatenate([scipy.signal.lfilter(numerator, denominator, part - part[0]) for part in parts])
+        )
     return np.column_stack(columns)

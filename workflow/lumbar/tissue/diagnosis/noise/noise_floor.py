@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.noise.nonrepeating import (
@@ -200,11 +201,12 @@ def _of_second_halves(deviations: np.ndarray) -> tuple[np.ndarray, list[Part], i
 
 def _is_white(values: np.ndarray) -> bool:
     """Whether the means of stretches differ by no more than those of white noise."""
-    from scipy.special import chdtrc
-
     width = max(len(values) // _STRETCHES, 1)
     means = values[: len(values) // width * width].reshape(-1, width).mean(axis=1)
-    return chdtrc(len(means), np.sum(means**2) * width / max(np.mean(values**2), 1e-300)) > _BY_CHANCE
+    return (
+        scipy.special.chdtrc(len(means), np.sum(means**2) * width / max(np.mean(values**2), 1e-300))
+        > _BY_CHANCE
+    )
 
 
 def _without_input_deviations(deviations: np.ndarray, excitation: np.ndarray, folding: Folding) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Where in the motion a model fails: over position and velocity, over depth, around reversals, from cycle to cycle."""
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.diagnosis.residuals.residual import (
     SIGNIFICANT,
@@ -299,10 +300,8 @@ def rank_correlation(first: np.ndarray, second: np.ndarray) -> tuple[float, floa
 
     C. Spearman, Am. J. Psychol. 15 (1904) 72-101.
     """
-    from scipy.special import stdtr
-
     ranks = [np.argsort(np.argsort(values)) for values in (first, second)]
     correlation = float(np.corrcoef(*ranks)[0, 1])
     degrees = len(first) - 2
     size = abs(correlation) * np.sqrt(degrees / max(1 - correlation**2, 1e-300))
-    return correlation, float(2 * stdtr(degrees, -size))
+    return correlation, float(2 * scipy.special.stdtr(degrees, -size))

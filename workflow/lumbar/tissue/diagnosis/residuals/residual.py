@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import scipy
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance, prediction_error_filter
@@ -172,8 +173,6 @@ class Residual:
 
 def chi_square_p(sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-6) -> float:
     """Probability that noise of this covariance gives sums as large; directions without variance are left out."""
-    from scipy.special import chdtrc
-
     if not sums.size:
         return 1.0
     values, vectors = np.linalg.eigh(covariance)
@@ -181,7 +180,7 @@ def chi_square_p(sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-
         return 1.0
     kept = values > smallest * values[-1]
     statistic = np.sum((sums @ vectors[:, kept]) ** 2 / values[kept])
-    return float(chdtrc(kept.sum(), statistic))
+    return float(scipy.special.chdtrc(kept.sum(), statistic))
 
 
 def steady_velocity(position: np.ndarray, sampling_time: float) -> np.ndarray:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.diagnosis.noise.noise_floor import autocovariance
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
@@ -52,15 +53,13 @@ ODD_FUNCTIONS = ("z³", "sign v", "v|v|")
 
 def ljung_box(values: np.ndarray, lags: int) -> tuple[float, float]:
     """Ljung–Box statistic N(N+2) Σ ρ²/(N−k) and its p-value with `lags` degrees of freedom (Biometrika 65, 1978)."""
-    from scipy.special import chdtrc
-
     size = len(values)
     covariance = autocovariance(values - values.mean(), lags)
     if covariance[0] <= 0:
         return 0.0, 1.0
     correlation = covariance[1:] / covariance[0]
     statistic = float(size * (size + 2) * np.sum(correlation**2 / (size - np.arange(1, lags + 1))))
-    return statistic, float(chdtrc(lags, statistic))
+    return statistic, float(scipy.special.chdtrc(lags, statistic))
 
 
 def whiteness_view(residual: Residual) -> View:

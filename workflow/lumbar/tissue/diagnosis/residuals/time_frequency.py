@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.diagnosis.noise.nonrepeating import excess, remove_structure
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, probability, said
@@ -80,25 +81,21 @@ def time_edges(residual: Residual) -> np.ndarray:
 
 def level_trend(residual: Residual) -> tuple[float, float]:
     """Slope of a straight line through the residual (unit/s), and its p-value under noise alone."""
-    from scipy.special import ndtr
-
     centred = residual.time - residual.time.mean()
     weights = (centred / np.sum(centred**2))[None]
     slope = float(weights[0] @ residual.values)
     deviation = float(np.sqrt(residual.covariance(weights)[0, 0]))
-    return slope, float(2 * ndtr(-abs(slope) / deviation)) if deviation > 0 else 1.0
+    return slope, float(2 * scipy.special.ndtr(-abs(slope) / deviation)) if deviation > 0 else 1.0
 
 
 def mann_kendall_p(values: np.ndarray) -> float:
     """Two-sided p-value of a monotonic trend (Mann, Econometrica 13, 1945), normal approximation."""
-    from scipy.special import ndtr
-
     size = len(values)
     if size < 4:
         return 1.0
     score = np.sign(values[None, :] - values[:, None])[np.triu_indices(size, 1)].sum()
     deviation = np.sqrt(size * (size - 1) * (2 * size + 5) / 18)
-    return float(min(1.0, 2 * ndtr(-max(abs(score) - 1, 0) / deviation)))
+    return float(min(1.0, 2 * scipy.special.ndtr(-max(abs(score) - 1, 0) / deviation)))
 
 
 def _not_repeating(residual: Residual) -> tuple[float, float]:
@@ -106,8 +103,6 @@ def _not_repeating(residual: Residual) -> tuple[float, float]:
 
     The periods after the transient tell whether there is any; where there is, what comes before them counts too.
     """
-    from scipy.special import ndtr
-
     folding, noise = residual.folding, residual.floor.rms**2
     folded = folding.fold(residual.values)
     mean = folded.mean(axis=0)
@@ -116,7 +111,7 @@ def _not_repeating(residual: Residual) -> tuple[float, float]:
         return 0.0, 1.0
     energy = float(np.sum(sum(part.values for part in parts) ** 2))
     degrees = sum(part.degrees for part in parts)
-    p_value = float(ndtr(-excess(energy / noise, degrees))) if noise > 0 else 0.0
+    p_value = float(scipy.special.ndtr(-excess(energy / noise, degrees))) if noise > 0 else 0.0
     before = int(folding.rows[0, 0])
     transient = residual.values[:before] - mean[np.arange(-before, 0) % folding.samples]
     energy += max(float(np.sum(transient**2)) - before * noise * (1 + 1 / len(folded)), 0.0)
@@ -188,14 +183,14 @@ def _lines(residual: Residual) -> View:
 
 
 def _by_class(residual: Residual, classes, power, noise, sides) -> tuple[dict[str, float], dict[str, float]]:
-    from scipy.special import chdtrc
-
     shares, p_values = {}, {}
     for kind in dict.fromkeys(classes):
         mine = classes == kind
         shares[kind] = residual.share(float(np.sum((power - noise)[mine])))
         statistic = float(np.sum((sides * power / noise)[mine])) if np.all(noise[mine] > 0) else np.inf
-        p_values[kind] = float(chdtrc(sides[mine].sum(), statistic)) if np.isfinite(statistic) else 0.0
+        p_values[kind] = (
+            float(scipy.special.chdtrc(sides[mine].sum(), statistic)) if np.isfinite(statistic) else 0.0
+        )
         if p_values[kind] >= SIGNIFICANT:
             shares[kind] = 0.0
     return shares, p_values
@@ -283,9 +278,7 @@ def _band_bounds(lines: int, edge: int) -> list[tuple[int, int]]:
 
 
 def _band_p(power: float, noise: float, lines: int) -> float:
-    from scipy.special import chdtrc
-
     # A Hann window correlates the power of neighbouring lines by (2/3)², of next ones by (1/6)².
     repeated = 1 + 2 * (4 / 9 * (lines - 1) + max(lines - 2, 0) / 36) / lines
     degrees = 2 * lines / repeated
-    return float(chdtrc(degrees, degrees * power / noise)) if noise > 0 else 0.0
+    return float(scipy.special.chdtrc(degrees, degrees * power / noise)) if noise > 0 else 0.0

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
@@ -327,8 +328,6 @@ def _nothing_added(form: Form, own: list[FittedParameter], fit: Fit, training: F
 
 def _surely_together(form: Form, names: tuple[str, ...], fit: Fit, training: FitData) -> bool:
     """Whether several amplitudes together are surely not 0, by Wald's test: alike ones hide each other's share."""
-    from scipy.special import chdtri
-
     owners = [form for form in fit.structure.forms for _ in form.linear]
     items = fit.structure.linear[len(fit.structure.base.linear) :]
     mine = [index for index, item in enumerate(items) if owners[index] is form and item.name in names]
@@ -336,7 +335,7 @@ def _surely_together(form: Form, names: tuple[str, ...], fit: Fit, training: Fit
     scaled, size = scaled_covariance(fit, training)
     amplitudes = fit.linear[chosen] * size[chosen]
     wald = amplitudes @ np.linalg.pinv(scaled[np.ix_(chosen, chosen)], rcond=1e-12) @ amplitudes
-    return bool(wald > chdtri(len(chosen), 0.05))
+    return bool(wald > scipy.special.chdtri(len(chosen), 0.05))
 
 
 def _at_end(value: float, low: float, high: float) -> bool:

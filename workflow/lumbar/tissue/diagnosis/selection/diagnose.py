@@ -1,11 +1,9 @@
 """Which physical effect a model is missing: from records to a verdict, by way of the base that the data ask for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
@@ -13,7 +11,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
-from lumbar.tissue.diagnosis.linear.linear_dynamics import nonlinear_share
+from lumbar.tissue.diagnosis.linear.linear_dynamics import LinearDynamics, nonlinear_share
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     best_by_effect,
@@ -39,9 +37,6 @@ from lumbar.tissue.effects.notation import carried_bases
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.state_equation import MOST_STATES
-
-if TYPE_CHECKING:
-    from lumbar.tissue.diagnosis.linear.linear_dynamics import LinearDynamics
 
 _NONLINEAR = 0.1
 """Share of what the best linear model leaves that is surely not linear, from which on something nonlinear is missing."""
@@ -379,15 +374,13 @@ def with_surface(experiment: Experiment, model: Candidate, start: float) -> tupl
 
     Brent's bounded method on the error that is left at each surface, the model's parameters fitted anew.
     """
-    from scipy.optimize import minimize_scalar
-
     reach = _SEARCHED * float(np.ptp(experiment.training.motion.position))
 
     def squared_error(surface: float) -> float:
         training = experiment.with_origin(surface).training
         return fit(model.fit.structure, training, model.fit.nonlinear).squared_error
 
-    found = minimize_scalar(
+    found = scipy.optimize.minimize_scalar(
         squared_error,
         bounds=(start - reach, start + reach),
         method="bounded",

@@ -1,7 +1,5 @@
 """What else records that differ could be fitted as: trained the other way, all together, or as one session."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

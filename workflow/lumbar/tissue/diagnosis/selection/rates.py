@@ -1,7 +1,5 @@
 """Whether records show that a mechanism acts whatever the speed; where not, relaxation and large strain may look the same."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

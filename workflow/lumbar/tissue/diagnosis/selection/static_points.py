@@ -1,11 +1,10 @@
 """Points of a static test, a table of position and force without a clock: which law of position alone a spring is missing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record, same_units
@@ -62,12 +61,10 @@ class _StaticSelection(Selection):
 
     def p_value(self, before: Candidate, after: Candidate) -> float:
         """Probability that the best of all forms gains as much where nothing is missing, at most (Bonferroni)."""
-        from scipy.special import fdtrc
-
         more = after.parameters - before.parameters
         left = self.experiment.training.size - after.parameters - 1
         gained = max(before.fit.squared_error / max(after.fit.squared_error, 1e-300) - 1, 0.0)
-        return float(min(1.0, self.forms * fdtrc(more, left, gained * left / more)))
+        return float(min(1.0, self.forms * scipy.special.fdtrc(more, left, gained * left / more)))
 
 
 def _prepare(records: Sequence[Record], settings: DiagnosisSettings) -> Experiment:

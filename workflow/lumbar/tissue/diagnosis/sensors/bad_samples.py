@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.records.record import Record
@@ -139,15 +140,15 @@ def find_held(record: Record, role: str) -> Repair | None:
     found = _held_samples(record[role])
     if found is None:
         return None
-    from scipy.interpolate import make_interp_spline
-
     samples, runs = found
     words = {"quantity": record.channels[role].quantity, "runs": runs, "first": record.time[samples[0]]}
     finding = found_in(record, "held_samples", len(samples), "samples", **words)
     known = linear_response(record, samples) if role == "output" else np.zeros(len(record))
     values = record[role].copy()
     kept = np.setdiff1d(np.arange(len(record)), samples)
-    values[samples] = known[samples] + make_interp_spline(kept, (values - known)[kept], k=3)(samples)
+    values[samples] = known[samples] + scipy.interpolate.make_interp_spline(
+        kept, (values - known)[kept], k=3
+    )(samples)
     filled = tuple(np.union1d(record.filled, samples).astype(int).tolist())
     return Repair(replace(record.with_values(**{role: values}), filled=filled), (finding,))
 
@@ -239,14 +240,15 @@ def find_dropped(record: Record) -> Repair | None:
     `_MOST_TOGETHER` samples missing between. A corner of the motion, a step or a spike fits neither way; a lost sample fits
     once it is put in. The lost samples are put in by a cubic spline and noted as filled; the clock goes on for longer.
     """
-    from scipy.ndimage import maximum_filter1d, uniform_filter1d
-
     values = record["input"]
     if len(values) < 4 * _POINTS:
         return None
     half = _POINTS // 2
     travel = np.abs(np.diff(values))
-    moving = uniform_filter1d(travel, _POINTS - 1)[half - 1 : -half + 1] > _FEWEST_STEPS * travel.mean()
+    moving = (
+        scipy.ndimage.uniform_filter1d(travel, _POINTS - 1)[half - 1 : -half + 1]
+        > _FEWEST_STEPS * travel.mean()
+    )
     misfit = sum(np.convolve(values, column[::-1], "valid") ** 2 for column in _across(0))
     usual = np.median(misfit[moving]) + (1e-7 * np.ptp(values)) ** 2
     windows = np.flatnonzero((misfit > _CLEAR * usual) & moving)
@@ -260,7 +262,7 @@ def find_dropped(record: Record) -> Repair | None:
     cured = np.zeros(len(misfit))
     cured[windows] = misfit[windows] / np.maximum(least, 1e-3 * usual)
     lost = (cured[windows] > _CURED) & (best <= _MOST_TOGETHER)
-    lost &= cured[windows] >= maximum_filter1d(cured, 2 * half - 1)[windows]
+    lost &= cured[windows] >= scipy.ndimage.maximum_filter1d(cured, 2 * half - 1)[windows]
     return _insert(record, windows[lost] + half - 1, best[lost]) if lost.any() else None
 
 
@@ -274,8 +276,6 @@ def _across(missing: int) -> np.ndarray:
 
 def _insert(record: Record, places: np.ndarray, missing: np.ndarray) -> Repair:
     """Put so many missing samples in after each of these places."""
-    from scipy.interpolate import make_interp_spline
-
     count = int(missing.sum())
     words = {
         "places": f"{len(places)} place{'s' * (len(places) > 1)}",
@@ -289,7 +289,7 @@ def _insert(record: Record, places: np.ndarray, missing: np.ndarray) -> Repair:
     every = np.arange(measured[-1] + 1)
     channels = {}
     for role, channel in record.channels.items():
-        values = make_interp_spline(measured, channel.values, k=3)(every)
+        values = scipy.interpolate.make_interp_spline(measured, channel.values, k=3)(every)
         values[measured] = channel.values
         channels[role] = replace(channel, values=values)
     filled = np.union1d(np.setdiff1d(every, measured), measured[list(record.filled)]).astype(int)

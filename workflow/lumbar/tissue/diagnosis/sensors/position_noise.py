@@ -11,6 +11,7 @@ frequency on at which the force follows less than half of the acceleration, the 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.records.record import Record
@@ -74,18 +75,16 @@ def within_band(values: np.ndarray, sampling_time: float, edge: float) -> np.nda
 
     `values` have shape (samples,), every `sampling_time` seconds; `edge` is in Hz.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
     reach = min(len(values) - 1, int(_REACH / (edge * sampling_time)) + 1)
     mean = values.mean()
     rest = values - mean
     before = _continuation(rest[reach::-1], sampling_time, edge)[::-1]
     after = _continuation(rest[-reach - 1 :], sampling_time, edge)
     extended = np.concatenate([before, rest, after])
-    length = next_fast_len(len(extended), real=True)
-    spectrum = rfft(extended, length)
+    length = scipy.fft.next_fast_len(len(extended), real=True)
+    spectrum = scipy.fft.rfft(extended, length)
     spectrum *= _gain(np.fft.rfftfreq(length, sampling_time), edge)
-    return mean + irfft(spectrum, length)[len(before) : len(before) + len(values)]
+    return mean + scipy.fft.irfft(spectrum, length)[len(before) : len(before) + len(values)]
 
 
 def _continuation(end: np.ndarray, sampling_time: float, edge: float) -> np.ndarray:
@@ -243,10 +242,8 @@ def _robust_deviation(values: np.ndarray) -> float:
 
 def _noise_and_jitter(rough: np.ndarray, speed: np.ndarray, step: float, edge: float) -> tuple[float, float]:
     """σ and τ of Var r[n] = Σₖ g[k]² (σ² + τ² v[n−k]²), with g the filter that left r; one is 0 where the other is enough."""
-    from scipy.signal import fftconvolve
-
     taps = _response_beyond(step, edge) ** 2
-    share, power = float(taps.sum()), np.maximum(fftconvolve(speed**2, taps, "same"), 0.0)
+    share, power = float(taps.sum()), np.maximum(scipy.signal.fftconvolve(speed**2, taps, "same"), 0.0)
     order = np.argsort(power)
     groups = [group for group in np.array_split(order, _BINS) if group.size]
     found = np.array([_robust_deviation(rough[group]) ** 2 for group in groups])
@@ -267,11 +264,9 @@ def _noise_and_jitter(rough: np.ndarray, speed: np.ndarray, step: float, edge: f
 
 def _variances(columns: np.ndarray, found: np.ndarray) -> np.ndarray:
     """Not negative coefficients of variances, each weighed by what it is expected to be."""
-    from scipy.optimize import nnls
-
     expected, fitted = found, np.zeros(columns.shape[1])
     for _ in range(8):
-        fitted = nnls(columns / expected[:, None], found / expected)[0]
+        fitted = scipy.optimize.nnls(columns / expected[:, None], found / expected)[0]
         expected = np.maximum(columns @ fitted, 1e-6 * found.max())
     return fitted
 
@@ -352,12 +347,10 @@ def find_rough_acceleration(record: Record) -> Repair | None:
     mass = _mass(record) if length >= _SHORTEST else None
     if mass is None:
         return None
-    from scipy.signal import csd, welch
-
     rate = 1 / record.sampling_time
     acceleration, force = Motion.of(record).acceleration, record["output"]
-    frequency, power = welch(acceleration, rate, nperseg=length)
-    crossed = csd(acceleration, force, rate, nperseg=length)[1].real
+    frequency, power = scipy.signal.welch(acceleration, rate, nperseg=length)
+    crossed = scipy.signal.csd(acceleration, force, rate, nperseg=length)[1].real
     together = np.ones(_SMOOTHED) / _SMOOTHED
     followed = np.convolve(crossed, together, "same") / np.convolve(power, together, "same") / mass
     inside = np.flatnonzero(followed >= _FOLLOWED)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+import scipy
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.models.transfer_function import StateSpace, TransferFunction, filtered, observer_form
@@ -243,16 +244,14 @@ def _several_times_over(model: LinearModel, ratio: float, sampling_time: float) 
 @lru_cache(maxsize=64)
 def _continuous(model: LinearModel, sampling_time: float) -> tuple[np.ndarray, ...]:
     """Continuous state space whose ramp-invariant discretisation at this sampling time is the model."""
-    from scipy.linalg import expm, logm
-
     system, order = model.state_space, model.states
-    a = np.real(logm(system.A)) / sampling_time
+    a = np.real(scipy.linalg.logm(system.A)) / sampling_time
     # What the hold makes of an input matrix is linear in it: shown by that of the identity. As `scipy.signal.cont2discrete`
     # has it, whose import takes longer than the check of a file.
     block = np.zeros((3 * order, 3 * order))
     block[:order, : 2 * order] = np.hstack([a, np.eye(order)]) * sampling_time
     block[order : 2 * order, 2 * order :] = np.eye(order)
-    whole, first, through = np.split(expm(block)[:order], 3, axis=1)
+    whole, first, through = np.split(scipy.linalg.expm(block)[:order], 3, axis=1)
     b = np.linalg.solve(first - through + whole @ through, system.B)
     return a, b, system.C, system.D - system.C @ through @ b
 
@@ -262,13 +261,11 @@ def _discretised(continuous: tuple, sampling_time: float, late: float, name: str
 
     The late input is a straight line with a corner at `late` within every sample: two holds, one after the other.
     """
-    from scipy.linalg import expm
-
     a, b, c, d = continuous
     _, at_start, at_corner = _ramp(a, b, late * sampling_time)
     after, from_corner, at_end = _ramp(a, b, (1 - late) * sampling_time)
     # x[k+1] = whole x[k] + newest u[k+1] + new u[k] + old u[k-1]
-    whole = expm(a * sampling_time)
+    whole = scipy.linalg.expm(a * sampling_time)
     newest = at_end * (1 - late)
     new = after @ (at_start * (1 - late) + at_corner) + from_corner + at_end * late
     old = after @ at_start * late
@@ -290,12 +287,10 @@ def _discretised(continuous: tuple, sampling_time: float, late: float, name: str
 
 def _ramp(a: np.ndarray, b: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What a state and an input in a straight line become after a time: of the state, the line's begin and its end."""
-    from scipy.linalg import expm
-
     order = len(a)
     block = np.zeros((order + 2, order + 2))
     block[:order, :order], block[:order, order : order + 1] = a * time, b * time
     block[order, order + 1] = 1.0
-    grown = expm(block)
+    grown = scipy.linalg.expm(block)
     held, rising = grown[:order, order : order + 1], grown[:order, order + 1 :]
     return grown[:order, :order], held - rising, rising

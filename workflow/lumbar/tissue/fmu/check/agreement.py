@@ -1,7 +1,5 @@
 """All that an FMU says, held together: what it says is written anew from its record and compared, file by file."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

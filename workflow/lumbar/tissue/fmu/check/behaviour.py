@@ -4,8 +4,6 @@ Runs apart (`lumbar.tissue.fmu.check.playing`): a library that is wrong may cras
 FMI asks of them is tested once, not for every file (tests/unit/tissue/fmu/test_runtime_fmu_simulation.py).
 """
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Checking one FMU file by itself: what it says, what its library does, and what its sources give."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 import xml.etree.ElementTree as ElementTree

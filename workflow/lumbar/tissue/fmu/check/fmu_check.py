@@ -1,7 +1,5 @@
 """Checking finished FMUs: schema, lint, simulation against the identified model and a push into the tissue; the table of it."""
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path

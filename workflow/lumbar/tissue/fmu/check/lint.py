@@ -1,7 +1,5 @@
 """Whether an FMU is sound in itself: archive, libraries, and numbers of its description that fmpy's validation leaves out."""
 
-from __future__ import annotations
-
 import math
 import re
 import xml.etree.ElementTree as ElementTree

@@ -1,7 +1,5 @@
 """Playing libraries in a process that may crash or hang, each in one of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -13,6 +13,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+import scipy
 
 from lumbar.tissue.haptics.device_identification.free_motion import MARGIN, PARAMETERS, Stretches, free_motion
 
@@ -24,8 +25,6 @@ _LEAST = 1e-5
 
 def regress(stretches: Stretches) -> np.ndarray:
     """Return the parameters that were found at each delay, the nearest motion first; shape (delays, 6), without a spring."""
-    from scipy.optimize import lsq_linear
-
     step, velocity = stretches.step, stretches.velocity[stretches.ticks]
     moving, way = velocity != 0.0, stretches.readings - stretches.readings[0]
 
@@ -48,7 +47,7 @@ def regress(stretches: Stretches) -> np.ndarray:
         # Of the triangle the last column is what the others should add up to.
         triangle = np.linalg.qr(whole / sizes, mode="r")
         limits = np.array([[_LEAST, _LEAST, 0.0, -np.inf, 0.0], [np.inf, np.inf, np.inf, np.inf, 1.0]])
-        solved = lsq_linear(triangle[:, :5], triangle[:, 5], limits * sizes[:5] / sizes[5]).x
+        solved = scipy.optimize.lsq_linear(triangle[:, :5], triangle[:, 5], limits * sizes[:5] / sizes[5]).x
         *dynamic, offset, part = solved * sizes[5] / sizes[:5]
         found.append([*dynamic, step * (late + part * (later - late)), offset, 0.0])
     sets = np.array(found).T
@@ -96,8 +95,6 @@ class DeviceFit:
         tell most, the first may be too narrow. Degrees of freedom after Satterthwaite (R. M. Bell and D. F. McCaffrey, Survey
         Methodology 28, 2002). Infinite where the recording does not tell one parameter from the others.
         """
-        from scipy.stats import t
-
         weights, count = self.stretches.weights, len(self.stretches.starts)
         size = np.sqrt(np.einsum("ts,tsi->i", weights, self.derivatives**2)) + np.finfo(float).tiny
         scaled = self.derivatives / size
@@ -114,7 +111,7 @@ class DeviceFit:
         variance = np.maximum(jackknife, max(power, _LEAST_ERROR_M**2) * equal)
         # What each stretch has of the variance that equal errors give; few stretches that tell most are few degrees of freedom.
         shares = np.einsum("ij,sjk,ki->si", covariance, information, covariance) / equal
-        half = t.ppf(0.5 + CONFIDENCE / 2, 1.0 / (shares**2).sum(axis=0)) * np.sqrt(variance)
+        half = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, 1.0 / (shares**2).sum(axis=0)) * np.sqrt(variance)
         return half / size, covariance / np.sqrt(np.outer(equal, equal))
 
     def unexplained(self) -> float:
@@ -149,8 +146,6 @@ def nearest_fit(stretches: Stretches) -> DeviceFit:
 @np.errstate(over="ignore", invalid="ignore")
 def fit_device(stretches: Stretches, begin: np.ndarray, evaluations: int = _EVALUATIONS) -> DeviceFit:
     """Fit `PARAMETERS` and the start of every stretch; the search begins at parameters of shape (6,)."""
-    from scipy.optimize import least_squares
-
     count, number = len(PARAMETERS), len(stretches.starts)
     sizes, roots = _sizes(stretches, begin), np.sqrt(stretches.weights)
     scales = np.concatenate([sizes[:count], np.full(number, sizes[count])])
@@ -172,7 +167,7 @@ def fit_device(stretches: Stretches, begin: np.ndarray, evaluations: int = _EVAL
 
     # Mass and damping are positive; friction may come out below 0 by its error: a bound there would pull at the others.
     lowest = np.where(np.arange(count + number) < 2, 1e-6, -np.inf)
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         residuals,
         np.maximum([*begin, *stretches.velocity[stretches.starts]], lowest + 1e-3 * scales),
         jacobian,

@@ -16,6 +16,7 @@ B. Lincoln, Simple stability criteria for systems with time-varying delays, Auto
 """
 
 import numpy as np
+import scipy
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, angles_near, propagation
@@ -84,8 +85,6 @@ class _Changes:
         energy : numpy.ndarray, shape (6, 6)
             The integral of a² + (share · v)² over it.
         """
-        from scipy.linalg import expm
-
         first = self.even.delay - self.whole * self.even.sampling_time
         state, energy = np.eye(4, 6), np.zeros((6, 6))
         for force, seconds in ((2, first), (3, self.even.sampling_time - first)):
@@ -96,7 +95,9 @@ class _Changes:
             )
             seen[0], seen[1, 1] = motion[1], self.share
             # C. F. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395–404.
-            grown = expm(np.block([[-motion.T, seen.T @ seen], [np.zeros((4, 4)), motion]]) * seconds)
+            grown = scipy.linalg.expm(
+                np.block([[-motion.T, seen.T @ seen], [np.zeros((4, 4)), motion]]) * seconds
+            )
             after = grown[4:, 4:]
             energy += state.T @ after.T @ grown[:4, 4:] @ state
             state = after @ state

@@ -11,6 +11,7 @@ from itertools import repeat
 from typing import Self
 
 import numpy as np
+import scipy
 
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
@@ -208,10 +209,8 @@ def _path(transitions: np.ndarray, grid: _Grid) -> tuple[list[int], list[int]]:
 
 def measure(mean: np.ndarray, model: SampledModel) -> np.ndarray:
     """Square root of a Lyapunov function of a mean transition, as if that were calmer: a size for motions of all kinds."""
-    from scipy.linalg import solve_discrete_lyapunov
-
     stiffness = np.abs(model.numerator).max()
     units = np.r_[stiffness, stiffness * _SWING_S, np.ones(len(mean) - 2)]
     calm = mean / (_SLOWER * np.abs(np.linalg.eigvals(mean)).max())
     scaled = units[:, None] * calm / units
-    return np.linalg.cholesky(solve_discrete_lyapunov(scaled.T, np.eye(len(mean)))).T * units
+    return np.linalg.cholesky(scipy.linalg.solve_discrete_lyapunov(scaled.T, np.eye(len(mean)))).T * units
