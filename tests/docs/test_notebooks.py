@@ -3,27 +3,11 @@
 import nbformat
 import pytest
 
+from case_tables import cases
 from generate.thesis_items import DOCS
 
 FOLDER = DOCS.parent / "examples" / "notebooks"
-PRINTED = {
-    "own_tissue_test": [
-        "The KB model is missing coulomb friction: ",
-        "+ coulomb_friction: ",
-        "These records do not speak for drift",
-    ],
-    "own_lift": [
-        "findings: none in what could be checked",
-        "release: ",
-        "the movement changes the areas by ",
-    ],
-    "own_effect_to_fmu": [
-        "+ saturating_friction: ",
-        "something is still missing",
-        "KB+saturating_friction_fmi3.fmu",
-        "largest force ",
-    ],
-}
+PRINTED = cases(__file__, "printed")
 """What its text speaks of, in this order."""
 
 

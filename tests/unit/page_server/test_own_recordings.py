@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from asking import ask, cookie, ended, serving
 
+from case_tables import cases
 from lumbar.base.errors import InputError
 from lumbar.cli.command import build_parser
 from lumbar.interface.importing import import_recordings
@@ -175,20 +176,7 @@ def test_names_are_names_and_no_paths(own_tab, served, tmp_path):
 
 @pytest.mark.parametrize(
     "choices",
-    [
-        {"rate": "abc"},
-        {"rate": -1},
-        {"rate": "1e400"},
-        {"rate": [1]},
-        {"trim": ["2", "1"]},
-        {"trim": "x"},
-        {"trim": [1, 2, 3]},
-        {"time": 7},
-        {"force": "x" * 300},
-        {"force": "no such column"},
-        {"force_unit": "furlong"},
-        {"table": "../../etc/passwd"},
-    ],
+    cases(__file__, "wrong_choices"),
 )
 def test_wrong_choices_are_told_beside_their_field(contents, choices):
     held = OwnRecordings("")

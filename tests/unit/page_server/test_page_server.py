@@ -17,6 +17,7 @@ import yaml
 from asking import ask, ended, serving
 
 import lumbar
+from case_tables import cases
 from column_files import write_records
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
@@ -72,20 +73,7 @@ def test_the_workflow_writes_the_model_that_the_page_shows(explored, tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [
-        ({"action": "fit", "effects": ["no_such_effect"]}, "unknown effect"),
-        ({"action": "fit", "effects": [{"a": 1}]}, "unknown effect"),
-        ({"action": "fit", "effects": "coulomb_friction"}, "a list of up to"),
-        ({"action": "fit", "effects": ["delay"] * 9}, "a list of up to"),
-        ({"action": "fit", "effects": ["delay", "delay"]}, "none of them twice"),
-        ({"action": "run"}, "unknown request"),
-        ({"action": ["fit"]}, "unknown request"),
-        ({"action": "write"}, "no change was shown"),
-        ({"action": "fit", "number": "1"}, "without a number"),
-        ("[" * 100_000, "not JSON"),
-        ("[1]", "no mapping"),
-        ("", "not JSON"),
-    ],
+    [*cases(__file__, "not_done"), ("[" * 100_000, "not JSON")],
 )
 def test_what_cannot_be_done_is_said(tab, text, words):
     answer, models = tab.answer(text if isinstance(text, str) else json.dumps({"number": 1, **text}))

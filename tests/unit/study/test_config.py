@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from case_tables import cases
 from generate.configuration_reference import keys
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.yaml_file import read_yaml, shipped_yaml
@@ -111,19 +112,7 @@ def test_all_wrong_keys_are_named_at_once(config, folder):
     config["tissue"]["layout"] = {"format": "excel"}
     config["lifting"]["subjects"] = ["nobody"]
     message = refusal(load_study, config, folder)
-    for words in (
-        "seed: found -1; allowed: whole number ≥ 0 (Seed of",
-        "survey.resmaples: unknown key; did you mean 'resamples'?; allowed: file, note,",
-        "survey.confidence: found 95; allowed: number ≥ 0.5, ≤ 0.999",
-        'tissue.layout.format: found "excel"; allowed: text, mat',
-        'survey.layout.scale_points: found "five"; allowed: whole number ≥ 2, ≤ 11',
-        "colour: unknown key; allowed: study, title,",
-        "data_source.obtain: missing; allowed: text (Where to get the files)",
-        'tissue.records.0.period_s: found "1e1"; allowed: number > 0 s, or null',
-        "powers of ten as 1.0e+6",
-        "tissue.training: chirp stands twice",
-        "no file config/subjects/nobody.yaml; there are: ",
-    ):
+    for words in cases(__file__, "all_at_once"):
         assert words in message
     assert "10 problems" in message
 
@@ -134,42 +123,13 @@ ALIAS = "allowed: text, {mean}, {between, share}, {from, offset_m}, list of text
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        *cases(__file__, "refused_together"),
         *(
             (
                 {"lifting": {"markers": {"aliases": {"C7": alias}}}},
                 ["lifting.markers.aliases.C7: found", ALIAS],
             )
             for alias in (7, {"median": ["A", "B"]}, {"mean": ["A"]}, {"from": "A", "offset_m": [0, 0, 3]})
-        ),
-        (
-            {"lifting": {"markers": {"aliases": {"c7": "C7"}}}},
-            ["lifting.markers.aliases.c7: 'c7' is no name"],
-        ),
-        ({"chapters": ["runtime", "stability"]}, ["runtime without tissue", "stability without lifting"]),
-        (
-            {"survey": {"baseline": "LE", "scale_labels": ["no", "yes"]}},
-            [
-                "survey.baseline: 'LE' is not rated; models: IL, MW, KB, HO",
-                "survey.scale_labels: 2 names; survey.layout.scale_points is 5",
-            ],
-        ),
-        ({"tissue": {"training": ["multisine", "step"]}}, ["tissue.training.1: 'step' is no record"]),
-        ({"runtime": {"trained_on": "chirps"}}, ["runtime.trained_on: 'chirps'"]),
-        (
-            {"improvement": {"effects": ["coulomb_fricton"]}},
-            [
-                "improvement.effects.0: 'coulomb_fricton' is no effect; did you mean 'coulomb_friction'?; effects: ",
-                "coulomb_friction, ",
-            ],
-        ),
-        ({"improvement": {"effect_files": ["{own}.yaml"]}}, ["effect_files.0: '{own}.yaml'; no braces"]),
-        (
-            {"study": "CON"},
-            ["study: 'CON' is a device on Windows, where no file can be called so; allowed: text"],
-        ),
-        (
-            {"tissue": {"records": [{"name": "aux.1", "file": "a.csv"}]}},
-            ["records.0.name: 'aux.1' is a device on Windows"],
         ),
     ],
 )

@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import butter, lfilter
 
+from case_tables import cases
 from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit, fit_base, shape_bounds, solve_linear
@@ -55,24 +56,7 @@ def test_amplitudes_against_a_bounded_solver(seed):
     assert error[0] == pytest.approx(error[1], rel=1e-8)
 
 
-CASES = {
-    "hardening_stiffness/cubic": ((0.02,), ()),
-    "coulomb_friction/coulomb": ((0.8,), (0.5,)),
-    "hysteresis/dahl": ((1.0,), (0.7,)),
-    "hysteresis/bouc_wen": ((1.0,), (0.7,)),
-    "hysteresis/bouc_wen_general": ((1.0,), (0.7, 1.2)),
-    "second_relaxation/maxwell_branch": ((0.5,), (2.0,)),
-    "relaxation_spectrum/power_law": ((0.1,), (20.0, 0.4)),
-    "delay/pure": ((), (0.013,)),
-    "backlash/play": ((), (0.6,)),
-    "contact_loss/sharp": ((), (3.0,)),
-    "saturation/sharp": ((), (4.0,)),
-    "saturation/soft": ((), (8.0,)),
-    "softening/path": ((0.3,), (150.0,)),
-    "drift/settling": ((1.0,), (12.0,)),
-    "periodic_disturbance/sine": ((0.4, -0.2), (0.533,)),
-    "quadratic_damping/sinh": ((0.5,), (20.0,)),
-}
+CASES = cases(__file__, "cases")
 
 
 @pytest.mark.parametrize("key", CASES)

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from scipy.stats import kendalltau, spearmanr
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
+from case_tables import cases
 from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
@@ -66,15 +67,7 @@ def test_noise_is_seen_nowhere():
 
 @pytest.mark.parametrize(
     ("error", "view", "share"),
-    [
-        ("cubic", "depth", 0.85),
-        ("quadratic", "depth", 0.9),
-        ("friction", "position and velocity", 0.8),
-        ("drift", "time", 0.2),
-        ("line", "time", 0.95),
-        ("stiffness", "linear dynamics", 0.98),
-        ("relaxation", "linear dynamics", 0.95),
-    ],
+    cases(__file__, "seen"),
 )
 def test_an_error_is_seen_where_it_is(error, view, share):
     location = located(ERRORS[error])

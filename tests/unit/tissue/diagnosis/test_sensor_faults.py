@@ -10,6 +10,7 @@ from fine_tissue import branch, experiment
 from periodic_records import record as recorded
 from scipy.signal import lfilter
 
+from case_tables import cases
 from lumbar.records.columns import read_record
 from lumbar.records.record import Record
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
@@ -41,15 +42,7 @@ def test_sound_records_are_not_accused_and_come_back_as_they_are():
 @pytest.mark.parametrize("effect", EFFECTS)
 @pytest.mark.parametrize(
     ("kind", "fault", "size", "told", "value"),
-    [
-        ("multisine", "noise", 8e-3, "position_noise", 8e-3),
-        ("shot", "noise", 8e-3, "position_noise", 8e-3),
-        ("smooth_hold", "noise", 8e-3, "position_noise", 8e-3),
-        ("shot", "steps", 0.02, "quantisation", 0.02),
-        ("chirp", "steps", 0.02, "quantisation", 0.02),
-        ("shot", "jitter", 5e-4, "jitter", 0.5),
-        ("chirp", "shared_jitter", 5e-4, "jitter", 0.5),
-    ],
+    cases(__file__, "rough"),
 )
 def test_a_rough_position_is_told_with_its_size(kind, fault, size, told, value, effect):
     found = sensor_faults(tissue_record(kind, effect, fault=fault, size=size, seed=3))

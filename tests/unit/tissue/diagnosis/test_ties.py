@@ -13,6 +13,7 @@ from periodic_records import multisine, record, relaxing_force
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
+from case_tables import cases
 from hidden_effects.catalogue import form_named
 from hidden_effects.form import Scales, calibrated, simulate
 from hidden_effects_cases import recorded_motion
@@ -367,16 +368,7 @@ def test_a_limit_counts_from_the_sensors_zero():
 @pytest.mark.parametrize("name", ["sine", "overtones"])
 @pytest.mark.parametrize(
     ("frequency", "period", "words"),
-    [
-        (0.079, None, "its record holds 1.9 cycles of it"),
-        (0.084, None, "its record holds 2.0 cycles of it"),
-        (0.22, None, ""),
-        (0.5, 4.0, "it repeats with the excitation"),
-        (0.51, 4.0, "it repeats with the excitation"),
-        (0.53, 4.0, ""),
-        (1.375, 4.0, ""),
-        (0.5, None, ""),
-    ],
+    cases(__file__, "disturbances"),
 )
 def test_a_disturbance_needs_five_cycles_and_a_clock_of_its_own(name, frequency, period, words):
     """A record of 24 s has lines 0.042 Hz apart; half of one beside the excitation's grid is the least."""

@@ -11,6 +11,7 @@ from effect_entries import entry_of_effects
 from periodic_records import multisine, noise, record, relaxing_force
 from runtime_models import SETTINGS, held_to_its_simulation, models_json, selected
 
+from case_tables import cases
 from lumbar.base.errors import InputError
 from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
@@ -94,39 +95,7 @@ def test_the_examples_twins_are_one_effect(project):
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
-    [
-        ("name: ribs", "name: coulomb_friction", "line 2: name: 'coulomb_friction' is taken"),
-        ("name: ribs", "name: Ribs of steel", "line 2: name: 'Ribs of steel'; letters a to z"),
-        ("mechanism: The", "mechanisms: The", "line 3: mechanisms: unknown key; allowed are name, mechanism"),
-        ("cos(2*pi*z/p)", "cos(2*pi*y/p)", "line 4: equation: unknown symbol y; known are .*A, B, p and the signals z"),
-        ("cos(2*pi*z/p)", "cot(2*pi*z/p)", r"line 4: equation: 'cot\(2\*pi\*z/p\)' is not allowed; functions are"),
-        ("A*sin", "sin(A)*sin", r"line 4: equation: .*is not proportional to A"),
-        ("B*cos", "cos", "parameters: B is declared and never used"),
-        ("+ B*cos(2*pi*z/p)", "+ B*z**p", r"line 4: equation: z\*\*p: z may be negative"),
-        ("+ B*cos(2*pi*z/p)", "+ B*sqrt(z)", r"line 4: equation: is nan at t = .*, z = -.*must be finite"),
-        ("+ B*cos(2*pi*z/p)", "+ B*(" + "-" * 70 + "z)", "line 4: equation: .*nested more than 60 deep"),
-        ('unit: "{y}", sign: any}\n  B', "sign: any}\n  B", "line 6: parameters.A.unit: is missing"),
-        ('unit: "{x}"', 'unit: "{m}"', r"line 8: parameters.p.unit: '\{m\}'; units are"),
-        ("sign: any}\n  B", "sign: both}\n  B", "line 6: parameters.A.sign: 'both'; allowed are positive, negative, any"),
-        ("[0.3, 3.0]", "[3.0, 0.3]", r"line 8: parameters.p.start: \[3.0, 0.3\]; two numbers above 0, the lower"),
-        ("scale: position", "scale: depth", "parameters.p.scale: 'depth'; allowed are position, speed"),
-        ("points: 8", "points: 1000", "parameters.p.points: 1000; a whole number"),
-        ("points: 8", "step: 8", "line 8: parameters.p.step: unknown key; allowed are name, unit, latex, start"),
-        ("rib_distance", "sine_of_ribs", "parameters: sine_of_ribs is there twice"),
-        ("  p: {", "  v: {", "parameters: v is taken: velocity; call it otherwise"),
-        ("  B: {", "  A: {", "lines 6 and 7: key 'parameters.A' stands twice; keep one"),
-        ("parameters:", "parameters: [", "line 7: not valid YAML: .*expected ',' or"),
-        ("name: ribs\nmechanism: The", "name: &a ribs\nsource: *a\nmechanism: The", "line 3: source: an alias; anchors are"),
-        ("name: ribs", "name: !!python/object/apply:os.getcwd []", "line 2: name: tag '.*os.getcwd'; tags are not read"),
-        ("equation:", "place: input\nequation:", "line 4: place: 'input'; parallel .* or output"),
-        ("equation:", "by_hand: play\nequation:", "line 4: by_hand: unknown key; allowed are name"),
-        ("equation:", "essential: [ribs]\nequation:", "line 4: essential: ribs; linear parameters are cosine_of_ribs, sine"),
-        ("equation:", "essential: sine_of_ribs\nequation:", "line 4: essential: 'sine_of_ribs'; a list of names"),
-        ("points: 8", "lines: 0", "parameters.p.lines: 0; a number above 0"),
-        ("equation:", "general: 1\nequation:", "line 4: general: 1; true or false"),
-        ("equation:", "state: {r: A*v}\nequation:", "state.r: A is linear; a state knows nonlinear parameters only"),
-        ("equation:", "state: {r: a - r/p}\nequation:", "state.r: a is not known between samples"),
-    ],
+    cases(__file__, "lacking"),
 )  # fmt: skip
 def test_what_a_file_lacks_is_named_with_its_line(old, new, words, tmp_path):
     assert old in RIBS
@@ -287,15 +256,7 @@ def test_an_equation_in_yaml_becomes_an_fmu(text, linear, nonlinear, zig_cache, 
 
 @pytest.mark.parametrize(
     ("start", "words"),
-    [
-        ("v", "state.q.start: v is not known at the start"),
-        ("q", "state.q.start: q is not known at the start"),
-        ("k*z", "state.q.start: k is linear"),
-        ("log(z)", "state.q.start: 'log"),
-        ("1/z", "equation: is .*must be finite"),
-        ("3", "line 5: state.q.start: 3; a text is needed"),
-        ("z, stop: 0", "line 5: state.q.stop: unknown key; allowed are rate, start"),
-    ],
+    cases(__file__, "starts"),
 )
 def test_what_cannot_be_a_start_is_refused(start, words, tmp_path):
     with pytest.raises(InputError, match=re.compile(words, re.DOTALL)):

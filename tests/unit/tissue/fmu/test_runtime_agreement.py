@@ -8,53 +8,16 @@ import pytest
 from c_programs import ON_LINUX
 from test_runtime_defects import DESCRIPTION, contents
 
+from case_tables import cases
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.check import agreement
 from lumbar.tissue.fmu.check.agreement import PAGE, hold_together
-from lumbar.tissue.fmu.conventions import EXPERIMENTS, MANIFEST, RECORD, REFERENCE, WITHOUT_EVENT_MODE
+from lumbar.tissue.fmu.conventions import MANIFEST, RECORD, REFERENCE, WITHOUT_EVENT_MODE
 
 pytestmark = ON_LINUX
-NUMBERS, SIZES = "sources/model_data.h", "sources/model_size.h"
-TERMINALS, BUILD = "terminalsAndIcons/terminalsAndIcons.xml", "sources/buildDescription.xml"
-LICENCE = "documentation/licenses/license.txt"
-STEPPING = 'canHandleVariableCommunicationStepSize="true"'
-GAIN = 'what a rise does" causality="parameter" variability="tunable" initial="exact"'
+NUMBERS = "sources/model_data.h"
 ALTERED = {
-    DESCRIPTION: [
-        ("discrete at 0.01 s", "discrete at 0.001 s"),
-        ("a positive force resists", "a negative force resists"),
-        (' author="The lumbar developers"', ""),
-        ('version="0', 'version="9'),
-        (STEPPING, STEPPING.replace("true", "false")),
-        (STEPPING, f'{STEPPING} needsExecutionTool="true"'),
-        ('factor="0.001"', 'factor="0.01"'),
-        ('<BaseUnit m="1"', '<DisplayUnit name="cm" factor="0.1" /><BaseUnit m="1"'),
-        ('stepSize="0.01"', 'stepSize="0.01" tolerance="1e-4"'),
-        ('causality="input" variability="discrete"', 'causality="input" variability="continuous"'),
-        (GAIN, GAIN.replace("tunable", "fixed")),
-        ('dependencies="1 3 4 5 6"', 'dependencies="3 4 5 6"'),
-        ('"force_limit"', '"force_most"'),
-        ('="lumbar">', '="other">'),
-    ],
-    PAGE: [
-        ("0.45 x1", "0.55 x1"),
-        ("<title>KB", "<title>HO"),
-        (", stable.", ", unstable."),
-        ("81.20 %", "91.20 %"),
-        ("<!-- Force (N) -->", "<!-- Force (mN) -->"),
-        ("</svg>", "</svg><svg></svg>"),
-    ],
-    LICENCE: [("MIT License", "GPL")],
-    NUMBERS: [
-        ((1.9).hex(), (1.8).hex()),
-        ((1.9).hex(), (1.9 * (1 + 1e-8)).hex()),
-        (".contact = 0", ".contact = 1"),
-        (".resistance = ", ".resistance = -"),
-        ('.token = "', '.token = "0'),
-    ],
-    SIZES: [("MODEL_WINDOW 3", "MODEL_WINDOW 4")],
-    "sources/sampled_force.c": [("/* ", "/* Not ")],
-    "sources/fmi2TypesPlatform.h": [("typedef double", "typedef float")],
+    **cases(__file__, "altered"),
     REFERENCE[0]: [
         ("time,position", "time,position_mm"),
         ("\n0.05,", "\n0.051,"),
@@ -62,33 +25,10 @@ ALTERED = {
         ("\n0.01,0.0", "\n0.01,nan"),
     ],
     REFERENCE[1]: [("\n0.01,", "\n"), ("\n", ",0\n")],
-    MANIFEST: [("</fmiReferences>", ""), ("fmi-ls-ref", "fmi-ls-xcp"), ('checksum="', 'checksum="0')],
-    EXPERIMENTS: [('name="KB"', 'name="HO"')],
-    RECORD: [
-        ("synthetic twin", "another twin"),
-        ("1.9", "1.8"),
-        ('"output_limit": 15.0', '"output_limit": 16.0'),
-        ('"runtime": {', '"spare": 1, "runtime": {'),
-        ('"runtime": {', '"data": "x", "runtime": {'),
-        ('"start": "offset"', '"start": "anywhere"'),
-        ('"models"', '"model"'),
-        ("{", "["),
-    ],
 }
 """By file: what stands there, and what it is altered to; all of one kind of file is compared alike."""
-FMI3 = {
-    DESCRIPTION: [
-        ('hasEventMode="true"', 'hasEventMode="false"'),
-        ('fixedInternalStepSize="0.01"', 'fixedInternalStepSize="0.02"'),
-        ('"highest": 2.5', '"highest": 25'),
-    ],
-    TERMINALS: [('variableName="force"', 'variableName="torque"'), ("</Terminals>", "")],
-    BUILD: [("</SourceFileSet>", '<SourceFile name="model_linear.c" /></SourceFileSet>')],
-    WITHOUT_EVENT_MODE: [("\n0.01,0.0", "\n0.01,1.0")],
-}
-FMI2 = {
-    DESCRIPTION: [('<File name="fmi3.c"', '<File name="fmi4.c"'), ('unit="mm" lowest', 'unit="m" lowest')]
-}
+FMI3 = cases(__file__, "altered_fmi3")
+FMI2 = cases(__file__, "altered_fmi2")
 CASES = [
     (version, path, *change)
     for version, tables in ((3, (ALTERED, FMI3)), (2, (ALTERED, FMI2)))

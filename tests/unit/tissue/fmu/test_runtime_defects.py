@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from c_programs import ON_LINUX
 
+from case_tables import cases
 from lumbar.tissue.fmu.build.package import write_fmu
 from lumbar.tissue.fmu.check.file_check import check_files
 from lumbar.tissue.fmu.check.lint import open_fmu
@@ -111,17 +112,7 @@ ONLY = {
     ("negative internal step", 3): edited('fixedInternalStepSize="0.01"', 'fixedInternalStepSize="-0.01"'),
     ("build description cut off", 3): edited("</BuildConfiguration>", "", "sources/buildDescription.xml"),
 }
-SAID = {
-    "another model's name": "not named after",
-    "identifier that C does not allow": "no C identifier",
-    "missing binary": "no binary",
-    "no description": "no modelDescription",
-    "start above max": "start 16 outside",
-    "nominal of zero": "nominal 0",
-    "bounds the wrong way round": "above max",
-    "negative step": "not above 0",
-    "wrong token": "built from something else",
-}
+SAID = cases(__file__, "said")
 """Words of the sentence that tells a defect."""
 CASES = [*((name, version, change) for name, change in BOTH.items() for version in (2, 3))] + [
     (name, version, change) for (name, version), change in ONLY.items()

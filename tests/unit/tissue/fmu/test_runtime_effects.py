@@ -9,6 +9,7 @@ from c_programs import ON_LINUX
 from effect_entries import BASE_NUMBERS, FORM_NUMBERS, effect_entry, entry_of_effects, parameter
 from runtime_models import SETTINGS, TARGET, exported, held_to_its_simulation, models_json, selected
 
+from case_tables import cases
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.effects import catalogue
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE, catalogue_with
@@ -71,16 +72,11 @@ def with_effect(effect: str, form: str) -> dict:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"base": "Burgers"}, "'Burgers'.*LE, Maxwell, KV, KB"),
-        (
-            {"parameters": []},
-            "spring_stiffness: missing.*branch_stiffness: missing.*relaxation_time: missing",
-        ),
+        *cases(__file__, "not_exported"),
         (with_effect("inertia", "mass"), r"inertia\.mass: missing"),
         (with_effect("ageing", "log"), "unknown effect 'ageing'.*coulomb_friction.*effect_files"),
         (with_effect("hysteresis", "preisach"), "unknown form 'preisach'.*dahl"),
         (with_effect("base", "KB"), "unknown effect 'base'"),
-        ({"structure": {"effects": [{"effect": "inertia", "form": "mass"}] * 2}}, "inertia is there twice"),
         ({"parameters": [parameter("spring_stiffness", 1.0)] * 2}, "spring_stiffness: it is there twice"),
     ],
 )
@@ -244,26 +240,7 @@ def rewritten(tmp_path, old: str, new: str):
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
-    [
-        (
-            ', c_step=CStep("fabs(force)")',
-            "",
-            r"rectified/size: has no C code; .*c_step=CStep.*without this effect",
-        ),
-        ("fabs(force)", "atan2(force, exp (1.0))", r"calls atan2, exp; .*portable_tanh\(double x\)"),
-        ('"creep_stiffness", "', '"force", "', "parameter 'force' cannot be a name in C code"),
-        ('"creep_stiffness", "', '"double", "', "parameter 'double' cannot be a name"),
-        ('"creep_stiffness", "', '"k; #include", "', "parameter 'k; #include' cannot be a name"),
-        ('"creep_stiffness", "', '"Steifigkeit_ä", "', "parameter 'Steifigkeit_ä' cannot be a name"),
-        ("memory=2", "memory=257", "creep/mean: keeps 257 numbers at 100 Hz; at most 256"),
-        ('given["lag_time"]', 'given["tau"]', r"lag/first_order: .*c_step fail \(KeyError: 'tau'\)"),
-        (
-            '{"pole": float(',
-            '{"lag_time": float(',
-            "ValueError: constants have names of parameters: lag_time",
-        ),
-        ("float(np.exp(-T", "float(np.inf * np.exp(-T", "lag/first_order: pole becomes inf"),
-    ],
+    cases(__file__, "lacking"),
 )
 def test_what_the_file_lacks_is_named(old, new, words, tmp_path):
     catalogue = rewritten(tmp_path, old, new)

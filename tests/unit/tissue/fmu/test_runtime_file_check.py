@@ -11,6 +11,7 @@ from runtime_models import SETTINGS, TARGET, models_json, selected
 from test_runtime_defects import BINARY, binary, contents, edited
 
 import lumbar
+from case_tables import cases
 from lumbar.base import landlock
 from lumbar.base.errors import InputError
 from lumbar.cli.command import main
@@ -112,8 +113,6 @@ CASES += [(name, 3, *case) for name, case in ONLY_FMI3.items()]
 
 CORE = "sampled_force.c"
 ENDS, STRINGS = "    double end = from + step;", "#include <string.h>"
-WIPED = "memset(state, 0, sizeof *state);"
-SAVED = "    memcpy(*saved, &self->state, sizeof(force_state));"
 READ = 'return failed(self, "fmi3GetFloat64: unknown value reference.");\n        }'
 
 
@@ -123,6 +122,7 @@ def read_as(changed: str) -> dict[str, str]:
 
 
 COMPILED = {
+    **cases(__file__, "compiled"),
     "5 N more": ("fmi3.c", read_as("value[i] += 5.0"), "of the reference"),
     "force without a limit": (
         "fmi3.c",
@@ -133,70 +133,6 @@ COMPILED = {
         "fmi3.c",
         read_as("value[i] *= MODEL.output_limit / self->state.output_limit"),
         "with force_limit set to",
-    ),
-    "any value of a parameter": (
-        CORE,
-        {"if (!(value >= low && value <= high)) return VALUE_OUT_OF_RANGE;": "(void)low, (void)high;"},
-        "gain: the library takes",
-    ),
-    "any token": (
-        "fmi3.c",
-        {"strcmp(token, MODEL.token) != 0": "strlen(token) > 9999"},
-        "instantiate with another token",
-    ),
-    "positions that are no number": (
-        CORE,
-        {"if (!isfinite(value)) return VALUE_NOT_FINITE;": ""},
-        "with position set to nan without event mode, position: the library gives nan",
-    ),
-    "a wrong derivative": (
-        CORE,
-        {"VR_OUTPUT_OFFSET: *value = limited ? 0.0 : 1.0": "VR_OUTPUT_OFFSET: *value = limited ? 0.0 : 2.0"},
-        "derivative by force_offset",
-    ),
-    "a reset that keeps the past": (CORE, {WIPED: ""}, "after a reset"),
-    "saved states without what they had in mind": (
-        "fmi3.c",
-        {SAVED: f"{SAVED}\n    memset(((force_state *)*saved)->x, 0, sizeof self->state.x);"},
-        "in a restored state",
-    ),
-    "a library that crashes": (
-        CORE,
-        {"    double end = from + step;": "    double end = from + step;\n    __builtin_trap();"},
-        "crashes with SIG",
-    ),
-    "one sample a call, whatever its step": (
-        CORE,
-        {
-            "        if (!(instant <= end + tolerance())) break;": "        if (state->pending) break;",
-            "        if (instant >= end - tolerance()) break;": "        break;",
-        },
-        "in 2 steps a sample from 0 s on",
-    ),
-    "a clock that begins at 0": (
-        CORE,
-        {"state->start_time = start_time;": "state->start_time = 0.0;"},
-        "a sample from 1000 s on",
-    ),
-    "steps back in time": (
-        CORE,
-        {"!(step > 0.0) || ": ""},
-        "a step of -0.01 s at 0.59 s where 0.59 s is reached",
-    ),
-    "bytes without a checksum": (
-        CORE,
-        {"if (sum != checksum(bytes, size - sizeof sum)) return false;": ""},
-        "bytes of a state with byte",
-    ),
-    "twice the slope": (
-        CORE,
-        {"by_input = state->gain * output_slope": "by_input = 2.0 * state->gain * output_slope"},
-        "derivative by position",
-    ),
-    "0.1 N more after a while": (
-        CORE,
-        {"y + state->output_offset;": "y + state->output_offset + (state->next_sample > 5000 ? 0.1 : 0.0);"},
-        "of a long motion without event mode, at sample 500",
     ),
 }
 """Defects of the library alone: file, what is replaced in it, words of the sentence."""

@@ -10,6 +10,7 @@ import pytest
 from effect_entries import BASE_NUMBERS, COMBINATIONS, effect_entry
 from viscoelastic import discretise
 
+from case_tables import cases
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -134,29 +135,7 @@ def test_what_is_written_is_read_again(model):
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [
-        (
-            {"structure": {"numerator": ["a"], "denominator": [1.0]}},
-            r"structure\.numerator\.0: 'a'; .*valid number",
-        ),
-        (
-            {"structure": {"numerator": [1.0]}},
-            "structure: no coefficients; it needs numerator and denominator",
-        ),
-        ({"structure": {"numerator": [1.0], "denominator": [2.0]}}, r"denominator\.0: 2; 1 is needed"),
-        ({"structure": {"effects": {"a": 1}}}, r"structure\.effects: {'a': 1}; .*valid"),
-        ({"structure": {"effects": [{"effect": "drift"}]}}, r"effects\.0\.form: missing"),
-        ({"name": 3}, r"models\.3: name: 3; .*valid string"),
-        ({"input": {"quantity": "position"}}, r"models\.KB: input\.unit: missing"),
-        ({"sampling_time": 0.0}, "sampling_time: 0.0; seconds above 0"),
-        ({"amplitudes": [1.0]}, r"amplitudes: unknown key; known are name, structure, sampling_time"),
-        ({"scores": {"vaf": 81.0}}, r"scores\.vaf: unknown key; known are vaf_percent, fit_percent"),
-        ({"scores": {"vaf_percent": "high"}}, r"scores\.vaf_percent: 'high'; .*valid number"),
-        (
-            {"parameters": [{"name": "k9", "symbol": "", "unit": "", "value": 1.0}]},
-            "k9: unknown parameter.*k1, k2",
-        ),
-    ],
+    cases(__file__, "wrong"),
 )
 def test_the_place_of_what_is_wrong_is_named(change, words):
     content = models_document([DISCRETE], "test")
