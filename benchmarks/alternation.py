@@ -140,7 +140,12 @@ def main() -> None:
     parser.add_argument("--knots", type=int, default=1000)
     parser.add_argument("--output", type=Path, default=PROJECT / "results/benchmarks/alternation.csv")
     arguments = parser.parse_args()
-    items, rows = deposits(PROJECT / "results" / "thesis"), []
+    results = PROJECT / "results" / "thesis"
+    items, rows = deposits(results), []
+    if not items:
+        parser.error(
+            f"{results / 'lifting'} holds no lift's pendulum.csv: make them with `snakemake --cores 2 lifting`"
+        )
     settings = StabilitySettings()
     options = {**vars(settings.thesis_method), "alternations": 2}
     loops: dict[int, ClosedLoops] = {}
