@@ -134,7 +134,7 @@ def judged(name, results):
 
 
 def test_movements_are_asked_for_comparison_by_comparison():
-    """Differences between boxes, large and from the mass, do not decide on those between people."""
+    """Differences between boxes, large and from the mass, do not decide on those between people; one without its null on none."""
     cells = [
         {"comparison": comparison, "sign": sign, "mass": mass, "percent": percent, "null_percent": null}
         for comparison, mass, percent, null in (
@@ -142,6 +142,7 @@ def test_movements_are_asked_for_comparison_by_comparison():
             ("decrease_in_mass_expert", "with_box", 20.0, 19.9),
             ("decrease_in_mass_novice", "with_box", 20.0, 19.9),
             ("decrease_in_mass_novice", "without_box", 30.0, 0.0),
+            ("expert_vs_novice", "with_box", 9.0, np.nan),
         )
         for sign in ("hanging", "inverted")
     ]

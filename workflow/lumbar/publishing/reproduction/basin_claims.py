@@ -72,7 +72,7 @@ def _trajectories_matter(synthetic: bool, names: Sequence[str]):
     """Compare differences with those of the null control (θ0 = 0), by sign of gravity, over the grid that expresses them."""
 
     def judge(results: Results) -> Finding:
-        cells = expressing(comparison_cells(results["table_4_1_grid"]))
+        cells = expressing(comparison_cells(results["table_4_1_grid"])).dropna(subset="null_percent")
         cells = cells[cells.comparison.isin(names)]
         if set(names) != set(cells.comparison):
             return _MISSING
