@@ -23,11 +23,7 @@ sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from lumbar.lifting.population.contrast import (  # noqa: E402
-    between_groups,
-    cluster_bootstrap,
-    within_persons,
-)
+from lumbar.lifting.population.contrast import between_groups, within_persons  # noqa: E402
 from lumbar.lifting.population.sample_size import person_mean_sd, persons_needed, power  # noqa: E402
 from lumbar.lifting.population.variance_components import variance_components  # noqa: E402
 from lumbar.lifting.pushes.chances import told_by_others  # noqa: E402
@@ -65,34 +61,24 @@ def group_test(rng, persons, trials, correlation, options, runs) -> dict[str, fl
     first_trials, second_trials = trials if isinstance(trials, tuple) else (trials, trials)
     first_persons, second_persons = persons if isinstance(persons, tuple) else (persons, persons)
     scale, skewed = options.get("scale", 1.0), options.get("skewed", False)
-    outside = {"difference": 0, "percent": 0, "bootstrap": 0}
+    outside = {"difference": 0, "percent": 0}
     for _ in range(runs):
         first = draw_group(rng, first_persons, first_trials, correlation, MEAN, scale, skewed)
         second = draw_group(rng, second_persons, second_trials, correlation, MEAN, 1.0, skewed)
         contrast = mixed_model(first, second)
         outside["difference"] += excluded(contrast.interval)
         outside["percent"] += excluded(contrast.percent_interval)
-        if min(len(first), len(second)) >= 5:
-            interval = cluster_bootstrap(first.mean, second.mean, int(rng.integers(2**32)), 500)
-            outside["bootstrap"] += excluded(interval)
-    if min(first_persons, second_persons) < 5:
-        del outside["bootstrap"]
     return {name: count / runs for name, count in outside.items()}
 
 
 def pair_test(rng, persons, trials, correlation, runs) -> dict[str, float]:
     """Return the same for two conditions of the same persons, the second with a mean twice as large."""
-    outside = {"difference": 0, "percent": 0, "bootstrap": 0}
+    outside = {"difference": 0, "percent": 0}
     for _ in range(runs):
         first, second = draw_pair(rng, persons, trials, correlation, (2 * MEAN, MEAN))
         contrast = within_persons(first, second)
         outside["difference"] += excluded(contrast.interval, MEAN)
         outside["percent"] += excluded(contrast.percent_interval, 100.0)
-        if persons >= 5:
-            interval = cluster_bootstrap(first.mean - second.mean, None, int(rng.integers(2**32)), 500)
-            outside["bootstrap"] += excluded(interval, MEAN)
-    if persons < 5:
-        del outside["bootstrap"]
     return {name: count / runs for name, count in outside.items()}
 
 

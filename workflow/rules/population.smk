@@ -64,7 +64,6 @@ if study.has("population"):
             settings=plain(settings.population),
             groups=lambda wildcards: list(settings.stability.compare.groups),
             labels=study.labels,
-            seed=settings.seed,
             data=DATA,
         message:
             "Groups of people and their boxes compared"

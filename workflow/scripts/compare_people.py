@@ -11,7 +11,6 @@ def main(
     settings: PopulationSettings,
     labels: dict[str, str],
     groups: tuple[str, str],
-    seed: int,
     data: str,
 ):
     """Join the persons' tables, compare, write tables and figure."""
@@ -24,7 +23,7 @@ def main(
     table = pd.concat([pd.read_csv(path) for path in input.persons], ignore_index=True)
     table.insert(2, "group", table["person"].map(labels))
     write_csv(output.measures, table)
-    compared = compare_groups(table, groups=groups, settings=settings, seed=seed, data=data)
+    compared = compare_groups(table, groups=groups, settings=settings, data=data)
     compared.table.write(stem(output.measure_comparison))
     compared.planning.write(stem(output.measure_planning))
     save(compared.figure(), stem(output.measure_comparison_figure), data)

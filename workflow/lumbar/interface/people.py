@@ -20,7 +20,6 @@ from lumbar.lifting.population.comparison import (
     planning_table,
 )
 from lumbar.lifting.population.sample_size import MOST_PERSONS, assured_sd, person_mean_sd, persons_needed
-from lumbar.settings.key import SEED
 from lumbar.settings.population import PopulationSettings
 from lumbar.settings.stability import GROUPS
 from lumbar.tables.table import Table
@@ -34,7 +33,6 @@ def compare_groups(
     *,
     groups: tuple[str, str] | None = None,
     settings: PopulationSettings | None = None,
-    seed: int = SEED,
     data: str = "",
 ) -> PeopleCompared:
     """Compare two groups of people at the same box, and the boxes within each group, measure by measure.
@@ -46,8 +44,6 @@ def compare_groups(
         they are known ``unit`` and ``safer`` (``higher`` or ``lower``). Several CSV files are joined.
     groups : tuple of str, optional
         The first is compared with the second; default expert and novice or, where the table has other labels, these.
-    seed : int
-        Of the bootstrap.
     data : str
         Words for the source of the data.
 
@@ -77,7 +73,7 @@ def compare_groups(
     if unknown:
         there = ", ".join(sorted(map(str, frame["group"].unique())))
         raise InputError(f"groups: nobody is labelled {' or '.join(map(repr, unknown))}; there are: {there}")
-    found = tuple(compare_people(frame, chosen, seed, settings.resamples))
+    found = tuple(compare_people(frame, chosen))
     return PeopleCompared(found, chosen, settings, data_label(data, sources) if sources else data or NOT_SAID)
 
 

@@ -17,4 +17,3 @@ class PopulationSettings:
     assurance: float = key(default=0.8, within="[0.5, 1)")
     significance: float = key(default=0.05, within="(0, 0.5)")
     planned_trials: Annotated[tuple[Count, ...], UNIQUE] = key(default=(1, 3, 5), min_length=1)
-    resamples: int = key(default=2000, within="[200, 100000]")

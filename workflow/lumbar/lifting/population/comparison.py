@@ -5,7 +5,6 @@ Groups are compared at the same box by a mixed-effects model with person as the 
 `variance_components`); two boxes are compared within the persons who lifted both.
 """
 
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -15,9 +14,7 @@ import pandas as pd
 from lumbar.base.errors import InputError
 from lumbar.lifting.population.contrast import (
     Contrast,
-    Interval,
     between_groups,
-    cluster_bootstrap,
     within_persons,
 )
 from lumbar.lifting.population.sample_size import (
@@ -32,7 +29,6 @@ from lumbar.lifting.population.variance_components import (
     PersonMeans,
     VarianceComponents,
     change_components,
-    pair_up,
     variance_components,
 )
 from lumbar.settings.population import PopulationSettings
@@ -66,8 +62,6 @@ class Comparison:
     contrast: Contrast
     components: VarianceComponents
     """Of single trials or, `paired`, of the persons' changes and of single trials."""
-    bootstrap: Interval
-    """Of the difference."""
 
     @property
     def verdict(self) -> str:
@@ -110,9 +104,7 @@ def check_long_table(table: pd.DataFrame) -> None:
         raise InputError(f"{groups.idxmax()}: a person of {groups.max()} groups; each belongs to one")
 
 
-def compare_people(
-    table: pd.DataFrame, groups: tuple[str, str], seed: int, resamples: int = 2000
-) -> Iterator[Comparison]:
+def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[Comparison]:
     """Compare two groups at every box that both lifted, and the lightest with the heaviest box in each group.
 
     The table has the columns `NEEDED`, may have ``unit`` and ``safer``; the first group is compared with the second.
@@ -126,24 +118,19 @@ def compare_people(
                 paired and not set(values[0].persons) & set(values[1].persons)
             ):
                 continue
-            chance = [seed, zlib.crc32(f"{name} {box} {measure} {plane}".encode())]
-            contrast, components, bootstrap = _compare(values, paired, sides, chance, resamples)
+            contrast, components = _compare(values, paired, sides)
             missing = int(sum(part["value"].isna().sum() for part in selected))
             yield Comparison(
                 name, box, str(measure), str(plane), words["unit"], words["safer"], sides, values, paired, missing,
-                contrast, components, bootstrap,
+                contrast, components,
             )  # fmt: skip
 
 
-def _compare(values: tuple, paired: bool, sides: tuple[str, str], seed: list[int], resamples: int):
+def _compare(values: tuple, paired: bool, sides: tuple[str, str]) -> tuple[Contrast, VarianceComponents]:
     if paired:
-        contrast = within_persons(*values, name=sides[0])
-        first, second = pair_up(*values)
-        bootstrap = cluster_bootstrap(first.mean - second.mean, None, seed, resamples)
-        return contrast, change_components(*values), bootstrap
+        return within_persons(*values, name=sides[0]), change_components(*values)
     components = variance_components(list(values))
-    contrast = between_groups(*values, components.variance_ratio, names=sides)
-    return contrast, components, cluster_bootstrap(*(side.mean for side in values), seed, resamples)
+    return between_groups(*values, components.variance_ratio, names=sides), components
 
 
 def _pairs(rows: pd.DataFrame, groups: tuple[str, str]) -> Iterator[tuple]:
@@ -196,8 +183,6 @@ def _row(item: Comparison) -> dict:
         "percent": contrast.percent,
         "percent_low": contrast.percent_interval.low,
         "percent_high": contrast.percent_interval.high,
-        "bootstrap_low": item.bootstrap.low,
-        "bootstrap_high": item.bootstrap.high,
         "safer": item.verdict,
         "persons": _counts(map(len, item.values)),
         "trials": _counts(int(side.trials.sum()) for side in item.values),
