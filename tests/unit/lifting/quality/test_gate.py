@@ -259,3 +259,52 @@ def test_a_marker_off_a_box_that_is_carried_is_found(two_feet):
     [(label, stretch, seen)] = off_its_part(two_feet | box, RATE)
     assert (label, stretch) == ("BOX_3", slice(1150, 1162))
     assert "BOX_1" in seen
+
+
+def _ramp(count: int, start: float, stop: float) -> np.ndarray:
+    return np.clip((np.arange(count) / (count - 1) - start) / (stop - start), 0, 1)[:, None]
+
+
+@pytest.mark.parametrize("label", ["C7", "LASI", "RPSI"])
+@pytest.mark.parametrize(("start", "stop"), [(0.0, 1.0), (0.3, 0.5)])
+def test_a_marker_that_creeps_is_left_out_from_where_it_begins(recordings, label, start, stop):
+    recording, _ = recordings("weird_squat_trc/markers_Squat2.trc")
+    away = 0.05 * _ramp(len(recording), start, stop) * np.array([0.48, 0.6, -0.64])
+    points = changed(recording.positions, label, slice(None), recording.positions[label] + away)
+    (finding,) = examine(points, recording.time, recording.rate)
+    assert (finding.kind, finding.outcome, finding.markers) == ("drift", "left out", (label,))
+    assert finding.frames.start == pytest.approx(start * len(recording), abs=0.11 * len(recording))
+
+
+@pytest.mark.parametrize("pair", [("LKNE", "LANK"), ("RKNE", "RANK")])
+@pytest.mark.parametrize("name", ["athlete_floor_pickup_squats/squat.c3d", "ktk_pig_com_oracle/gait.c3d"])
+def test_knee_and_ankle_of_one_leg_exchanged_are_told(recordings, name, pair):
+    recording, _ = recordings(name)
+    points = exchanged(recording.positions, *pair, slice(None))
+    (finding,) = examine(points, recording.time, recording.rate)
+    assert (finding.kind, finding.markers) == ("exchanged", pair)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_coordinate_held_at_its_limit_becomes_a_gap(recordings, axis):
+    recording, _ = recordings("ktk_pig_com_oracle/gait.c3d")
+    clipped = recording.positions["C7"].copy()
+    limit = np.nanpercentile(clipped[:, axis], 80)
+    over = clipped[:, axis] > limit
+    clipped[over, axis] = limit
+    findings = examine(
+        changed(recording.positions, "C7", slice(None), clipped), recording.time, recording.rate
+    )
+    assert {(finding.kind, finding.markers) for finding in findings} == {("clipped", ("C7",))}
+    assert sum(finding.n_frames for finding in findings) == pytest.approx(over.sum(), abs=4)
+
+
+def test_a_racket_at_50_Hz_does_not_jump(recordings):
+    """A wrist turns by 150 degrees in 0.1 s: what it holds changes its step by as much as other markers leap."""
+    recording, _ = recordings("weird_squat_trc/markers_Squat2.trc")
+    points = {label: positions[::2] for label, positions in recording.positions.items()}
+    time = recording.time[::2]
+    turn = np.radians(150) * (1 + np.tanh((time - time[100]) / 0.025)) / 2
+    for label, length in (("RACKET1", 0.4), ("RACKET2", 0.7)):
+        points[label] = points["RWRA"] + length * np.c_[0 * turn + 0.1, np.cos(turn), np.sin(turn)]
+    assert examine(points, time, recording.rate / 2) == []

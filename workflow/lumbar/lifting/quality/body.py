@@ -134,6 +134,39 @@ def _on_spine(landmark: str) -> bool:
     return landmark in ("C7", "SACRUM") or landmark[1:].isdigit()
 
 
+def leg_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> list[tuple[str, str, str]]:
+    """Pairs of knee and ankle in the wrong order down a leg, with what was seen.
+
+    From pelvis or hip by knee and ankle to the foot is a shorter way than by ankle and knee, also of a folded leg.
+    """
+    found = {landmark: points[label] for label, landmark in named.items()}
+    labels = {landmark: label for label, landmark in named.items()}
+    pairs = []
+    for side in ("L_", "R_"):
+        knee, ankle = found.get(f"{side}KNEE"), found.get(f"{side}ANKLE")
+        if knee is None or ankle is None:
+            continue
+        above = [
+            found[name] for name in (f"{side}HIP", f"{side}ASIS", f"{side}PSIS", "SACRUM") if name in found
+        ]
+        below = [found[name] for name in (f"{side}TOE", f"{side}HEEL") if name in found]
+        ways = [_distance(end, ankle) - _distance(end, knee) for end in above[:1]]
+        ways += [_distance(end, knee) - _distance(end, ankle) for end in below[:1]]
+        detour = -np.sum(ways, axis=0) if ways else np.array([np.nan])
+        if np.isfinite(detour).any() and np.nanpercentile(detour, 5) > 0:
+            low, high = labels[f"{side}KNEE"], labels[f"{side}ANKLE"]
+            evidence = (
+                f"down the leg {low} comes after {high}: exchanged, the way from pelvis to foot is "
+                f"{np.nanmedian(detour) * 1e3:.0f} mm shorter"
+            )
+            pairs.append((low, high, evidence))
+    return pairs
+
+
+def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(one - other, axis=1)
+
+
 def side_exchanges(
     points: dict[str, np.ndarray], named: dict[str, str]
 ) -> tuple[list[tuple[str, str, str]], str]:

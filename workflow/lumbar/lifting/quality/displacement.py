@@ -282,7 +282,7 @@ def rigid_mates(points: dict[str, np.ndarray], without: frozenset[str] = frozens
 
 def _spread_from(sample: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Spread and median of the distance of every marker from one of them; sample has shape (n_markers, n, 3)."""
-    low, middle, high = _percentiles(np.linalg.norm(sample - sample[index], axis=2), (0.05, 0.5, 0.95))
+    low, middle, high = percentiles(np.linalg.norm(sample - sample[index], axis=2), (0.05, 0.5, 0.95))
     return high - low, middle
 
 
@@ -313,7 +313,7 @@ def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[t
     }
 
 
-def _percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
+def percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
     """Of each row over what is finite, shape (n_shares, n_rows); NaN with fewer than ten finite values.
 
     By one sorting: NumPy's own percentiles without NaN go through the rows one by one.

@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 
 from lumbar.lifting.quality.body import (
+    leg_exchanges,
     levels_found,
     order_exchanges,
     rightward,
@@ -12,6 +13,7 @@ from lumbar.lifting.quality.body import (
     stature_found,
 )
 from lumbar.lifting.quality.displacement import Displacement, displacements, length, off_its_part, rigid_mates
+from lumbar.lifting.quality.drift import drifts
 from lumbar.lifting.quality.landmarks import landmarks, side_pairs
 from lumbar.lifting.quality.leaps import (
     Exchange,
@@ -29,6 +31,7 @@ from lumbar.lifting.quality.trajectories import (
     LOWEST_HZ,
     USUAL_HZ,
     beyond_laboratory,
+    clipped_stretches,
     copied_stretches,
     frequency_scale,
     frozen_stretches,
@@ -83,13 +86,21 @@ def examine(
     if wrong:
         return wrong
     findings, stepping = held_samples(points, clock)
-    for check in (beyond_laboratory, frozen_stretches, partial(copied_stretches, named=named)):
+    for check in (
+        beyond_laboratory,
+        frozen_stretches,
+        clipped_stretches,
+        partial(copied_stretches, named=named),
+    ):
         found = check(points, clock)
         findings += found
         points = mask_findings(points, found)
     found, points = _leaps(points, named, clock)
     findings += found
-    findings += _rigid_parts(points, clock)
+    for check in (_rigid_parts, partial(drifts, named=named)):
+        found = check(points, clock=clock)
+        findings += found
+        points = mask_findings(points, found)
     findings += _stature(points, named, clock, height_m)
     findings += _jitter({label: points[label] for label in points if label not in stepping}, clock)
     if not any(finding.kind == "missing frames" for finding in findings):
@@ -244,7 +255,7 @@ def _whole_exchanges(
 ) -> tuple[list[tuple[tuple[str, str], str]], str]:
     """Labels exchanged over the whole recording."""
     sampled = _sampled(points)
-    ordered = order_exchanges(sampled, named)
+    ordered = order_exchanges(sampled, named) + leg_exchanges(sampled, named)
     for low, high, _ in ordered:
         sampled[low], sampled[high] = sampled[high], sampled[low]
     sided, mirrored = side_exchanges(sampled, named)

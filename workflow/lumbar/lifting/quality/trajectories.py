@@ -12,7 +12,7 @@ import numpy as np
 from lumbar.lifting.quality.body import levels_found
 from lumbar.lifting.quality.landmarks import level
 from lumbar.lifting.quality.sheet import Clock, Finding
-from lumbar.records.stretches import runs
+from lumbar.records.stretches import flat_tops, runs
 
 LABORATORY_M = 100.0
 """Coordinates beyond this distance from the origin lie in no laboratory."""
@@ -27,6 +27,7 @@ _TOUCHING_M = 2e-3
 _NEIGHBOURS = 3
 _SHORTEST_COPY = 3
 _FRAMES_AT_ONCE = 1000
+_SHORTEST_CLIP = 3
 
 
 def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
@@ -65,6 +66,21 @@ def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findin
                 continue
             stretch = slice(run.start, run.stop + 1)
             findings.append(clock.finding("frozen", (label,), stretch, frames_alike=length + 1))
+    return findings
+
+
+def clipped_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+    """Stretches in which a coordinate keeps its largest or smallest value to the last bit while the marker goes on elsewhere."""
+    findings = []
+    for label, positions in points.items():
+        going_on = np.append(~_unchanged(positions), True)
+        for axis, values in zip("xyz", positions.T, strict=True):
+            seen = values[np.isfinite(values)]
+            for top in flat_tops(seen) if len(seen) else []:
+                words = {"axis": axis, "level": top.level, "count": top.samples}
+                for run in runs((values == top.level) & going_on):
+                    if run.stop - run.start >= _SHORTEST_CLIP:
+                        findings.append(clock.finding("clipped", (label,), run, **words))
     return findings
 
 
