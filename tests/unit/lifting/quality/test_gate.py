@@ -308,3 +308,12 @@ def test_a_racket_at_50_Hz_does_not_jump(recordings):
     for label, length in (("RACKET1", 0.4), ("RACKET2", 0.7)):
         points[label] = points["RWRA"] + length * np.c_[0 * turn + 0.1, np.cos(turn), np.sin(turn)]
     assert examine(points, time, recording.rate / 2) == []
+
+
+@pytest.mark.parametrize("label", ["C7", "LASI"])
+def test_of_a_jump_the_part_that_is_no_body_is_left_out_also_where_it_is_the_longer_one(recordings, label):
+    recording, _ = recordings("weird_squat_trc/markers_Squat2.trc")
+    wrong = slice(0, 320)
+    moved = recording.positions[label][wrong] + [0.06, 0.08, 0.0]
+    (finding,) = examine(changed(recording.positions, label, wrong, moved), recording.time, recording.rate)
+    assert (finding.kind, finding.markers, finding.frames) == ("jump", (label,), wrong)

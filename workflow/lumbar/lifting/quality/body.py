@@ -22,6 +22,7 @@ _FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
 _CLEAR_LEVELS = 0.25
 _CLEAR_SPINE_M = 0.015
 _LEAST_ORDER = 0.1
+_NEAR_LEVELS = 0.45
 _REVERSED_SHARE = 0.8
 _AGREEING = 0.3
 """Length of a mean of unit vectors that agree on a direction."""
@@ -165,6 +166,27 @@ def leg_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> list[
 
 def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.linalg.norm(one - other, axis=1)
+
+
+def asymmetry(points: dict[str, np.ndarray], named: dict[str, str], label: str) -> float:
+    """How far the distances of a marker on the trunk from those near it differ from their mirror images, metres.
+
+    Root mean square of the medians; NaN off the trunk, or where no other pair of markers tells.
+    """
+    at = {landmark: points[other] for other, landmark in named.items() if level(landmark) is not None}
+    own = named.get(label, "")
+    image = {name: {"L_": "R_", "R_": "L_"}.get(name[:2], name[:2]) + name[2:] for name in at}
+    differences = [
+        float(np.nanmedian(difference))
+        for name, mirrored in image.items()
+        if own in at and image[own] in at and mirrored in at and name not in (own, image[own])
+        if abs(level(name) - level(own)) < _NEAR_LEVELS
+        and (name, own) != (mirrored, image[own])
+        and np.isfinite(
+            difference := _distance(at[own], at[name]) - _distance(at[image[own]], at[mirrored])
+        ).any()
+    ]
+    return float(np.sqrt(np.mean(np.square(differences)))) if differences else np.nan
 
 
 def side_exchanges(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lumbar.lifting.quality.body import asymmetry
 from lumbar.lifting.quality.leaps import LONGEST_GAP_S, Leap
 from lumbar.records.stretches import runs
 
@@ -32,6 +33,8 @@ _BESIDE_S = 0.3
 _ENOUGH_FRAMES = 2000
 """Frames, spread over a recording, from which the unrest of a distance is told."""
 _SAME_FRAME = 3
+_CLEARLY_M = 0.015
+"""How much more a marker is off a body's symmetry on the wrong side of a leap."""
 _SAMPLES = 300
 _RIGID_M = 0.008
 """Spread (5th to 95th percentile) of a length that is called rigid: skin moves by some millimetres."""
@@ -70,7 +73,11 @@ class _Sides:
 
 
 def displacements(
-    points: dict[str, np.ndarray], label: str, leaps: dict[str, list[Leap]], rate: float
+    points: dict[str, np.ndarray],
+    label: str,
+    leaps: dict[str, list[Leap]],
+    rate: float,
+    named: dict[str, str],
 ) -> tuple[list[Displacement], list[Leap]]:
     """Return the frames in which a marker is displaced, and the leaps of which it cannot be told which side is right.
 
@@ -83,7 +90,12 @@ def displacements(
     untold: list[Leap] = []
     for section in _sections(seen, rate):
         inside = [leap for leap in leaps[label] if section.start < leap.first < section.stop]
-        sides = [_sides(points, label, leap, _leaping(leaps, leap), rate) for leap in inside]
+        beside = max(_BACK_FRAMES, round(_BESIDE_S * rate))
+        better = [_better_side(points, label, leap, beside, named) for leap in inside]
+        sides = [
+            _sides(points, label, leap, _leaping(leaps, leap), rate, side)
+            for leap, side in zip(inside, better, strict=True)
+        ]
         told = [(leap, side) for leap, side in zip(inside, sides, strict=True) if side is not None]
         found += [
             Displacement(_wrong_frames(leap, side, section, inside, rate), leap, side.seen)
@@ -99,6 +111,15 @@ def displacements(
                 if side is None and not any(_bounds(leap, frames) for frames in certain)
             ]
     return _united(found, len(seen)), untold
+
+
+def _better_side(
+    points: dict[str, np.ndarray], label: str, leap: Leap, beside: int, named: dict[str, str]
+) -> int | None:
+    """0 where the marker is clearly nearer to a body's symmetry just before a leap, 1 where it is just after it."""
+    parts = slice(max(0, leap.last + 1 - beside), leap.last + 1), slice(leap.first, leap.first + beside)
+    off = [asymmetry({name: points[name][part] for name in {*named, label}}, named, label) for part in parts]
+    return int(off[0] > off[1]) if abs(off[0] - off[1]) > _CLEARLY_M else None
 
 
 def _leaping(leaps: dict[str, list[Leap]], leap: Leap) -> set[str]:
@@ -117,9 +138,17 @@ def _sections(seen: np.ndarray, rate: float) -> list[slice]:
 
 
 def _sides(
-    points: dict[str, np.ndarray], label: str, leap: Leap, without: Collection[str], rate: float
+    points: dict[str, np.ndarray],
+    label: str,
+    leap: Leap,
+    without: Collection[str],
+    rate: float,
+    better: int | None,
 ) -> _Sides | None:
-    """Tell the sides of a leap by the distances it changes most; None where they do not tell."""
+    """Tell the sides of a leap by the distances it changes most; None where they do not tell.
+
+    Right is the side that the body says is `better`; where it says none, the one of most frames.
+    """
     mates = []
     for other, positions in points.items():
         if other in without or other == label:
@@ -147,7 +176,7 @@ def _sides(
     near = [int((np.abs(likeness - side) < _NEAR).sum()) for side in (0, 1)]
     if sum(near) < _TELLING * known:
         return None
-    right = int(near[1] > near[0])
+    right = int(near[1] > near[0]) if better is None else better
     beside = max(_BACK_FRAMES, round(_BESIDE_S * rate))
     strayed = (
         _largest(likeness[max(0, leap.last + 1 - beside) : leap.last + 1]),

@@ -221,7 +221,7 @@ def _leaps(
     for exchange in exchanges:
         shorter, _ = exchange.stretches(n_frames)
         straight = _exchanged(straight, (exchange.first, exchange.second), shorter)
-    findings = missing + _displaced(straight, remaining, spikes, clock)
+    findings = missing + _displaced(straight, remaining, spikes, clock, named)
     straight = mask_findings(straight, findings)
     whole, mirrored = _whole_exchanges(straight, named)
     reversed_pairs = {frozenset(pair) for pair, _ in whole}
@@ -310,7 +310,11 @@ def _exchange_findings(
 
 
 def _displaced(
-    points, leaps: dict[str, list[Leap]], spikes: dict[str, list[slice]], clock: Clock
+    points,
+    leaps: dict[str, list[Leap]],
+    spikes: dict[str, list[slice]],
+    clock: Clock,
+    named: dict[str, str],
 ) -> list[Finding]:
     """Stretches after leaps that no exchange explains, and spikes; of a marker with many of them one finding."""
     findings = []
@@ -320,7 +324,7 @@ def _displaced(
         if count > most:
             findings.append(clock.finding("restless", (label,), count=count))
             continue
-        stretches, untold = displacements(points, label, leaps, clock.rate)
+        stretches, untold = displacements(points, label, leaps, clock.rate, named)
         findings += [_jump(points, label, stretch, clock) for stretch in stretches]
         findings += [_untold(label, leap, clock) for leap in untold]
         for spike in spikes[label]:
