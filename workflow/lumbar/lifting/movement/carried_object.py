@@ -105,6 +105,11 @@ def first_hand_rise(height: np.ndarray, settings: EventSettings) -> tuple[int, i
     return swings[0] if swings else None
 
 
+def greatest_rise(height: np.ndarray) -> float:
+    """How far it ever rises above an earlier height, metres."""
+    return float(np.max(height - np.minimum.accumulate(height)))
+
+
 def count_great_rises(height: np.ndarray, settings: EventSettings) -> int:
     """Count the great rises of the hands of at least `hands_rise_m`; `height` as of `first_hand_rise`."""
     return len(_swings(height, settings.hands_rise_m, 1))

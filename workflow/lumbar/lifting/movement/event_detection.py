@@ -9,6 +9,7 @@ markers on the box, the hands stand for it. An event that a recording does not h
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -21,9 +22,11 @@ from lumbar.lifting.movement.carried_object import (
     carried_object,
     count_great_rises,
     first_hand_rise,
+    greatest_rise,
     last_hand_descent,
     longest_seen,
     speed,
+    turning_points,
     wrist_centre,
 )
 from lumbar.lifting.movement.cleaning import derivative
@@ -49,6 +52,8 @@ _HOW: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 TOES = ("L_TOE", "R_TOE")
 ONSET = 0.1
 """What rises or descends for good has begun to, without doubt, once it has gone this share of the way."""
+STANDS_OUT, LEAST_SHARE = 1.5, 0.5
+"""A descent of less than `descent_m`, but of this share of it, is a deposit where it is so many times every other."""
 
 
 class NotFound(Exception):
@@ -204,7 +209,8 @@ class _Search:
         lifted = first_hand_rise(self.points[:, 2], self.settings)
         if lifted is None:
             raise NotFound(
-                f"the hands never rise by {self.settings.hands_rise_m:g} m (lifting.events.hands_rise_m)"
+                f"the hands never rise by {self.settings.hands_rise_m:g} m (lifting.events.hands_rise_m), but by "
+                f"{greatest_rise(self.points[:, 2]):.3f} m at most"
             )
         return lifted
 
@@ -225,6 +231,14 @@ class _Search:
 def _first_run(flags: np.ndarray, samples: int) -> int | None:
     """Index at which `flags` first stays true for at least `samples` samples."""
     return next((run.start for run in runs(flags) if run.stop - run.start >= samples), None)
+
+
+def _kept(values: np.ndarray, samples: int) -> float:
+    """Largest value that is kept for so many samples; 0 where none is."""
+    if len(values) < samples:
+        return 0.0
+    least = np.lib.stride_tricks.sliding_window_view(values, samples).min(axis=1)
+    return float(np.nanmax(least, initial=0.0))
 
 
 def _lift_off(recording: MarkerRecording, box: np.ndarray, settings: EventSettings) -> Event:
@@ -257,7 +271,10 @@ def _first_movement(recording: MarkerRecording, box: np.ndarray, settings: Event
     moving = speed(box, recording.rate)
     first = _first_run(moving > threshold, max(1, round(lasting * recording.rate)))
     if first is None:
-        raise NotFound(f"the box never moves faster than {threshold:g} m/s for {lasting:g} s")
+        raise NotFound(
+            f"the box never moves faster than {threshold:g} m/s for {lasting:g} s (lifting.events.box_speed_m_s), but than "
+            f"{_kept(moving, max(1, round(lasting * recording.rate))):.3f} m/s"
+        )
     if first == 0:
         raise NotFound("the box moves from the first frame: its lift-off is not there")
     rest = np.flatnonzero(moving[:first] <= settings.box_rest_m_s)
@@ -331,7 +348,8 @@ def _hands_release(
     lowered = held or last_hand_descent(hands[first:, 2], settings, greatest=True)
     if lowered is None:
         raise NotFound(
-            f"no deposit: the hands do not go down by {settings.descent_m:g} m after {lift_off:.2f} s"
+            f"no deposit: the hands do not go down by {settings.descent_m:g} m (lifting.events.descent_m) after "
+            f"{lift_off:.2f} s, but by {greatest_rise(-hands[first:, 2]):.3f} m at most"
         )
     top, bottom = (first + index for index in lowered)
     falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
@@ -352,9 +370,10 @@ def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: floa
     searched = (recording.time > lift_off) & (recording.time < release)
     # 65 ms are 13 frames at 200 Hz, whatever the rounding of the product.
     samples = max(1, int(np.ceil(lasting * recording.rate - 1e-9)))
-    starts, unseen = {}, []
+    starts, unseen, fastest = {}, [], 0.0
     for name in toes:
         foot = speed(recording[name], recording.rate)
+        fastest = max(fastest, _kept(foot[searched], samples))
         first = _first_run((foot > threshold) & searched, samples)
         if first is not None:
             starts[name] = float(recording.time[first])
@@ -363,7 +382,8 @@ def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: floa
     rule = f"toe faster than {threshold:g} m/s for at least {lasting:g} s between lift-off and release"
     gaps = f"; not seen all the time: {', '.join(unseen)}" if unseen else ""
     if not starts:
-        return Event(None, ABSENT, f"no toe-off: no {rule} ({', '.join(toes)}){gaps}")
+        near = f", but than {fastest:.2f} m/s (lifting.events.toe_speed_m_s)"
+        return Event(None, ABSENT, f"no toe-off: no {rule} ({', '.join(toes)}){near}{gaps}")
     first_toe = min(starts, key=starts.__getitem__)
     return Event(starts[first_toe], DETECTED, f"{first_toe} first: {rule}{gaps}")
 
@@ -384,16 +404,19 @@ def _deposit_start(
             f"the {what} {'is' if what == 'box' else 'are'} not seen from {start:.2f} to {release:.2f} s"
         )
     height, climb = carried[searched, 2], derivative(carried, recording.rate)[searched, 2]
-    descent = float(height.max() - height[-1])
-    if descent < settings.descent_m:
-        raise NotFound(
-            f"no deposit: the {what} {goes} down by {descent:.3f} m before {recording.time[searched[-1]]:.2f} s, a deposit "
-            f"needs {settings.descent_m:g} m (lifting.events.descent_m)"
-        )
+    time, falls = recording.time[searched], _falls(height, settings)
+    needed = _needed_descent(falls, settings)
     onset = _last_stop(height, climb, settings, recording.rate)
     if onset is None:
-        raise NotFound(f"the {what} {goes} down all the time from {start:.2f} to {release:.2f} s")
-    time = recording.time[searched]
+        onset = _stop_before(needed, height, climb, settings, recording.rate)
+    if onset is None:
+        lower = np.arange(int(1e3 * falls[-1]), 4, -1) / 1e3
+        stops = ((way, _stop_before(way, height, climb, settings, recording.rate)) for way in lower)
+        told = [f"; {way:g} would find one from {time[at]:.2f} s on" for way, at in stops if at is not None]
+        raise NotFound(
+            f"no deposit: the {what} {goes} down by {height.max() - height[-1]:.3f} m before {time[-1]:.2f} s; a deposit needs "
+            f"{needed:.2g} m here from its last rest or rise on (lifting.events.descent_m{''.join(told[:1])})"
+        )
     starts = {
         "descent_s": float(time[onset]),
         "thesis_s": _slowest_wrists(recording, settings, searched, onset),
@@ -415,6 +438,18 @@ def _deposit_start(
     )
 
 
+def _falls(height: np.ndarray, settings: EventSettings) -> list[float]:
+    """How far what is carried goes down each time, metres, without what is far less than a deposit."""
+    points = turning_points(height, LEAST_SHARE / 2 * settings.descent_m)
+    return [high - low for high, low in pairwise(height[points]) if high > low] or [0.0]
+
+
+def _needed_descent(falls: list[float], settings: EventSettings) -> float:
+    """Descent to the release that is a deposit: `descent_m`, or less where what is carried hardly goes down otherwise."""
+    others = STANDS_OUT * max(falls[:-1], default=0.0)
+    return float(np.clip(others, LEAST_SHARE * settings.descent_m, settings.descent_m))
+
+
 def _wrist_minimum(starts: dict[str, float | None], what: str, prominence: float) -> Event:
     """The thesis's start of the deposit, from both starts as `Event` has them."""
     before = (
@@ -427,13 +462,15 @@ def _wrist_minimum(starts: dict[str, float | None], what: str, prominence: float
     return Event(starts["thesis_s"], DETECTED, f"last local minimum of the wrists' speed {before}", **starts)
 
 
-def _last_stop(height: np.ndarray, climb: np.ndarray, settings: EventSettings, rate: float) -> int | None:
+def _last_stop(
+    height: np.ndarray, climb: np.ndarray, settings: EventSettings, rate: float, least: float = 0.0
+) -> int | None:
     """Index of the last rest in the last rise or stay from which there is a deposit's way to go down.
 
     Slowing down, or a small rise on the way, is none: a stay lasts, and a rise is a lift of its own. Two speeds tell
-    them, so that noise neither cuts a stay nor makes one.
+    them, so that noise neither cuts a stay nor makes one. Rests with less than `least` below them, in metres, are none.
     """
-    rests = climb >= -settings.box_rest_m_s
+    rests = (climb >= -settings.box_rest_m_s) & (height - height[-1] >= least)
     stops = []
     for run in runs(climb >= -settings.box_speed_m_s):
         lasts = run.stop - run.start >= settings.stay_s * rate or np.ptp(height[run]) >= settings.descent_m
@@ -441,6 +478,11 @@ def _last_stop(height: np.ndarray, climb: np.ndarray, settings: EventSettings, r
         if lasts and resting.size and height[resting[-1]] - height[-1] >= settings.descent_m:
             stops.append(int(resting[-1]))
     return stops[-1] if stops else None
+
+
+def _stop_before(way: float, height, climb, settings: EventSettings, rate: float) -> int | None:
+    """Return the stop before a descent of that way, which may be too slow to be told from a stay by its speed."""
+    return _last_stop(height, climb, replace(settings, descent_m=float(way)), rate, least=way)
 
 
 def _slowest_wrists(
