@@ -98,7 +98,8 @@ def test_a_folder_of_lifts_is_analysed_whatever_one_of_them_is(recording, tmp_pa
     assert written["lift"].tolist() == table["lift"].tolist()
     measured = pd.read_csv(tmp_path / "out" / "movement_measures.csv").set_index("lift")
     assert set(measured.index) == {"ann_23kg", "ann_15kg"}
-    assert measured.loc["ann_23kg", "value"].notna().all()
+    lacking = measured.loc["ann_23kg"].query("value.isna()")
+    assert len(lacking) == 4 and lacking["reason"].str.contains("no marker|no force plates").all()
     of_the_deposit = measured.loc["ann_15kg"].query("not measure.str.endswith('_carried')")
     assert of_the_deposit["reason"].str.contains("the deposit is not known").all()
     assert (tmp_path / "out" / "ann_15kg" / "com.csv").is_file()

@@ -26,7 +26,7 @@ from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import Axis, MarkerLayout
-from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.lifting import REFINING, LiftingSettings
 from lumbar.settings.subject import SubjectSettings
 
 _STAND_IN = SubjectSettings(
@@ -204,7 +204,7 @@ class Inspected:
             "standard markers": ", ".join(filled) or "none",
             "recognised, but no alias names it": suggested,
             "estimated": "; ".join(f"{name} ({rule})" for name, rule in sheet.estimated.items()),
-            "without": ", ".join(name for name in sheet.absent if name not in recognised),
+            "without": ", ".join(name for name in sheet.absent if name not in (*recognised, *REFINING)),
             "unused": "" if unused in words else unused,
             "as a lift": "analysed" if runs else "refused",
         }

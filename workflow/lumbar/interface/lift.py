@@ -180,7 +180,7 @@ class Lift(Result):
 
     @cached_property
     def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
-        return lift_tables.body_frame(self.analysed)
+        return lift_tables.body_frame(self.analysed, self.plates.ground if self.plates else None)
 
     @property
     def body(self) -> pd.DataFrame:

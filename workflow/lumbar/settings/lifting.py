@@ -19,6 +19,8 @@ ALIASES: dict[str, Alias] = {
     **{f"BOX_{number}": f"BOX_{number}" for number in range(1, 9)},
 }
 """Labels of usual marker sets under the standard names."""
+REFINING = tuple(name for name in ALIASES if name.endswith(("_MEDIAL", "HEAD_CENTRE")))
+"""Markers that nothing misses where they lack."""
 RIGID_BODIES = {
     "box": tuple(f"BOX_{number}" for number in range(1, 9)),
     "pelvis": ("SACRUM", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS"),

@@ -1,5 +1,7 @@
 """Joint centres, segment tables and centres of mass: by hand, by Plug-in Gait and another implementation, in recordings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from lifting_cases import without
@@ -17,6 +19,7 @@ from lumbar.lifting.movement.centre_of_mass import (
     segment_centres,
     segment_table,
     trunk_centre,
+    whole_body_centre,
 )
 from lumbar.lifting.movement.events import Event
 from lumbar.lifting.movement.joint_centres import (
@@ -24,6 +27,7 @@ from lumbar.lifting.movement.joint_centres import (
     cervical_centre,
     hara_hips,
     harrington_hips,
+    limb_joints,
     lumbosacral_centre,
     pelvis_of,
     reed_hips,
@@ -414,6 +418,27 @@ def test_the_whole_body_s_centre_agrees_with_plug_in_gait_s(shared, trial, inner
         assert -inner < behind < 0
         assert distance < inner
     assert errors_mm(recording, "skin", "unknown")[0] < -skin
+
+
+@pytest.mark.parametrize(("trial", "behind", "headless"), [("static", 24.3, 25.7), ("gait", 32.4, 33.4)])
+def test_markers_of_the_head_bring_the_whole_body_s_centre_nearer_to_plug_in_gait_s(
+    shared, trial, behind, headless
+):
+    recording = plug_in_gait(shared, trial)
+    points = trunk_points(recording, "inner", "harrington", "male")
+    forward = np.cross([0, 0, 1], points.right)
+    for seen, expected in ((recording, behind), (without(recording, "HEAD_CENTRE"), headless)):
+        offset = whole_body_centre(seen, points, WINTER) - recording["WHOLE"]
+        assert -1e3 * np.nanmean(np.sum(offset * forward, axis=1)) == pytest.approx(expected, abs=0.1)
+
+
+def test_a_joint_lies_between_its_markers_unless_the_inner_one_is_hidden_or_an_alias_has_both():
+    pair = recording(L_KNEE=(0.3, 0, 0.5), L_KNEE_MEDIAL=(0.2, 0, 0.5), L_ANKLE=(0.25, 0, 0.1))
+    assert limb_joints(pair)["L_KNEE"][0] == pytest.approx([0.25, 0, 0.5])
+    assert limb_joints(pair)["L_ANKLE"] is pair["L_ANKLE"]
+    assert limb_joints(replace(pair, derived={"L_KNEE": "mean of two"}))["L_KNEE"] is pair["L_KNEE"]
+    pair["L_KNEE_MEDIAL"][7] = np.nan
+    assert limb_joints(pair)["L_KNEE"] is pair["L_KNEE"]
 
 
 def test_t12_on_a_static_trial_with_the_whole_spine(shared):

@@ -2,7 +2,8 @@
 
 The moment is computed top-down from movement and inertia (Winter 2009, section 5): M = Σ (c − p) × m·(a + g·ẑ) + dH/dt, over
 segments with centre c, mass m, acceleration a and angular momentum H about the centre; p is the joint. It is the moment that
-muscles and ligaments bring up; what the weight does to the joint is opposite.
+muscles and ligaments bring up; what the weight does to the joint is opposite. Where the ground's force is measured, the same
+moment follows bottom-up: that of the ground about the joint less the sum over legs and pelvis.
 """
 
 from collections.abc import Iterable
@@ -34,32 +35,32 @@ def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
     return np.degrees(np.arctan2(np.einsum("nj,nj->n", line, towards), line[:, 2]))
 
 
-def lumbar_flexion(
-    thorax: np.ndarray, pelvis: np.ndarray, trunk: np.ndarray, forward: np.ndarray
-) -> np.ndarray:
-    """Angle between thorax and pelvis in the sagittal plane beyond that of standing upright, degrees, flexion positive.
+def beyond_upright(bend: np.ndarray, trunk: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """Angle beyond that of standing upright, as Plamondon et al. (2010) measure the flexion of the lumbar region; its unit.
 
-    As Plamondon et al. (2010) measure the flexion of the lumbar region. Zero is the mean over the straightest `UPRIGHT_SHARE`
-    per cent of the recording.
-    Lines run from T12/L1 to C7/T1, from the middle of the hips to L5/S1, and from there to C7/T1; `forward` are horizontal unit
-    vectors; each has shape (n, 3).
+    Zero is the mean over the straightest `UPRIGHT_SHARE` per cent of the recording. `bend`, shape (n,), is the angle; `trunk`,
+    shape (n, 3), the line from L5/S1 to C7/T1; `forward` are horizontal unit vectors.
 
     Raises
     ------
     InputError
         If the person never stands upright.
     """
-    bend = inclination(thorax, forward) - inclination(pelvis, forward)
     lean = np.abs(inclination(trunk, forward))
     seen = np.isfinite(bend) & np.isfinite(lean)
     if not seen.any():
-        raise InputError("thorax and pelvis are never seen together")
+        raise InputError("the segments on both sides of the joint are never seen together")
     straightest = np.percentile(lean[seen], UPRIGHT_SHARE)
     if straightest > UPRIGHT_DEG:
         raise InputError(
-            f"the trunk never stands upright (it leans {straightest:.0f}° at least): zero of the lumbar spine is not known"
+            f"the trunk never stands upright (it leans {straightest:.0f}° at least): the angle of standing is not known"
         )
     return bend - bend[seen & (lean <= straightest)].mean()
+
+
+def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Angle between two lines, each of shape (n, 3) and any length, degrees from 0 to 180."""
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.sum(one * other, axis=1)))
 
 
 UP = np.array([0.0, 0.0, 1.0])

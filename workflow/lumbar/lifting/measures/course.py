@@ -1,6 +1,6 @@
 """The course of all measures over a lift, instant by instant, from the body's trajectories."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,9 +10,10 @@ import pandas as pd
 from lumbar.base.errors import InputError
 from lumbar.lifting.measures.back_load import (
     Link,
+    angle_between,
+    beyond_upright,
     horizontal_axes,
     inclination,
-    lumbar_flexion,
     net_moment,
     trunk_extension_strength,
 )
@@ -32,11 +33,11 @@ from lumbar.lifting.measures.balance import (
     smallest_impulse,
     viability_margin,
 )
-from lumbar.lifting.movement.centre_of_mass import ARM, STRAIGHT_ARM
 from lumbar.lifting.movement.centre_of_mass import HEAD as WINTER_HEAD
+from lumbar.lifting.movement.centre_of_mass import limb_parts
 from lumbar.lifting.movement.cleaning import derivative
-from lumbar.lifting.movement.joint_centres import MID_HIP, typical_distance
-from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
+from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, typical_distance
+from lumbar.lifting.movement.lift_tables import GROUND_COLUMNS, HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.settings.stability import MeasureSettings
 
@@ -126,6 +127,8 @@ def course_of_lift(lifter: Lifter) -> Course:
         (_inclination, ("L5S1", "C7T1"), ("trunk_inclination_deg",)),
         (_lumbar_flexion, ("L5S1", "C7T1", "T12L1", MID_HIP), ("lumbar_flexion_deg",)),
         (_moment, _moment_points(lifter), MOMENT_COLUMNS),
+        (_moment_from_below, _LOWER_POINTS, FROM_BELOW_COLUMNS),
+        *_joint_angles(lifter),
     ):
         unseen.update(dict.fromkeys(names, tuple(points)))
         try:
@@ -133,8 +136,22 @@ def course_of_lift(lifter: Lifter) -> Course:
             columns.update(part(lifter))
         except InputError as error:
             missing.update(dict.fromkeys(names, str(error)))
-    notes = () if BALANCE_COLUMNS[0] in missing else tuple(_guessed_ends(lifter))
-    return Course(pd.DataFrame(columns), missing, unseen, notes)
+    _combine(columns, missing, unseen)
+    notes = [] if BALANCE_COLUMNS[0] in missing else _guessed_ends(lifter)
+    frame = pd.DataFrame(columns)
+    return Course(frame, missing, unseen, (*notes, *_moments_compared(frame)))
+
+
+def _moments_compared(course: pd.DataFrame) -> list[str]:
+    """Say how far both ways to the moment about L5/S1 lie apart, where force plates give the second."""
+    apart = course.get("l5s1_extension_difference_N_m", pd.Series(dtype=float)).dropna()
+    if apart.empty:
+        return []
+    both = course.loc[apart.index, ["l5s1_extension_N_m", FROM_BELOW_COLUMNS[1]]]
+    return [
+        f"extension moment about L5/S1: from the hands down {apart.mean():+.0f} N·m more than from the plates up on average, "
+        f"{apart.std():.0f} N·m about that, r = {both.corr().iloc[0, 1]:.2f}, over {len(apart)} instants"
+    ]
 
 
 BALANCE_COLUMNS = (
@@ -151,6 +168,10 @@ MOMENT_COLUMNS = (
     "l5s1_moment_per_kg_N_m_kg",
     "l5s1_strength_share",
 )
+
+
+FROM_BELOW_COLUMNS = ("l5s1_moment_from_below_N_m", "l5s1_extension_from_below_N_m")
+_LOWER_POINTS = ("L5S1", MID_HIP, com_of("pelvis"), *(f"{side}_ANKLE" for side in SIDES))
 
 
 def _balance_points(lifter: Lifter) -> tuple[str, ...]:
@@ -229,6 +250,7 @@ def _balance(lifter: Lifter) -> dict[str, np.ndarray]:
     columns = {
         "com_x_m": centre[:, 0],
         "com_y_m": centre[:, 1],
+        "com_z_m": centre[:, 2],
         "xcom_x_m": point[:, 0],
         "xcom_y_m": point[:, 1],
         **{f"margin_{name}_m": values for name, values in reaches.items()},
@@ -282,9 +304,62 @@ def _inclination(lifter: Lifter) -> dict[str, np.ndarray]:
 def _lumbar_flexion(lifter: Lifter) -> dict[str, np.ndarray]:
     points = lifter.points
     thorax, pelvis = points["C7T1"] - points["T12L1"], points["L5S1"] - points[MID_HIP]
-    return {
-        "lumbar_flexion_deg": lumbar_flexion(thorax, pelvis, points["C7T1"] - points["L5S1"], lifter.axes[1])
-    }
+    bend = inclination(thorax, lifter.axes[1]) - inclination(pelvis, lifter.axes[1])
+    return {"lumbar_flexion_deg": beyond_upright(bend, points["C7T1"] - points["L5S1"], lifter.axes[1])}
+
+
+def _hip_flexion(points: dict[str, np.ndarray], side: str, forward: np.ndarray) -> np.ndarray:
+    """Between pelvis and thigh in the sagittal plane, beyond that of standing upright."""
+    pelvis, thigh = points["L5S1"] - points[MID_HIP], points[f"{side}_HIP"] - points[f"{side}_KNEE"]
+    bend = inclination(pelvis, forward) - inclination(thigh, forward)
+    return beyond_upright(bend, points["C7T1"] - points["L5S1"], forward)
+
+
+def _knee_flexion(points: dict[str, np.ndarray], side: str, _forward: np.ndarray) -> np.ndarray:
+    """Between thigh and shank; 0 where hip, knee and ankle lie on a line."""
+    hip, knee, ankle = (points[f"{side}_{name}"] for name in ("HIP", "KNEE", "ANKLE"))
+    return angle_between(hip - knee, knee - ankle)
+
+
+def _shoulder_elevation(points: dict[str, np.ndarray], side: str, _forward: np.ndarray) -> np.ndarray:
+    """Between upper arm and trunk; 0 where it hangs along the trunk."""
+    arm = points[f"{side}_ELBOW"] - points[f"{side}_SHOULDER"]
+    return angle_between(arm, points["L5S1"] - points["C7T1"])
+
+
+JOINT_ANGLES = {
+    "hip_flexion": (_hip_flexion, ("L5S1", "C7T1", MID_HIP), ("HIP", "KNEE")),
+    "knee_flexion": (_knee_flexion, (), ("HIP", "KNEE", "ANKLE")),
+    "shoulder_elevation": (_shoulder_elevation, ("L5S1", "C7T1"), ("SHOULDER", "ELBOW")),
+}
+"""Angle of a joint, and the points that it needs: of the trunk, and of the side."""
+
+
+def _joint_angles(lifter: Lifter) -> Iterator[tuple[Callable, tuple[str, ...], tuple[str]]]:
+    """Yield what `course_of_lift` needs of every joint of both sides: function, points, column."""
+    for joint, (angle, trunk, ends) in JOINT_ANGLES.items():
+        for side in SIDES:
+            name = f"{side.lower()}_{joint}_deg"
+
+            def part(lifter, name=name, angle=angle, side=side):
+                return {name: angle(lifter.points, side, lifter.axes[1])}
+
+            yield part, (*trunk, *(f"{side}_{end}" for end in ends)), (name,)
+
+
+def _combine(columns: dict, missing: dict[str, str], unseen: dict[str, tuple[str, ...]]) -> None:
+    """Add the larger angle of both sides, or that of the known one, and the difference of both extension moments."""
+    for joint in JOINT_ANGLES:
+        name, sides = f"{joint}_deg", [f"{side.lower()}_{joint}_deg" for side in SIDES]
+        known = [column for column in sides if column in columns]
+        if known:
+            columns[name] = np.maximum.reduce([columns[column] for column in known])
+            unseen[name] = tuple(dict.fromkeys(point for column in known for point in unseen[column]))
+        else:
+            missing[name] = "; ".join(dict.fromkeys(missing[column] for column in sides))
+    above, below = "l5s1_extension_N_m", FROM_BELOW_COLUMNS[1]
+    if above in columns and below in columns:
+        columns["l5s1_extension_difference_N_m"] = columns[above] - columns[below]
 
 
 def _moment_points(lifter: Lifter) -> tuple[str, ...]:
@@ -311,16 +386,39 @@ def links_above_l5s1(lifter: Lifter) -> list[Link]:
     neck = points[HEAD] - points["C7T1"]
     radius = WINTER_HEAD.gyration * typical_distance(points[HEAD], points["C7T1"])
     links.append(Link(WINTER_HEAD.mass * mass, points[HEAD], neck, radius))
-    for side in "LR":
-        for start, end, segment in ARM if f"{side}_ELBOW" in points else (STRAIGHT_ARM,):
-            first, last = points[f"{side}_{start}"], points[f"{side}_{end}"]
-            radius = segment.gyration * typical_distance(first, last)
-            links.append(
-                Link(segment.mass * mass, first + segment.centre * (last - first), last - first, radius)
-            )
+    links += _limb_links(lifter, "ARM")
     if lifter.load_points:
         links.append(Link(lifter.load, points[LOAD]))
     return links
+
+
+def links_below_l5s1(lifter: Lifter) -> list[Link]:
+    """Pelvis and legs (with feet): what lies between L5/S1 and the ground."""
+    pelvis = Link(lifter.facts["mass_kg"]["pelvis"]["without_box"], lifter.points[com_of("pelvis")])
+    return [pelvis, *_limb_links(lifter, "LEG")]
+
+
+def _limb_links(lifter: Lifter, whole: str) -> list[Link]:
+    parts = [part for side in SIDES for part in limb_parts(lifter.points, side, whole)]
+    return [
+        Link(
+            segment.mass * lifter.facts["body_mass_kg"],
+            first + segment.centre * (last - first),
+            last - first,
+            np.nan_to_num(segment.gyration) * typical_distance(first, last),
+        )
+        for segment, first, last in parts
+    ]
+
+
+def _moment_from_below(lifter: Lifter) -> dict[str, np.ndarray]:
+    if GROUND_COLUMNS[0] not in lifter.body:
+        raise InputError("no force plates that the person stands on")
+    ground, joint = lifter.body[list(GROUND_COLUMNS)].to_numpy(float), lifter.points["L5S1"]
+    moment = ground[:, 3:] - np.cross(joint, ground[:, :3])
+    moment = moment - net_moment(joint, links_below_l5s1(lifter), lifter.rate, lifter.gravity)
+    extension = np.einsum("nj,nj->n", moment, lifter.axes[0])
+    return dict(zip(FROM_BELOW_COLUMNS, (np.linalg.norm(moment, axis=1), extension), strict=True))
 
 
 def _moment(lifter: Lifter) -> dict[str, np.ndarray]:

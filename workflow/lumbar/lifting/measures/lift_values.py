@@ -146,8 +146,8 @@ def measures_page(values: pd.DataFrame, data: str) -> Table:
     ]
     absent = values[values["reason"] != ""]
     notes += [
-        f"Absent, {row.lift}, {row.measure}: {row.reason}"
-        for row in absent.drop_duplicates(["lift", "measure", "reason"]).itertuples()
+        f"Absent, {', '.join(rows['lift'].unique())}, {', '.join(rows['measure'].unique())}: {reason}"
+        for reason, rows in absent.groupby("reason", sort=False)
     ]
     return Table(
         "Measures of the lifts that see their movement: of the whole lift, then of the deposit.",

@@ -15,13 +15,8 @@ WINDOWS = {
     DEPOSIT: "from the start of the deposit to the release",
 }
 """Phases of a lift that a number may be of."""
-SMALLEST, LARGEST, FARTHEST, AT_RELEASE, INTEGRAL = (
-    "smallest",
-    "largest",
-    "farthest",
-    "at_release",
-    "integral",
-)
+SMALLEST, LARGEST, FARTHEST = "smallest", "largest", "farthest"
+AT_RELEASE, INTEGRAL = "at_release", "integral"
 """How one number is made of a course in time; farthest is the largest from zero."""
 
 
@@ -35,7 +30,7 @@ class Measure:
     unit: str
     """`symbol`, `unit`: for print."""
     safer: str
-    """``higher`` or ``lower``: which way is farther from a step, or kinder to the back."""
+    """``higher`` or ``lower``: which way is farther from a step, or kinder to the back; empty where neither is."""
     meaning: str
     """One sentence, with the sign."""
     source: str

@@ -1,8 +1,8 @@
 """Trunk segments, their published parameters, and centres of mass: of segments, with and without the box, and of the body."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from math import hypot, nan
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.movement.carried_object import carried_object
 from lumbar.lifting.movement.events import Event, held_frames
-from lumbar.lifting.movement.joint_centres import MID_HIP, TrunkPoints, unit
+from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, TrunkPoints, limb_joints, unit
 from lumbar.records.markers import MarkerRecording
 
 COMS = ("thorax", "abdomen", "pelvis")
@@ -49,8 +49,8 @@ ARM = (
     ("SHOULDER", "ELBOW", LimbSegment(0.028, 0.436, 0.322)),
     ("ELBOW", "WRIST", LimbSegment(0.022, 0.682, 0.468)),
 )
-_LEG = ((MID_HIP, "KNEE", THIGH), ("KNEE", "ANKLE", _SHANK_AND_FOOT))
-STRAIGHT_ARM, _STRAIGHT_LEG = ("SHOULDER", "WRIST", WHOLE_ARM), (MID_HIP, "ANKLE", _WHOLE_LEG)
+LEG = ((MID_HIP, "KNEE", THIGH), ("KNEE", "ANKLE", _SHANK_AND_FOOT))
+STRAIGHT_ARM, STRAIGHT_LEG = ("SHOULDER", "WRIST", WHOLE_ARM), (MID_HIP, "ANKLE", _WHOLE_LEG)
 """Segments of each side (Winter, 2009, Table 4.1); straight ones where no marker shows the joint between."""
 
 
@@ -254,15 +254,35 @@ def centres_of_mass(
     return {name: result[name] for name in COMS if name in result}
 
 
-def head_centre(points: TrunkPoints) -> np.ndarray:
-    """Centre of head and neck, shape (n, 3) in metres, from C7/T1 and the middle of the hips."""
+def head_centre(recording: MarkerRecording, points: TrunkPoints) -> np.ndarray:
+    """Centre of head and neck, shape (n, 3) in metres: of the head's markers, or on the line of the trunk where there are none.
+
+    Markers that are hidden while C7/T1 is seen do not count.
+    """
+    if (
+        "HEAD_CENTRE" in recording
+        and not np.isnan(recording["HEAD_CENTRE"][np.isfinite(points["C7T1"])]).any()
+    ):
+        return recording["HEAD_CENTRE"]
     return points["C7T1"] + HEAD_BEYOND * (points["C7T1"] - points[MID_HIP])
+
+
+def limb_parts(
+    points: Mapping[str, np.ndarray], side: str, whole: str
+) -> Iterator[tuple[LimbSegment, np.ndarray, np.ndarray]]:
+    """Segments of an arm or a leg (`whole`: ARM or LEG) of one side with their ends; one straight piece where its joint lacks.
+
+    `points` are shoulders, elbows, wrists, knees, ankles by name, and `MID_HIP`.
+    """
+    middle, bent, straight = {"ARM": ("ELBOW", ARM, STRAIGHT_ARM), "LEG": ("KNEE", LEG, STRAIGHT_LEG)}[whole]
+    for start, end, segment in bent if f"{side}_{middle}" in points else (straight,):
+        yield segment, points[start if start == MID_HIP else f"{side}_{start}"], points[f"{side}_{end}"]
 
 
 def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: SegmentTable) -> np.ndarray:
     """Centre of mass of the whole body without the box, shape (n, 3) in metres.
 
-    The trunk is that of the segment table; head and limbs have Winter's shares between markers of the joints.
+    The trunk is that of the segment table; head and limbs have Winter's shares between the joints of `limb_joints`.
 
     The recording needs shoulders, wrists and ankles of both sides; elbows and knees are used where they are there.
     """
@@ -272,11 +292,9 @@ def whole_body_centre(recording: MarkerRecording, points: TrunkPoints, table: Se
     if lacking:
         raise InputError(f"no {', '.join(lacking)}")
     trunk = trunk_centre(segment_centres(points, table), table)
-    moment = TRUNK_SHARE * trunk + HEAD.mass * head_centre(points)
-    for side in "LR":
-        elbow, knee = (f"{side}_{joint}" in recording for joint in ("ELBOW", "KNEE"))
-        parts = (*(ARM if elbow else (STRAIGHT_ARM,)), *(_LEG if knee else (_STRAIGHT_LEG,)))
-        for start, end, segment in parts:
-            first = points[MID_HIP] if start == MID_HIP else recording[f"{side}_{start}"]
-            moment = moment + segment.mass * (first + segment.centre * (recording[f"{side}_{end}"] - first))
+    moment = TRUNK_SHARE * trunk + HEAD.mass * head_centre(recording, points)
+    joints = {**recording.positions, **limb_joints(recording), MID_HIP: points[MID_HIP]}
+    for side, whole in product(SIDES, ("ARM", "LEG")):
+        for segment, first, last in limb_parts(joints, side, whole):
+            moment = moment + segment.mass * (first + segment.centre * (last - first))
     return moment

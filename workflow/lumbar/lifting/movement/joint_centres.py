@@ -34,6 +34,7 @@ _CERVICAL = {"male": (8.0, 0.55), "female": (14.0, 0.53)}
 """Angle from the line C7-suprasternale upwards, degrees, and share of its length."""
 INNER, SKIN = "inner", "skin"
 ENDS = (INNER, SKIN)
+SIDES = ("L", "R")
 MID_HIP = "MID_HIP"
 """Middle between the hips: of their joint centres, or of the greater trochanters."""
 SKIN_MARKERS = {
@@ -81,6 +82,8 @@ class TrunkPoints:
     """Points that the recording does not hold, with the markers that would give them."""
     right: np.ndarray
     """Shape (n, 3): unit vector to the person's right."""
+    hips: dict[str, np.ndarray]
+    """``L_HIP``, ``R_HIP``: what `MID_HIP` is the middle of, shape (n, 3) in metres; none without it."""
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.points[name].position
@@ -128,7 +131,30 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
         except _Lacking as lacking:
             said = inside is not None and lacking.markers <= inside.markers
             missing[name] = "; ".join(map(str, filter(None, (inside, None if said else lacking))))
-    return TrunkPoints(found, missing, _rightward(recording))
+    hips: dict[str, np.ndarray] = {}
+    if MID_HIP in found:
+        inside = found[MID_HIP].inner and not recording.joints
+        hips = inner.hips_of_sides() if inside else {name: recording[name] for name in SKIN_MARKERS[MID_HIP]}
+    return TrunkPoints(found, missing, _rightward(recording), hips)
+
+
+def limb_joints(recording: MarkerRecording) -> dict[str, np.ndarray]:
+    """Elbows, wrists, knees and ankles of both sides, shape (n, 3) in metres, as far as the recording has them.
+
+    A joint is the middle of its lateral and medial marker, where the second is seen whenever the first is and no alias has made
+    the joint of several markers already; otherwise it is its marker.
+    """
+    joints = {}
+    for name in (f"{side}_{joint}" for side in SIDES for joint in ("ELBOW", "WRIST", "KNEE", "ANKLE")):
+        if name not in recording:
+            continue
+        joints[name] = recording[name]
+        medial = f"{name}_MEDIAL"
+        if medial in recording and name not in recording.derived:
+            middle = (recording[name] + recording[medial]) / 2
+            if np.array_equal(np.isfinite(middle), np.isfinite(recording[name])):
+                joints[name] = middle
+    return joints
 
 
 def _skin_point(recording: MarkerRecording, name: str, reason: str) -> TrunkPoint:
@@ -195,17 +221,31 @@ class _InnerPoints:
             f"; not seen and carried by the rest of the pelvis: {carried}" if carried else "",
         )
 
-    def middle_of_hips(self) -> TrunkPoint:
-        pelvis, markers, filled = self.pelvis
+    @cached_property
+    def hip(self) -> tuple[tuple[float, float, float], tuple[str, ...], str]:
+        """Coordinates of the right hip along the pelvis's axes, the markers they come from, and whose rule it is."""
+        pelvis, markers, _ = self.pelvis
         if self.hips == "harrington":
-            centre, source = harrington_hips(pelvis), "Harrington et al. 2007"
-        elif self.hips == "reed":
-            centre, source = reed_hips(pelvis, self.sex), "Reed et al. 1999"
-        else:
-            legs = ("L_ANKLE", "R_ANKLE")
-            _need(self.recording, legs)
-            markers = (*markers, *legs)
-            centre, source = hara_hips(self.leg_length()), "Hara et al. 2016, leg from ASIS to ankle marker"
+            return harrington_hips(pelvis), markers, "Harrington et al. 2007"
+        if self.hips == "reed":
+            return reed_hips(pelvis, self.sex), markers, "Reed et al. 1999"
+        legs = ("L_ANKLE", "R_ANKLE")
+        _need(self.recording, legs)
+        return (
+            hara_hips(self.leg_length()),
+            (*markers, *legs),
+            "Hara et al. 2016, leg from ASIS to ankle marker",
+        )
+
+    def hips_of_sides(self) -> dict[str, np.ndarray]:
+        forward, up, right = self.hip[0]
+        return {
+            f"{side}_HIP": self.pelvis[0].point(forward, up, sign * right)
+            for side, sign in zip(SIDES, (-1, 1), strict=True)
+        }
+
+    def middle_of_hips(self) -> TrunkPoint:
+        (pelvis, _, filled), (centre, markers, source) = self.pelvis, self.hip
         return TrunkPoint(
             pelvis.point(centre[0], centre[1]),
             f"{MID_HIP} is the middle of the hip joint centres ({source}){filled}",

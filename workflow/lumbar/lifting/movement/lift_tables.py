@@ -22,7 +22,7 @@ from lumbar.lifting.movement.carried_object import (
 from lumbar.lifting.movement.centre_of_mass import COMS, head_centre, segment_centres, whole_body_centre
 from lumbar.lifting.movement.event_detection import TOES
 from lumbar.lifting.movement.events import DECLARED, EVENTS, IN_FILE, held_frames, phases
-from lumbar.lifting.movement.joint_centres import INNER, MID_HIP
+from lumbar.lifting.movement.joint_centres import INNER, MID_HIP, SIDES, limb_joints
 from lumbar.lifting.movement.pendulum_states import PendulumChoice
 from lumbar.settings.plain import plain
 
@@ -41,6 +41,10 @@ LIMBS = tuple(
 )
 TRUNK = ("C7T1", "T12L1", "L4L5", "L5S1", MID_HIP)
 WHOLE_BODY, HEAD, LOAD = "WHOLE_BODY", "HEAD", "LOAD"
+GROUND_COLUMNS = tuple(
+    f"GROUND_{part}" for part in ("x_N", "y_N", "z_N", "about_x_N_m", "about_y_N_m", "about_z_N_m")
+)
+"""Force of the ground on the person, and its moment about the origin, while both feet are on the plates."""
 DECIMALS = 7
 """Of metres in the file: second differences of what is rounded off stay below 0.01 m/s² at 200 frames per second."""
 CENTRES_COLUMNS = (
@@ -58,7 +62,7 @@ _STATES = {
 STATES_COLUMNS = ("com", "plane", *_STATES.values())
 
 
-def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
+def body_frame(lift: AnalysedLift, ground: np.ndarray | None = None) -> tuple[pd.DataFrame, dict[str, str]]:
     """Trajectories of the body's points over the whole recording, and which are missing, each with its reason.
 
     Returns
@@ -66,16 +70,19 @@ def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
     frame : pandas.DataFrame
         ``time_s``, ``phase``, ``load_held`` (0 or 1), ``RIGHT_x`` … (unit vector to the person's right), and for every point
         ``<POINT>_x_m``, ``_y_m``, ``_z_m``: x to the right, y forward, z up; empty where a marker was not seen. Points are
-        the markers of `LIMBS`, the joint centres of `TRUNK`, the centres of mass of trunk segments (``THORAX_COM`` …), of
-        ``HEAD`` and ``WHOLE_BODY`` without the load, and the ``LOAD`` in the hands.
+        joints and markers of `LIMBS`, hips, joint centres of `TRUNK`, the centres of mass of its segments (``THORAX_COM`` …), of
+        ``HEAD`` and ``WHOLE_BODY`` without the load, and the ``LOAD`` in the hands. With `ground` also `GROUND_COLUMNS`.
     missing : dict of str to str
         Points that the recording does not hold.
     """
     import pandas as pd
 
     recording, points = lift.recording, lift.points
-    found = {name: recording[name] for name in LIMBS if name in recording}
+    found = (
+        {name: recording[name] for name in LIMBS if name in recording} | limb_joints(recording) | points.hips
+    )
     missing = {name: f"no marker {name}" for name in LIMBS if name not in recording}
+    missing.update({f"{side}_HIP": points.missing[MID_HIP] for side in SIDES if MID_HIP in points.missing})
     found.update({name: points[name] for name in TRUNK if name in points})
     missing.update({name: points.missing[name] for name in TRUNK if name not in points})
     segments = segment_centres(points, lift.table)
@@ -85,7 +92,7 @@ def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
     if ends:
         missing[HEAD] = f"no {', '.join(ends)}"
     else:
-        found[HEAD] = head_centre(points)
+        found[HEAD] = head_centre(recording, points)
     try:
         found[WHOLE_BODY] = whole_body_centre(recording, points, lift.table)
     except InputError as error:
@@ -100,6 +107,8 @@ def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
     columns.update({f"RIGHT_{axis}": values for axis, values in zip("xyz", points.right.T, strict=True)})
     for name, values in found.items():
         columns.update({f"{name}_{axis}_m": part for axis, part in zip("xyz", values.T, strict=True)})
+    if ground is not None:
+        columns.update(zip(GROUND_COLUMNS, ground.T, strict=True))
     frame = pd.DataFrame(columns)
     exact = ["time_s", "phase", "load_held"]
     return pd.concat([frame[exact], frame.drop(columns=exact).round(DECIMALS)], axis=1), missing

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -86,10 +86,13 @@ class PlateCheck:
     """What does not fit and what that means; or why there is nothing to compare."""
     notes: tuple[str, ...] = ()
     """What reading the plates took for granted."""
+    ground: np.ndarray | None = field(default=None, repr=False, compare=False)
+    """Shape (n, 6): force in newtons and moment about the origin in N·m by which the ground acts on the person, at the frames
+    of the recording; NaN where the person does not stand wholly on the plates."""
 
     def as_dict(self) -> dict:
-        """Plain data for JSON."""
-        return asdict(self)
+        """Plain data for JSON, without the course of the force."""
+        return {name: value for name, value in asdict(replace(self, ground=None)).items() if name != "ground"}
 
     def __str__(self) -> str:
         lines = []
@@ -154,7 +157,8 @@ def _compared(lift, plates, subject, trial, settings, notes) -> PlateCheck:
     if box_mass:
         weight = weight + held * box_mass * (GRAVITY + _vertical_acceleration(box, recording.rate))
         centre = (subject.mass_kg * centre + (box_mass * held)[:, None] * np.nan_to_num(box)) / mass[:, None]
-    force, pressure = _at_frames(lift, plates, settings)
+    ground, pressure = _at_frames(lift, plates, settings)
+    force = ground[:, 2]
     stands = (force > LOADED_N) & np.isfinite(weight) & _on_plates(lift, plates)
     # Within one period of an end a filtered trajectory leans on how it was continued.
     margin = int(np.ceil(recording.rate / settings.filter.cutoff_Hz))
@@ -187,6 +191,7 @@ def _compared(lift, plates, subject, trial, settings, notes) -> PlateCheck:
         **result,
         findings=tuple(_findings(**result, rate_Hz=recording.rate)),
         notes=notes,
+        ground=np.where(stands[:, None], ground, np.nan),
     )
 
 
@@ -228,18 +233,19 @@ def _vertical_acceleration(points: np.ndarray, rate: float) -> np.ndarray:
 def _at_frames(
     lift: AnalysedLift, plates: Sequence[ForcePlate], settings: LiftingSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Vertical force of all plates and their common centre of pressure at the frames of the markers."""
+    """Force of all plates and its moment about the origin, shape (n, 6), and their common centre of pressure at the frames."""
     time = lift.recording.time
-    force, moment = np.zeros(len(time)), np.zeros((len(time), 3))
+    total = np.zeros((len(time), 9))
     for plate in plates:
-        smoothing = settings.filter
-        vertical = low_pass(plate.force[:, 2], plate.rate, smoothing.cutoff_Hz, smoothing.order)
-        arm = np.nan_to_num(plate.centre_of_pressure) * plate.force[:, 2:]
-        arm = low_pass(arm, plate.rate, smoothing.cutoff_Hz, smoothing.order)
-        force += _sampled(time, plate, vertical)
-        moment += np.transpose([_sampled(time, plate, column) for column in arm.T])
+        centre = np.nan_to_num(plate.centre_of_pressure)
+        moment = np.cross(centre, plate.force)
+        moment[:, 2] += np.nan_to_num(plate.free_moment)
+        columns = np.hstack([plate.force, moment, centre * plate.force[:, 2:]])
+        columns = low_pass(columns, plate.rate, settings.filter.cutoff_Hz, settings.filter.order)
+        total += np.transpose([_sampled(time, plate, column) for column in columns.T])
+    force = total[:, 2:3]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return force, np.where(force[:, None] > LOADED_N, moment / force[:, None], np.nan)
+        return total[:, :6], np.where(force > LOADED_N, total[:, 6:] / force, np.nan)
 
 
 def _sampled(time: np.ndarray, plate: ForcePlate, values: np.ndarray) -> np.ndarray:

@@ -111,7 +111,9 @@ def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[Com
     """
     check_long_table(table)
     for (measure, plane), rows in table.groupby(["measure", "plane"], sort=False):
-        words = {name: str(rows[name].iloc[0]) if name in rows else "" for name in ("unit", "safer")}
+        words = {
+            name: str(rows[name].fillna("").iloc[0]) if name in rows else "" for name in ("unit", "safer")
+        }
         for name, box, sides, selected, paired in _pairs(rows, groups):
             values = tuple(_by_person(part) for part in selected)
             if not all(len(side) for side in values) or (
