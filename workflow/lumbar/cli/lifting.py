@@ -54,6 +54,10 @@ def run_lift(options) -> None:
         model.save(options.output)
         print(f"body model fitted to all markers:\n{model}")
     print("\n".join(_closing(found, options.output)))
+    if options.opensim:
+        from lumbar.interface.opensim_export import export_opensim
+
+        print("\n".join(export_opensim(found, options.opensim, study.stability.pendulum.gravity_m_s2)))
     if options.page:
         from lumbar.interface.lift_page import lift_page
 
@@ -84,9 +88,9 @@ def _run_all(options, study) -> None:
     from lumbar.interface.lift import subject_of
     from lumbar.interface.lift_batch import lift_all, planned_lifts
 
-    if options.trial or options.forces or options.body_model or options.page:
+    if options.trial or options.forces or options.body_model or options.page or options.opensim:
         raise InputError(
-            "--trial, --forces, --body-model and --page are those of one lift of one file: give that file alone"
+            "--trial, --forces, --body-model, --page and --opensim are those of one lift of one file: give that file alone"
         )
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)

@@ -9,8 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from lumbar.base.errors import InputError
 from lumbar.interface.reading import MARKER_ENDINGS
 from lumbar.interface.verb import Result, data_label
@@ -22,7 +20,7 @@ from lumbar.lifting.movement.plate_check import PlateCheck, plate_check
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.screening import Screening, read_screened
 from lumbar.lifting.quality.sheet import QualitySheet
-from lumbar.records.markers import read_markers
+from lumbar.records.markers import MarkerRecording, Mend, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
@@ -97,7 +95,9 @@ def lift(
     settings = settings.of_trial(trial)
     static = static or static_of(subject, trial, Path(markers))
     forces = forces or forces_of(subject, trial, Path(markers))
-    standing = None if static is None else labelled_markers(static, settings.markers, subject.height_m)
+    standing = (
+        None if static is None else labelled_markers(static, settings.markers, subject.height_m).positions
+    )
     bodies = BodyFilling(settings, standing)
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
@@ -112,12 +112,14 @@ def lift(
     )
 
 
-def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> dict[str, np.ndarray]:
-    """Markers of a static trial by their own labels, in metres and standard axes, without what cannot be a body's."""
+def labelled_markers(
+    path: str | os.PathLike, layout: MarkerLayout, height_m: float, mend: Mend | None = None
+) -> MarkerRecording:
+    """Markers of a file by their own labels, in metres and standard axes, without what cannot be a body's."""
     bare = replace(layout, aliases={}, required=None, check_axes=False)
     screening = Screening(height_m, layout.aliases)
     try:
-        return read_markers(path, bare, minimum_frames=1, screen=screening).positions
+        return read_markers(path, bare, minimum_frames=1, screen=screening, mend=mend)
     except InputError as error:
         text = str(error)
         raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error

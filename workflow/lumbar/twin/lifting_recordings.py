@@ -2,78 +2,18 @@
 one lift again and again, with and without a box.
 """
 
-import math
 import os
-import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.base.files import replacing, write_csv
+from lumbar.base.files import write_csv
+from lumbar.records.c3d_writer import write_c3d
 from lumbar.settings.twin import SyntheticLift, SyntheticLiftingSettings, SyntheticPerson
 from lumbar.twin.hip_moment import GRAVITY, box_held, hip_moment, trunk_angle
 from lumbar.twin.lifter import Movement, simulate
-
-_INTEGER, _REAL, _TEXT = 2, 4, -1
-
-
-def write_c3d(
-    path: str | os.PathLike, points: np.ndarray, labels: Sequence[str], rate: float, unit: str
-) -> None:
-    """Write trajectories as a C3D file, whole or not at all.
-
-    `points` have shape (n_frames, n_points, 3), NaN where one was not seen, at most 65534 frames and 255 points; `rate` is in
-    hertz, `unit` that of the coordinates.
-    """
-    n_frames, n_points = points.shape[:2]
-    missing = np.isnan(points).any(axis=2)
-    quads = np.zeros((n_frames, n_points, 4), "<f4")
-    quads[..., :3] = np.where(missing[..., None], 0, points)
-    quads[..., 3] = np.where(missing, -1, 0)
-    # The block at which the data start stands in the section whose length decides it.
-    section = _section(n_points, n_frames, labels, rate, unit, data_block=0)
-    blocks = math.ceil(len(section) / 512)
-    section = _section(n_points, n_frames, labels, rate, unit, data_block=2 + blocks)
-    header = struct.pack("<BB5HfHHf", 2, 0x50, n_points, 0, 1, n_frames, 10, -1.0, 2 + blocks, 1, rate)
-    with replacing(path) as temporary:
-        temporary.write_bytes(header.ljust(512, b"\0") + section.ljust(512 * blocks, b"\0") + quads.tobytes())
-
-
-def _section(
-    n_points: int, n_frames: int, labels: Sequence[str], rate: float, unit: str, data_block: int
-) -> bytes:
-    """Parameter section: the groups POINT and ANALOG."""
-    width = max(map(len, labels))
-    text = "".join(label.ljust(width) for label in labels).encode("ascii")
-    blocks = max(data_block - 2, 0)
-    content = struct.pack("4B", 1, 0x50, blocks, 84)
-    content += _entry(b"POINT", -1, b"") + _entry(b"ANALOG", -2, b"")
-    content += _parameter(b"USED", 1, _INTEGER, (), struct.pack("<H", n_points))
-    content += _parameter(b"FRAMES", 1, _INTEGER, (), struct.pack("<H", n_frames))
-    content += _parameter(b"DATA_START", 1, _INTEGER, (), struct.pack("<H", data_block))
-    content += _parameter(b"SCALE", 1, _REAL, (), struct.pack("<f", -1.0))
-    content += _parameter(b"RATE", 1, _REAL, (), struct.pack("<f", rate))
-    content += _parameter(b"UNITS", 1, _TEXT, (len(unit),), unit.encode("ascii"))
-    content += _parameter(b"LABELS", 1, _TEXT, (width, len(labels)), text)
-    content += _parameter(b"USED", 2, _INTEGER, (), struct.pack("<H", 0))
-    content += _parameter(b"RATE", 2, _REAL, (), struct.pack("<f", rate))
-    return content + b"\0\0"
-
-
-def _parameter(name: bytes, group: int, kind: int, dimensions: tuple[int, ...], values: bytes) -> bytes:
-    return _entry(name, group, struct.pack("bB", kind, len(dimensions)) + bytes(dimensions) + values)
-
-
-def _entry(name: bytes, group: int, body: bytes) -> bytes:
-    """One group (negative number) or parameter, with an empty description."""
-    head = struct.pack("bb", len(name), group) + name
-    return head + struct.pack("<h", len(body) + 3) + body + b"\0"
-
-
-MAXIMUM_FRAMES = 65534
-"""The header of a C3D file counts frames in 16 bits, and its largest value means "more"."""
 
 
 def settings_of_lifts(settings: SyntheticLiftingSettings, lifts: Iterable[str]) -> SyntheticLiftingSettings:
@@ -89,7 +29,7 @@ def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
     Raises
     ------
     InputError
-        If its events are not in order, or it has more frames than a C3D file.
+        If its events are not in order.
     """
     content = settings.lifts[lift]
     events = content.events_s
@@ -102,11 +42,6 @@ def true_movement(settings: SyntheticLiftingSettings, lift: str) -> Movement:
             f"({settings.duration_s} s)"
         )
     frames = round(settings.duration_s * settings.rate_Hz)
-    if frames > MAXIMUM_FRAMES:
-        raise InputError(
-            f"twin.lifting: {settings.duration_s:g} s at {settings.rate_Hz:g} Hz are {frames} frames; "
-            f"a C3D file counts up to {MAXIMUM_FRAMES}: shorten duration_s or lower rate_Hz"
-        )
     time = np.arange(frames) / settings.rate_Hz
     return simulate(time, settings.people[content.person], content, settings.workplace)
 

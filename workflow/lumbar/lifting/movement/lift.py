@@ -92,8 +92,8 @@ def analyse_lift(
         hand contradict it, or with ``gaps.longer: error`` a gap that matters stays open.
     """
     cleaned = clean(recording, settings)
-    smooth, complete = _within_window(cleaned.smooth, trial, settings), cleaned.complete
-    gaps = [*filled, *_gaps_within_window(cleaned.gaps, trial)]
+    smooth, complete = within_window(cleaned.smooth, trial, settings), cleaned.complete
+    gaps = [*filled, *_gapswithin_window(cleaned.gaps, trial)]
     events = find_events(smooth, settings.events, trial.events)
     table = segment_table(settings.segments, subject.sex)
     points = _points(smooth, subject, settings)
@@ -195,7 +195,7 @@ def _points(recording: MarkerRecording, subject: SubjectSettings, settings: Lift
     return trunk_points(recording, settings.segment_ends, settings.hip_centres, subject.sex)
 
 
-def _within_window(
+def within_window(
     smooth: MarkerRecording, trial: TrialSettings, settings: LiftingSettings
 ) -> MarkerRecording:
     """The trial's window of a filtered recording."""
@@ -213,7 +213,7 @@ def _within_window(
     return replace(smooth, time=smooth.time[inside], positions=positions)
 
 
-def _gaps_within_window(gaps: list[Gap], trial: TrialSettings) -> list[Gap]:
+def _gapswithin_window(gaps: list[Gap], trial: TrialSettings) -> list[Gap]:
     if trial.window_s is None:
         return gaps
     return [gap for gap in gaps if within(gap, *trial.window_s)]
