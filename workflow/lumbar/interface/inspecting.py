@@ -7,32 +7,35 @@ import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.files import replacing
-from lumbar.interface.lift import lift
+from lumbar.interface.lift import lift, lift_of
 from lumbar.interface.reading import read
 from lumbar.lifting.movement.lift import NEW_STUDY
+from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.body import axes_found
 from lumbar.lifting.quality.gate import usable_markers
 from lumbar.lifting.quality.landmarks import landmarks
-from lumbar.lifting.quality.screening import Screening, meant_labels
+from lumbar.lifting.quality.screening import Screening, meant_labels, naming, sheet_of
 from lumbar.lifting.quality.sheet import QualitySheet, quality_sheet
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.ground_forces import ForcePlate
-from lumbar.records.marker_axes import rotation_to_standard
-from lumbar.records.markers import read_markers
+from lumbar.records.marker_axes import check_axes, rotation_to_standard
+from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import Axis, MarkerLayout
 from lumbar.settings.lifting import REFINING, LiftingSettings
-from lumbar.settings.subject import SubjectSettings
+from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 _STAND_IN = SubjectSettings(
     name="nobody", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
 )
 """Events and gaps of a recording do not depend on who is in it."""
+_FRAMES = 1000
 
 
 def inspect(
@@ -70,29 +73,29 @@ def inspect(
     path = Path(path)
     if path.is_dir():
         raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
-    layout = (settings or LiftingSettings()).markers
-    open_layout = replace(layout, required=(), check_axes=False)
-    screening = Screening(height_m, layout.aliases, refuse=False)
-    recording = _read(path, open_layout, screening)
-    sound = usable_markers(screening.points, screening.findings)
+    chosen = settings or LiftingSettings()
+    layout = chosen.markers
+    looked = _look(path, chosen, height_m)
+    sound = usable_markers(looked.screening.points, looked.screening.findings)
     found = _axes(sound, meant_labels(layout.aliases, sound), layout)
-    if found is not None and found != (layout.up, layout.forward):
-        open_layout = replace(open_layout, up=found[0], forward=found[1])
-        recording = _read(path, open_layout, screening)
     up, forward = found or (layout.up, layout.forward)
-    axes = f"up {up}, forward {forward}"
-    if settings is not None and found is not None and found != (layout.up, layout.forward):
-        axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
-    elif found is None:
+    axes, turned = f"up {up}, forward {forward}", None
+    if found is None:
         axes += " by the settings; the labels do not show the body's"
-    chosen = settings or replace(
-        LiftingSettings(), markers=replace(layout, up=open_layout.up, forward=open_layout.forward)
-    )
+    elif found != (layout.up, layout.forward):
+        turned = replace(chosen, markers=replace(layout, up=up, forward=forward))
+    if turned is not None and settings is None:
+        chosen, looked = turned, _look(path, turned, height_m)
+    pipeline = _pipeline(path, looked, chosen, height_m)
+    if turned is not None and settings is not None:
+        axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
+        looked = _look(path, turned, height_m)
+    recording, screening = looked.recording, looked.screening
     return Inspected(
         quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
         axes,
-        _plates(path, open_layout),
-        _pipeline(path, chosen, height_m),
+        _plates(path, (turned or chosen).markers),
+        pipeline,
         screening.points,
         recording.time,
         meant_labels(layout.aliases, screening.points),
@@ -100,9 +103,20 @@ def inspect(
     )
 
 
-def _read(path: Path, layout, screening):
+class _Look(NamedTuple):
+    """A file read once, for the sheet and for the pipeline."""
+
+    recording: MarkerRecording
+    screening: Screening
+    bodies: BodyFilling
+
+
+def _look(path: Path, settings: LiftingSettings, height_m: float | None) -> _Look:
+    screening = Screening(height_m, settings.markers.aliases, refuse=False)
+    bodies = BodyFilling(settings, None)
+    layout = replace(settings.markers, required=(), check_axes=False)
     try:
-        return read_markers(path, layout, screen=screening)
+        return _Look(read_markers(path, layout, screen=screening, mend=bodies), screening, bodies)
     except InputError as error:
         if ending_of(path) in (".csv", ".txt", ".mat") and _is_record(path):
             raise InputError(
@@ -122,10 +136,11 @@ def _is_record(path: Path) -> bool:
 def _axes(
     points: dict[str, np.ndarray], meant: dict[str, str], layout: MarkerLayout
 ) -> tuple[Axis, Axis] | None:
-    """Axes of the file by the body in it, undoing the settings' rotation."""
+    """Axes of the file by the body in it, undoing the settings' rotation; some hundred frames tell them."""
     named = {label: landmark for landmark, label in landmarks(points, meant).items()}
     rotation = rotation_to_standard(layout.up, layout.forward)
-    return axes_found({label: positions @ rotation for label, positions in points.items()}, named)
+    every = max(1, max(map(len, points.values()), default=0) // _FRAMES)
+    return axes_found({label: points[label][::every] @ rotation for label in named}, named)
 
 
 def _plates(path: Path, layout) -> list[ForcePlate] | str:
@@ -136,11 +151,22 @@ def _plates(path: Path, layout) -> list[ForcePlate] | str:
         return str(error)
 
 
-def _pipeline(path: Path, settings: LiftingSettings, height_m: float | None) -> tuple[bool, str]:
+def _pipeline(
+    path: Path, looked: _Look, settings: LiftingSettings, height_m: float | None
+) -> tuple[bool, str]:
     """Whether a lift is analysed from the file with these settings, and what is found or why not."""
     subject = replace(_STAND_IN, height_m=height_m or _STAND_IN.height_m)
+    layout = settings.markers
     try:
-        return True, str(lift(path, subject, 0.0, settings=settings))
+        if layout.required != ():
+            return True, str(lift(path, subject, 0.0, settings=settings))
+        with naming(path):
+            looked.screening.raise_errors()
+            if layout.check_axes:
+                check_axes(looked.recording.positions, layout, str(path))
+            sheet = sheet_of(looked.recording, looked.screening, layout)
+        trial = TrialSettings(box_mass_kg=0.0, markers=path.name)
+        return True, str(lift_of(looked.recording, sheet, looked.bodies, "", subject, trial, settings))
     except (InputError, NumericalError) as error:
         return False, str(error)
 

@@ -18,7 +18,7 @@ from lumbar.lifting.movement.event_detection import hands_doubt
 from lumbar.lifting.movement.events import comparison, event_sources
 from lumbar.lifting.movement.plate_check import PlateCheck, plate_check
 from lumbar.lifting.movement.rigid_filling import BodyFilling
-from lumbar.lifting.quality.screening import Screening, read_screened
+from lumbar.lifting.quality.screening import Screening, naming, read_screened
 from lumbar.lifting.quality.sheet import QualitySheet
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
 from lumbar.records.unpacking import ending_of
@@ -100,16 +100,25 @@ def lift(
     )
     bodies = BodyFilling(settings, standing)
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
+    return lift_of(recording, sheet, bodies, name, subject, trial, settings, data, forces)
+
+
+def lift_of(
+    recording: MarkerRecording,
+    sheet: QualitySheet,
+    bodies: BodyFilling,
+    name: str,
+    subject: SubjectSettings,
+    trial: TrialSettings,
+    settings: LiftingSettings,
+    data: str = "",
+    forces: str | os.PathLike | None = None,
+) -> Lift:
+    """As `lift`, of a recording that was read with its sheet and whose rigid bodies were filled."""
     sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
-    return Lift(
-        lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings),
-        subject,
-        trial,
-        settings,
-        data_label(data, [recording.source]),
-        sheet,
-        None if forces is None else Path(forces),
-    )
+    analysed = lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings)
+    data = data_label(data, [recording.source])
+    return Lift(analysed, subject, trial, settings, data, sheet, None if forces is None else Path(forces))
 
 
 def labelled_markers(
@@ -118,11 +127,8 @@ def labelled_markers(
     """Markers of a file by their own labels, in metres and standard axes, without what cannot be a body's."""
     bare = replace(layout, aliases={}, required=None, check_axes=False)
     screening = Screening(height_m, layout.aliases)
-    try:
+    with naming(path):
         return read_markers(path, bare, minimum_frames=1, screen=screening, mend=mend)
-    except InputError as error:
-        text = str(error)
-        raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error
 
 
 def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:

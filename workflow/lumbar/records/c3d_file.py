@@ -43,9 +43,13 @@ def read_coordinates(path: Path, structure: C3dStructure) -> np.ndarray:
     """Coordinates in the file's unit, shape (n_frames, n_points, 3); NaN where the residual is negative."""
     raw = _frames(path, structure, 0, 4 * structure.n_points)
     decode, factor = (reals, 1.0) if structure.scale < 0 else (integers, structure.scale)
-    quads = decode(raw, structure.processor).reshape(structure.n_frames, structure.n_points, 4)
-    points = quads[..., :3] * factor
-    points[~(quads[..., 3] >= 0)] = np.nan
+    raw = raw.reshape(structure.n_frames, structure.n_points, 4, structure.word_bytes)
+    residual = decode(raw[:, :, 3].reshape(structure.n_frames, -1), structure.processor)
+    words = raw[:, :, :3].reshape(structure.n_frames, -1)
+    del raw
+    points = decode(words, structure.processor).astype(float, copy=False).reshape(*residual.shape, 3)
+    points *= factor
+    points[~(residual >= 0)] = np.nan
     return points
 
 

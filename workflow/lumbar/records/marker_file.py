@@ -65,12 +65,12 @@ class MarkerFile:
 
 
 def mark_missing(points: np.ndarray) -> np.ndarray:
-    """Return a copy of points, shape (..., 3), with NaN in all coordinates of every missing sample.
+    """Put NaN into all coordinates of every missing sample of points, shape (..., 3), and return them; a copy of integers.
 
     A sample is missing where a coordinate is not finite, or where all three are exactly zero: systems write
     the origin for a marker they did not see, and a real marker is never there to the last bit.
     """
-    points = np.array(points, dtype=float)
+    points = np.asarray(points, dtype=float)
     missing = ~np.isfinite(points).all(axis=-1) | (points == 0).all(axis=-1)
     points[missing] = np.nan
     return points

@@ -143,10 +143,11 @@ def read_markers(
         )
     unit = layout.scale * metres_per_unit(file.source, file.unit, layout.unit)
     rotation = rotation_to_standard(layout.up, layout.forward)
-    # Axes are exchanged and turned round: a product of matrices takes ten times as long.
+    # Axes are exchanged and turned round, in place: a product of matrices takes ten times as long, a copy the memory again.
     order, factors = np.abs(rotation).argmax(axis=1), unit * rotation.sum(axis=1)
-    points = {label: values[:, order] * factors for label, values in file.positions.items()}
-    model_points = {label: values[:, order] * factors for label, values in file.model_points.items()}
+    points, model_points = dict(file.positions), file.model_points
+    for values in (*points.values(), *model_points.values()):
+        values[:] = values[:, order] * factors
     if screen is not None:
         points, left_out = screen(points, file.time, file.rate)
         points = {label: values for label, values in points.items() if not np.isnan(values).all()}

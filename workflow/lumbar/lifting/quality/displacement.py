@@ -86,6 +86,7 @@ def displacements(
     are those of all markers, by label.
     """
     seen = np.isfinite(points[label][:, 0])
+    distances = _Distances(points, label)
     found: list[Displacement] = []
     untold: list[Leap] = []
     for section in _sections(seen, rate):
@@ -93,7 +94,7 @@ def displacements(
         beside = max(_BACK_FRAMES, round(_BESIDE_S * rate))
         better = [_better_side(points, label, leap, beside, named) for leap in inside]
         sides = [
-            _sides(points, label, leap, _leaping(leaps, leap), rate, side)
+            _sides(distances, leap, _leaping(leaps, leap), rate, side)
             for leap, side in zip(inside, better, strict=True)
         ]
         told = [(leap, side) for leap, side in zip(inside, sides, strict=True) if side is not None]
@@ -137,40 +138,47 @@ def _sections(seen: np.ndarray, rate: float) -> list[slice]:
     return [slice(*pair) for pair in zip(edges[::2], edges[1::2], strict=True)]
 
 
+class _Distances(dict):
+    """Distance of a marker from every other, shape (n_frames,) in metres, as they are asked for: once for all its leaps."""
+
+    def __init__(self, points: dict[str, np.ndarray], label: str):
+        self.points, self.label = points, label
+
+    def __missing__(self, other: str) -> np.ndarray:
+        self[other] = np.linalg.norm(self.points[self.label] - self.points[other], axis=1)
+        return self[other]
+
+
 def _sides(
-    points: dict[str, np.ndarray],
-    label: str,
-    leap: Leap,
-    without: Collection[str],
-    rate: float,
-    better: int | None,
+    distances: _Distances, leap: Leap, without: Collection[str], rate: float, better: int | None
 ) -> _Sides | None:
     """Tell the sides of a leap by the distances it changes most; None where they do not tell.
 
     Right is the side that the body says is `better`; where it says none, the one of most frames.
     """
     mates = []
-    for other, positions in points.items():
-        if other in without or other == label:
+    for other in distances.points:
+        if other in without or other == distances.label:
             continue
+        distance = distances[other]
         ends = [
-            np.linalg.norm(points[label][frames] - positions[frames], axis=1)
-            for frames in (slice(max(0, leap.last - 2), leap.last + 1), slice(leap.first, leap.first + 3))
+            end[np.isfinite(end)]
+            for end in (
+                distance[max(0, leap.last - 2) : leap.last + 1],
+                distance[leap.first : leap.first + 3],
+            )
         ]
-        if all(np.isfinite(end).any() for end in ends):
-            before, after = (float(np.nanmedian(end)) for end in ends)
+        if all(end.size for end in ends):
+            before, after = (float(np.sort(end)[[(end.size - 1) // 2, end.size // 2]].mean()) for end in ends)
             if abs(after - before) <= _CLEAR * _LEAST_UNREST_M:
                 continue
-            unrest = max(_LEAST_UNREST_M, _spread(points[label], positions, leap))
+            unrest = max(_LEAST_UNREST_M, _spread(distance, leap))
             if abs(after - before) > _CLEAR * unrest:
                 mates.append((unrest / abs(after - before), other, before, after - before))
     mates = sorted(mates, key=lambda mate: mate[0])[:_MATES]
     if len(mates) < _LEAST_MATES:
         return None
-    mates = [
-        (share, other, np.linalg.norm(points[label] - points[other], axis=1), before, step)
-        for share, other, before, step in mates
-    ]
+    mates = [(share, other, distances[other], before, step) for share, other, before, step in mates]
     likeness = _likeness(mates)
     known = np.isfinite(likeness).sum()
     near = [int((np.abs(likeness - side) < _NEAR).sum()) for side in (0, 1)]
@@ -195,14 +203,12 @@ def _largest(values: np.ndarray) -> float:
     return float(known.max()) if known.size else 0.0
 
 
-def _spread(one: np.ndarray, other: np.ndarray, leap: Leap) -> float:
+def _spread(distance: np.ndarray, leap: Leap) -> float:
     """Standard deviation, by the quartiles, of the distance of two markers about its median on each side of a leap."""
-    every = max(1, len(one) // _ENOUGH_FRAMES)
-    distances = (
-        np.linalg.norm(one[frames] - other[frames], axis=1)
-        for frames in (slice(leap.last, None, -every), slice(leap.first, None, every))
-    )
-    sides = [side[np.isfinite(side)] for side in distances]
+    every = max(1, len(distance) // _ENOUGH_FRAMES)
+    sides = [
+        side[np.isfinite(side)] for side in (distance[leap.last :: -every], distance[leap.first :: every])
+    ]
     low, high = np.percentile(np.concatenate([side - np.median(side) for side in sides]), (25, 75))
     return float(high - low) / 1.349
 

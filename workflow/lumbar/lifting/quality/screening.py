@@ -6,7 +6,8 @@ somebody has let change places in the layout's aliases are not called exchanged 
 """
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -48,9 +49,8 @@ class Screening:
         meant = meant_in_rules(self.aliases, points, meant) | meant
         self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
         self.unchecked = unchecked_properties(points, self.height_m, meant)
-        errors = [finding for finding in self.findings if finding.outcome == ERROR]
-        if errors and self.refuse:
-            raise InputError("; ".join(map(str, errors)))
+        if self.refuse:
+            self.raise_errors()
         screened = mask_findings(points, self.findings)
         left_out = {
             label: f"{finding.kind} in all frames"
@@ -59,6 +59,12 @@ class Screening:
             if np.isnan(screened[label]).all()
         }
         return screened, left_out
+
+    def raise_errors(self) -> None:
+        """Raise `InputError` where a finding is an error."""
+        errors = [finding for finding in self.findings if finding.outcome == ERROR]
+        if errors:
+            raise InputError("; ".join(map(str, errors)))
 
 
 def read_screened(
@@ -77,15 +83,33 @@ def read_screened(
     InputError
         As `read_markers`; and where the unit, the rate or the sides of the whole recording are impossible.
     """
-    screening = Screening(height_m, layout.aliases if layout else {})
-    try:
+    layout = layout or MarkerLayout()
+    screening = Screening(height_m, layout.aliases)
+    with naming(path):
         recording = read_markers(path, layout, name=name, screen=screening, mend=mend)
-        sound = usable_markers(screening.points, screening.findings)
-        check_unaliased_axes(sound, recording, layout or MarkerLayout())
+        return recording, sheet_of(recording, screening, layout)
+
+
+@contextmanager
+def naming(path: str | os.PathLike) -> Iterator[None]:
+    """Put the file's name before errors that do not begin with it."""
+    try:
+        yield
     except InputError as error:
         text = str(error)
         raise error if text.startswith(str(path)) else InputError(f"{path}: {text}") from error
-    return recording, quality_sheet(recording, screening.points, _concerning(screening), screening.unchecked)
+
+
+def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLayout) -> QualitySheet:
+    """Return the sheet of a recording that was read through a screening, after its axes are checked by the body.
+
+    Raises
+    ------
+    InputError
+        For axes that are not those of the body.
+    """
+    check_unaliased_axes(usable_markers(screening.points, screening.findings), recording, layout)
+    return quality_sheet(recording, screening.points, _concerning(screening), screening.unchecked)
 
 
 def _concerning(screening: Screening) -> list[Finding]:
