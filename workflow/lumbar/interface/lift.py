@@ -14,7 +14,7 @@ from lumbar.interface.reading import MARKER_ENDINGS
 from lumbar.interface.verb import Result, data_label
 from lumbar.lifting.movement import lift as lifting
 from lumbar.lifting.movement import lift_tables
-from lumbar.lifting.movement.event_detection import hands_doubt
+from lumbar.lifting.movement.event_detection import several_lifts
 from lumbar.lifting.movement.events import comparison, event_sources
 from lumbar.lifting.movement.plate_check import PlateCheck, plate_check
 from lumbar.lifting.movement.rigid_filling import BodyFilling
@@ -233,8 +233,8 @@ class Lift(Result):
 
     @property
     def doubt(self) -> str:
-        """Whether hands that stand for the box may have made several lifts; empty where not."""
-        return hands_doubt(self.analysed.recording, self.analysed.events, self.settings.events)
+        """Whether the recording may hold several lifts; empty where not."""
+        return several_lifts(self.analysed.recording, self.analysed.events, self.settings.events)
 
     def body_model(self, stability: StabilitySettings | None = None) -> LiftModel:
         """Fit one model of trunk, limbs and box to all markers: the same pendulums with standard deviations."""

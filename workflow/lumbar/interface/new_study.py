@@ -5,7 +5,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +23,17 @@ from lumbar.interface.marker_set import (
     joined_aliases,
     marker_set,
 )
+from lumbar.lifting.movement.carried_object import WRISTS, lift_windows
 from lumbar.lifting.quality.body import stature_found
 from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.records.ground_forces import names_forces
+from lumbar.records.marker_aliases import resolve_aliases
+from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.marker_file import NoMarkers
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.lifting import EventSettings
 from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.stability import GridSettings
 from lumbar.study.validation import FILL_IN
@@ -65,6 +69,8 @@ class FoundRecording:
     """File of ground reaction forces with the same name, below the folder; empty without one."""
     unit: str = ""
     """Of length, by the body's size; empty where the file states it."""
+    windows: tuple[tuple[float, float], ...] = ()
+    """Parts that may each be a lift, in seconds; none where it may be one at most."""
     set: MarkerSet = NOTHING
 
     @property
@@ -175,8 +181,23 @@ def _looked_at(path: Path, folder: Path, study: str) -> FoundRecording | None:
         events=f"events in the file: {', '.join(times)}" if times else "",
         forces=_forces_beside(path, folder),
         unit=unit,
+        windows=_windows(recording, found),
         set=found,
     )
+
+
+def _windows(recording: MarkerRecording, found: MarkerSet) -> tuple[tuple[float, float], ...]:
+    """Parts of a recording in which the box, or the hands, rise each time; none where they do so once."""
+    if found.axes is None:
+        return ()
+    rotation = rotation_to_standard(*found.axes[:2])
+    points = {label.rpartition(":")[2]: values @ rotation.T for label, values in recording.positions.items()}
+    carried = {
+        name: term for name, term in found.aliases.items() if name.startswith("BOX_") or name in WRISTS
+    }
+    resolved = resolve_aliases(carried, points, {}, {}, recording.source, [])
+    parts = lift_windows(replace(recording, positions=resolved.positions), EventSettings())
+    return tuple(parts) if len(parts) > 1 else ()
 
 
 def _read(path: Path) -> tuple[MarkerRecording, str]:

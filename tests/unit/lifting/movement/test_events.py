@@ -7,6 +7,7 @@ import pytest
 from lifting_cases import cut, without
 
 from lumbar.base.errors import InputError
+from lumbar.lifting.movement.carried_object import lift_windows
 from lumbar.lifting.movement.cleaning import filter_markers
 from lumbar.lifting.movement.event_detection import find_events
 from lumbar.lifting.movement.events import comparison, phases, started_by
@@ -300,7 +301,19 @@ def test_hands_that_rise_several_times_ask_whether_it_was_one_lift(times):
     events = find_events(bare, SETTINGS)
     asked = f"the hands rise {times} times from lift-off to release: one lift or several"
     assert (asked in events["release"].how) == (times > 1)
+    for first, last in lift_windows(bare, SETTINGS):
+        one = find_events(cut(bare, (first <= TIME) & (last >= TIME)), SETTINGS)
+        assert first < one["lift_off"].time_s < one["release"].time_s < last
     assert "one lift or several" not in find_events(scene(), SETTINGS)["release"].how
+
+
+def test_a_box_that_is_lifted_again_is_asked_about_and_cut_while_it_waits():
+    once = scene()
+    twice = {name: np.concatenate([points, points]) for name, points in once.positions.items()}
+    again = replace(once, time=np.arange(2 * len(TIME)) / RATE, positions=twice)
+    [first, second] = lift_windows(again, SETTINGS)
+    assert first[0] == 0.0 and 8.0 < first[1] == second[0] < 10.0 and second[1] == again.time[-1]
+    assert "the box rises 2 times: one lift or several" in find_events(again, SETTINGS)["release"].how
 
 
 STEPS = (RecordedEvent("Foot Off", "Left", 0.5), RecordedEvent("Foot Off", "Right", 3.25))

@@ -18,6 +18,8 @@ from lumbar.settings.lifting import EventSettings
 WRISTS = ("L_WRIST", "R_WRIST")
 GREAT = 0.5
 """Share of the greatest swing that makes another one great too."""
+LOWEST = 0.1
+"""Share of a rise within which what rises is still at its lowest."""
 
 
 def best_seen(recording: MarkerRecording, names: Iterable[str]) -> list[str]:
@@ -110,9 +112,21 @@ def greatest_rise(height: np.ndarray) -> float:
     return float(np.max(height - np.minimum.accumulate(height)))
 
 
-def count_great_rises(height: np.ndarray, settings: EventSettings) -> int:
-    """Count the great rises of the hands of at least `hands_rise_m`; `height` as of `first_hand_rise`."""
-    return len(_swings(height, settings.hands_rise_m, 1))
+def lift_windows(recording: MarkerRecording, settings: EventSettings) -> list[tuple[float, float]]:
+    """Parts of a recording in seconds, one for each great rise of what is lifted, of `hands_rise_m` at least; none without any.
+
+    They are cut in the middle of the time that it stays lowest between two rises.
+    """
+    points, _ = carried_object(recording)
+    seen = np.isfinite(points).all(axis=1) if points is not None else np.zeros(len(recording), bool)
+    if not seen.any():
+        return []
+    time, height = recording.time[seen], points[seen, 2]
+    swings, edges = _swings(height, settings.hands_rise_m, 1), [float(recording.time[0])]
+    for (_, before), (low, high) in pairwise(swings):
+        lowest = height[before:high] <= height[low] + LOWEST * (height[high] - height[low])
+        edges.append(float(np.median(time[before:high][lowest])))
+    return list(pairwise([*edges, float(recording.time[-1])])) if swings else []
 
 
 def last_hand_descent(height: np.ndarray, settings: EventSettings, greatest: bool) -> tuple[int, int] | None:

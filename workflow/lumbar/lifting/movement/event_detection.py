@@ -20,10 +20,10 @@ from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.movement.carried_object import (
     WRISTS,
     carried_object,
-    count_great_rises,
     first_hand_rise,
     greatest_rise,
     last_hand_descent,
+    lift_windows,
     longest_seen,
     speed,
     turning_points,
@@ -92,7 +92,7 @@ def find_events(
     times = {name: search.found[name].time_s for name in EVENTS}
     check_order(recording, {name: time for name, time in times.items() if time is not None})
     events = {name: search.found[name] for name in EVENTS}
-    doubt = hands_doubt(recording, events, settings)
+    doubt = several_lifts(recording, events, settings)
     if doubt:
         events["release"] = replace(events["release"], how=f"{events['release'].how}; {doubt}")
     return events
@@ -134,17 +134,25 @@ def _detection_says(found: Event) -> str:
     return "detection finds none" if found.time_s is None else f"detection says {found.time_s:.2f} s"
 
 
-def hands_doubt(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
-    """Say whether hands that stand for the box rise so often that they may make several lifts; else nothing."""
-    points, carried = carried_object(recording)
+def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings: EventSettings) -> str:
+    """Say whether what is lifted rises so often that it may be several lifts, and in which windows; else nothing."""
+    _, carried = carried_object(recording)
     start, stop = (events[name].time_s for name in ("lift_off", "release"))
-    if points is None or carried == "box" or start is None or stop is None:
+    if start is None or stop is None:
         return ""
-    held = (recording.time >= start) & (recording.time <= stop) & np.isfinite(points).all(axis=1)
-    rises = count_great_rises(points[held, 2], settings)
-    if rises < 2:
+    # Hands rise for other reasons too before they hold something and after; a box does not.
+    held = (carried == "box") | ((recording.time >= start) & (recording.time <= stop))
+    positions = {
+        name: np.where(held[:, None], points, np.nan) for name, points in recording.positions.items()
+    }
+    windows = lift_windows(replace(recording, positions=positions), settings)
+    if len(windows) < 2:
         return ""
-    return f"the hands rise {rises} times from lift-off to release: one lift or several (window_s of a trial takes one out)?"
+    listed = ", ".join(f"[{first:.2f}, {last:.2f}]" for first, last in windows)
+    who = (
+        "the hands rise {} times from lift-off to release" if carried == "hands" else "the box rises {} times"
+    )
+    return f"{who.format(len(windows))}: one lift or several, each a trial with window_s {listed}?"
 
 
 class _Search:
