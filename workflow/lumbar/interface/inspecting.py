@@ -7,15 +7,14 @@ import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.files import replacing
-from lumbar.interface.lift import lift, lift_of
+from lumbar.interface.lift import Lift, lift
 from lumbar.interface.reading import read
-from lumbar.lifting.movement.lift import NEW_STUDY
+from lumbar.lifting.movement.lift import NEW_STUDY, analyse_lift
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.body import axes_found
 from lumbar.lifting.quality.gate import usable_markers
@@ -25,7 +24,7 @@ from lumbar.lifting.quality.sheet import QualitySheet, quality_sheet
 from lumbar.records.force_plates import read_force_plates
 from lumbar.records.ground_forces import ForcePlate
 from lumbar.records.marker_axes import check_axes, rotation_to_standard
-from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.records.markers import read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import Axis, MarkerLayout
 from lumbar.settings.lifting import REFINING, LiftingSettings
@@ -75,8 +74,8 @@ def inspect(
         raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
     chosen = settings or LiftingSettings()
     layout = chosen.markers
-    looked = _look(path, chosen, height_m)
-    sound = usable_markers(looked.screening.points, looked.screening.findings)
+    recording, screening, bodies = _look(path, chosen, height_m)
+    sound = usable_markers(screening.points, screening.findings)
     found = _axes(sound, meant_labels(layout.aliases, sound), layout)
     up, forward = found or (layout.up, layout.forward)
     axes, turned = f"up {up}, forward {forward}", None
@@ -85,12 +84,12 @@ def inspect(
     elif found != (layout.up, layout.forward):
         turned = replace(chosen, markers=replace(layout, up=up, forward=forward))
     if turned is not None and settings is None:
-        chosen, looked = turned, _look(path, turned, height_m)
-    pipeline = _pipeline(path, looked, chosen, height_m)
+        chosen = turned
+        recording, screening, bodies = _look(path, turned, height_m)
+    pipeline = _pipeline(path, recording, screening, bodies, chosen)
     if turned is not None and settings is not None:
         axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
-        looked = _look(path, turned, height_m)
-    recording, screening = looked.recording, looked.screening
+        recording, screening, _ = _look(path, turned, height_m)
     return Inspected(
         quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
         axes,
@@ -103,20 +102,12 @@ def inspect(
     )
 
 
-class _Look(NamedTuple):
-    """A file read once, for the sheet and for the pipeline."""
-
-    recording: MarkerRecording
-    screening: Screening
-    bodies: BodyFilling
-
-
-def _look(path: Path, settings: LiftingSettings, height_m: float | None) -> _Look:
-    screening = Screening(height_m, settings.markers.aliases, refuse=False)
-    bodies = BodyFilling(settings, None)
+def _look(path: Path, settings: LiftingSettings, height_m: float | None) -> tuple:
+    """A file's recording, the screening and the rigid bodies it was read with: once, for the sheet and for the pipeline."""
+    screening, bodies = Screening(height_m, settings.markers.aliases, refuse=False), BodyFilling(settings)
     layout = replace(settings.markers, required=(), check_axes=False)
     try:
-        return _Look(read_markers(path, layout, screen=screening, mend=bodies), screening, bodies)
+        return read_markers(path, layout, screen=screening, mend=bodies), screening, bodies
     except InputError as error:
         if ending_of(path) in (".csv", ".txt", ".mat") and _is_record(path):
             raise InputError(
@@ -151,22 +142,21 @@ def _plates(path: Path, layout) -> list[ForcePlate] | str:
         return str(error)
 
 
-def _pipeline(
-    path: Path, looked: _Look, settings: LiftingSettings, height_m: float | None
-) -> tuple[bool, str]:
-    """Whether a lift is analysed from the file with these settings, and what is found or why not."""
-    subject = replace(_STAND_IN, height_m=height_m or _STAND_IN.height_m)
-    layout = settings.markers
+def _pipeline(path: Path, recording, screening, bodies, settings: LiftingSettings) -> tuple[bool, str]:
+    """Whether a lift is analysed from what was read with these settings, and what is found or why not."""
+    layout, trial = settings.markers, TrialSettings(box_mass_kg=0.0, markers=path.name)
+    subject = replace(_STAND_IN, height_m=screening.height_m or _STAND_IN.height_m)
     try:
         if layout.required != ():
             return True, str(lift(path, subject, 0.0, settings=settings))
         with naming(path):
-            looked.screening.raise_errors()
+            screening.raise_errors()
             if layout.check_axes:
-                check_axes(looked.recording.positions, layout, str(path))
-            sheet = sheet_of(looked.recording, looked.screening, layout)
-        trial = TrialSettings(box_mass_kg=0.0, markers=path.name)
-        return True, str(lift_of(looked.recording, sheet, looked.bodies, "", subject, trial, settings))
+                check_axes(recording.positions, layout, str(path))
+            sheet = sheet_of(recording, screening, layout)
+        sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
+        analysed = analyse_lift(recording, "", subject, trial, settings, bodies.gaps, sheet.findings)
+        return True, str(Lift(analysed, subject, trial, settings, "", sheet))
     except (InputError, NumericalError) as error:
         return False, str(error)
 

@@ -100,21 +100,6 @@ def lift(
     )
     bodies = BodyFilling(settings, standing)
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
-    return lift_of(recording, sheet, bodies, name, subject, trial, settings, data, forces)
-
-
-def lift_of(
-    recording: MarkerRecording,
-    sheet: QualitySheet,
-    bodies: BodyFilling,
-    name: str,
-    subject: SubjectSettings,
-    trial: TrialSettings,
-    settings: LiftingSettings,
-    data: str = "",
-    forces: str | os.PathLike | None = None,
-) -> Lift:
-    """As `lift`, of a recording that was read with its sheet and whose rigid bodies were filled."""
     sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     analysed = lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings)
     data = data_label(data, [recording.source])

@@ -388,7 +388,7 @@ def _frame_count(path: Path, header: dict, parameters: dict[str, list], size: in
             raise InputError(f"{path}: the number of frames is {found}; export the recording again")
     if counts[0] < 1:
         raise InputError(f"{path}: {counts[0]} frames")
-    if counts[0] != max(statements.values()):
+    if set(statements.values()) != {counts[0]}:
         notes.append(f"the number of frames is {found}; {counts[0]} were read")
     return counts[0]
 

@@ -1,8 +1,9 @@
 """The course of all measures over a lift, instant by instant, from the body's trajectories."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -128,7 +129,14 @@ def course_of_lift(lifter: Lifter) -> Course:
         (_lumbar_flexion, ("L5S1", "C7T1", "T12L1", MID_HIP), ("lumbar_flexion_deg",)),
         (_moment, _moment_points(lifter), MOMENT_COLUMNS),
         (_moment_from_below, _LOWER_POINTS, FROM_BELOW_COLUMNS),
-        *_joint_angles(lifter),
+        *(
+            (
+                partial(_joint_angle, joint=joint, side=side),
+                _joint_points(joint, side),
+                (_column(joint, side),),
+            )
+            for joint, side in product(JOINT_ANGLES, SIDES)
+        ),
     ):
         unseen.update(dict.fromkeys(names, tuple(points)))
         try:
@@ -308,49 +316,40 @@ def _lumbar_flexion(lifter: Lifter) -> dict[str, np.ndarray]:
     return {"lumbar_flexion_deg": beyond_upright(bend, points["C7T1"] - points["L5S1"], lifter.axes[1])}
 
 
-def _hip_flexion(points: dict[str, np.ndarray], side: str, forward: np.ndarray) -> np.ndarray:
-    """Between pelvis and thigh in the sagittal plane, beyond that of standing upright."""
-    pelvis, thigh = points["L5S1"] - points[MID_HIP], points[f"{side}_HIP"] - points[f"{side}_KNEE"]
-    bend = inclination(pelvis, forward) - inclination(thigh, forward)
-    return beyond_upright(bend, points["C7T1"] - points["L5S1"], forward)
-
-
-def _knee_flexion(points: dict[str, np.ndarray], side: str, _forward: np.ndarray) -> np.ndarray:
-    """Between thigh and shank; 0 where hip, knee and ankle lie on a line."""
-    hip, knee, ankle = (points[f"{side}_{name}"] for name in ("HIP", "KNEE", "ANKLE"))
-    return angle_between(hip - knee, knee - ankle)
-
-
-def _shoulder_elevation(points: dict[str, np.ndarray], side: str, _forward: np.ndarray) -> np.ndarray:
-    """Between upper arm and trunk; 0 where it hangs along the trunk."""
-    arm = points[f"{side}_ELBOW"] - points[f"{side}_SHOULDER"]
-    return angle_between(arm, points["L5S1"] - points["C7T1"])
-
-
 JOINT_ANGLES = {
-    "hip_flexion": (_hip_flexion, ("L5S1", "C7T1", MID_HIP), ("HIP", "KNEE")),
-    "knee_flexion": (_knee_flexion, (), ("HIP", "KNEE", "ANKLE")),
-    "shoulder_elevation": (_shoulder_elevation, ("L5S1", "C7T1"), ("SHOULDER", "ELBOW")),
+    "hip_flexion": ((MID_HIP, "L5S1"), ("{}_KNEE", "{}_HIP")),
+    "knee_flexion": (("{}_KNEE", "{}_HIP"), ("{}_ANKLE", "{}_KNEE")),
+    "shoulder_elevation": (("{}_SHOULDER", "{}_ELBOW"), ("C7T1", "L5S1")),
 }
-"""Angle of a joint, and the points that it needs: of the trunk, and of the side."""
+"""Both lines that an angle lies between, each from one point of a side (``{}``) or of the trunk to another.
+
+That of the hip is in the sagittal plane, beyond that of standing upright; the others are 0 where the lines are parallel.
+"""
 
 
-def _joint_angles(lifter: Lifter) -> Iterator[tuple[Callable, tuple[str, ...], tuple[str]]]:
-    """Yield what `course_of_lift` needs of every joint of both sides: function, points, column."""
-    for joint, (angle, trunk, ends) in JOINT_ANGLES.items():
-        for side in SIDES:
-            name = f"{side.lower()}_{joint}_deg"
+def _joint_angle(lifter: Lifter, joint: str, side: str) -> dict[str, np.ndarray]:
+    points, forward = lifter.points, lifter.axes[1]
+    one, other = (points[end.format(side)] - points[start.format(side)] for start, end in JOINT_ANGLES[joint])
+    angle = angle_between(one, other)
+    if joint == "hip_flexion":
+        bend = inclination(one, forward) - inclination(other, forward)
+        angle = beyond_upright(bend, points["C7T1"] - points["L5S1"], forward)
+    return {_column(joint, side): angle}
 
-            def part(lifter, name=name, angle=angle, side=side):
-                return {name: angle(lifter.points, side, lifter.axes[1])}
 
-            yield part, (*trunk, *(f"{side}_{end}" for end in ends)), (name,)
+def _column(joint: str, side: str) -> str:
+    return f"{side.lower()}_{joint}_deg"
+
+
+def _joint_points(joint: str, side: str) -> tuple[str, ...]:
+    ends = [end.format(side) for line in JOINT_ANGLES[joint] for end in line]
+    return tuple(dict.fromkeys([*ends, *(["C7T1"] if joint == "hip_flexion" else [])]))
 
 
 def _combine(columns: dict, missing: dict[str, str], unseen: dict[str, tuple[str, ...]]) -> None:
     """Add the larger angle of both sides, or that of the known one, and the difference of both extension moments."""
     for joint in JOINT_ANGLES:
-        name, sides = f"{joint}_deg", [f"{side.lower()}_{joint}_deg" for side in SIDES]
+        name, sides = f"{joint}_deg", [_column(joint, side) for side in SIDES]
         known = [column for column in sides if column in columns]
         if known:
             columns[name] = np.maximum.reduce([columns[column] for column in known])

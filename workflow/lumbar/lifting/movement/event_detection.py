@@ -412,13 +412,12 @@ def _deposit_start(
             f"the {what} {'is' if what == 'box' else 'are'} not seen from {start:.2f} to {release:.2f} s"
         )
     height, climb = carried[searched, 2], derivative(carried, recording.rate)[searched, 2]
-    time, falls = recording.time[searched], _falls(height, settings)
-    needed = _needed_descent(falls, settings)
+    time, (last, needed) = recording.time[searched], _descents(height, settings)
     onset = _last_stop(height, climb, settings, recording.rate)
     if onset is None:
         onset = _stop_before(needed, height, climb, settings, recording.rate)
     if onset is None:
-        lower = np.arange(int(1e3 * falls[-1]), 4, -1) / 1e3
+        lower = np.arange(int(1e3 * last), 4, -1) / 1e3
         stops = ((way, _stop_before(way, height, climb, settings, recording.rate)) for way in lower)
         told = [f"; {way:g} would find one from {time[at]:.2f} s on" for way, at in stops if at is not None]
         raise NotFound(
@@ -446,16 +445,12 @@ def _deposit_start(
     )
 
 
-def _falls(height: np.ndarray, settings: EventSettings) -> list[float]:
-    """How far what is carried goes down each time, metres, without what is far less than a deposit."""
-    points = turning_points(height, LEAST_SHARE / 2 * settings.descent_m)
-    return [high - low for high, low in pairwise(height[points]) if high > low] or [0.0]
-
-
-def _needed_descent(falls: list[float], settings: EventSettings) -> float:
-    """Descent to the release that is a deposit: `descent_m`, or less where what is carried hardly goes down otherwise."""
+def _descents(height: np.ndarray, settings: EventSettings) -> tuple[float, float]:
+    """The last descent, and that which is a deposit: `descent_m`, or less where what is carried hardly goes down otherwise."""
+    least = LEAST_SHARE * settings.descent_m
+    falls = [high - low for high, low in pairwise(height[turning_points(height, least / 2)]) if high > low]
     others = STANDS_OUT * max(falls[:-1], default=0.0)
-    return float(np.clip(others, LEAST_SHARE * settings.descent_m, settings.descent_m))
+    return (falls or [0.0])[-1], float(np.clip(others, least, settings.descent_m))
 
 
 def _wrist_minimum(starts: dict[str, float | None], what: str, prominence: float) -> Event:

@@ -7,8 +7,9 @@ x = (d - d before the leap) / s: about 0 where the marker is as just before the 
 Rigid parts (a box, a plate, a pelvis, a thorax) are found from the recording itself, by distances that stay while they move.
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -86,7 +87,12 @@ def displacements(
     are those of all markers, by label.
     """
     seen = np.isfinite(points[label][:, 0])
-    distances = _Distances(points, label)
+
+    @cache
+    def distance(other: str) -> np.ndarray:
+        return np.linalg.norm(points[label] - points[other], axis=1)
+
+    others = [other for other in points if other != label]
     found: list[Displacement] = []
     untold: list[Leap] = []
     for section in _sections(seen, rate):
@@ -94,7 +100,7 @@ def displacements(
         beside = max(_BACK_FRAMES, round(_BESIDE_S * rate))
         better = [_better_side(points, label, leap, beside, named) for leap in inside]
         sides = [
-            _sides(distances, leap, _leaping(leaps, leap), rate, side)
+            _sides(distance, others, leap, _leaping(leaps, leap), rate, side)
             for leap, side in zip(inside, better, strict=True)
         ]
         told = [(leap, side) for leap, side in zip(inside, sides, strict=True) if side is not None]
@@ -138,47 +144,35 @@ def _sections(seen: np.ndarray, rate: float) -> list[slice]:
     return [slice(*pair) for pair in zip(edges[::2], edges[1::2], strict=True)]
 
 
-class _Distances(dict):
-    """Distance of a marker from every other, shape (n_frames,) in metres, as they are asked for: once for all its leaps."""
-
-    def __init__(self, points: dict[str, np.ndarray], label: str):
-        self.points, self.label = points, label
-
-    def __missing__(self, other: str) -> np.ndarray:
-        self[other] = np.linalg.norm(self.points[self.label] - self.points[other], axis=1)
-        return self[other]
-
-
 def _sides(
-    distances: _Distances, leap: Leap, without: Collection[str], rate: float, better: int | None
+    distance: Callable,
+    others: list[str],
+    leap: Leap,
+    without: Collection[str],
+    rate: float,
+    better: int | None,
 ) -> _Sides | None:
-    """Tell the sides of a leap by the distances it changes most; None where they do not tell.
+    """Tell the sides of a leap by the distances, a function of the other label, it changes most; None where they do not tell.
 
     Right is the side that the body says is `better`; where it says none, the one of most frames.
     """
     mates = []
-    for other in distances.points:
-        if other in without or other == distances.label:
+    for other in others:
+        if other in without:
             continue
-        distance = distances[other]
-        ends = [
-            end[np.isfinite(end)]
-            for end in (
-                distance[max(0, leap.last - 2) : leap.last + 1],
-                distance[leap.first : leap.first + 3],
-            )
-        ]
+        about = slice(max(0, leap.last - 2), leap.last + 1), slice(leap.first, leap.first + 3)
+        ends = [end[np.isfinite(end)] for end in map(distance(other).__getitem__, about)]
         if all(end.size for end in ends):
             before, after = (float(np.sort(end)[[(end.size - 1) // 2, end.size // 2]].mean()) for end in ends)
             if abs(after - before) <= _CLEAR * _LEAST_UNREST_M:
                 continue
-            unrest = max(_LEAST_UNREST_M, _spread(distance, leap))
+            unrest = max(_LEAST_UNREST_M, _spread(distance(other), leap))
             if abs(after - before) > _CLEAR * unrest:
                 mates.append((unrest / abs(after - before), other, before, after - before))
     mates = sorted(mates, key=lambda mate: mate[0])[:_MATES]
     if len(mates) < _LEAST_MATES:
         return None
-    mates = [(share, other, distances[other], before, step) for share, other, before, step in mates]
+    mates = [(share, other, distance(other), before, step) for share, other, before, step in mates]
     likeness = _likeness(mates)
     known = np.isfinite(likeness).sum()
     near = [int((np.abs(likeness - side) < _NEAR).sum()) for side in (0, 1)]
