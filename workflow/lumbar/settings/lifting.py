@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.settings.key import UNIQUE, key, section, settings
-from lumbar.settings.layout import Alias, ColumnLayout, ColumnSettings, MarkerLayout, MeanOfMarkers, columns
+from lumbar.settings.layout import Alias, ColumnLayout, ColumnSettings, MarkerLayout, MeanOfMarkers
 from lumbar.settings.subject import TrialSettings
 
 ALIASES: dict[str, Alias] = {
@@ -25,20 +25,9 @@ RIGID_BODIES = {
     "box": tuple(f"BOX_{number}" for number in range(1, 9)),
     "pelvis": ("SACRUM", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS"),
 }
-MOMENT_COLUMNS = columns(
-    time=("time_s", "s", "time"),
-    input=("angle_rad", "rad", "angle"),  # from the vertical
-    output=("moment_Nm", "N m", "moment"),  # at the pivot, positive with the angle
-) | {
-    # Further columns, where they were recorded, let the diagnosis try more effects (docs/tissue/pendulum_moment.md).
-    "box_held": ColumnSettings("box_held", "1", "share of the box held", optional=True),
-    "length": ColumnSettings("length_m", "m", "length", optional=True),
-    "pivot_acceleration_x": ColumnSettings(
-        "pivot_acceleration_x_m_s2", "m/s²", "acceleration of the pivot", optional=True
-    ),
-    "pivot_acceleration_z": ColumnSettings(
-        "pivot_acceleration_z_m_s2", "m/s²", "acceleration of the pivot", optional=True
-    ),
+MOMENT_COLUMNS = {
+    role: ColumnSettings(**said)
+    for role, said in shipped_yaml(Path(__file__).parent / "labels" / "moment_columns.yaml").items()
 }
 
 

@@ -3,9 +3,12 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.equation import CStep, Solution
 from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter, Place
 from lumbar.tissue.models.motion import Motion
@@ -99,39 +102,9 @@ class Base:
         return self.form.columns(motion, nonlinear)
 
 
-_SPRING = LinearParameter("spring_stiffness", "{y}/{x}", symbol="k_e")
-_BRANCH = LinearParameter("branch_stiffness", "{y}/{x}", symbol="k_b")
-_RELAXATION = NonlinearParameter(
-    "relaxation_time", "s", "time", 0.02, 2.0, 5, reach=(0.4, 4.0), symbol="tau", follows_record=True
-)
-MAXWELL_STATE = (("q", "v - q/tau"),)
-"""Elongation of the spring of a Maxwell branch."""
-
-
 def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
     """State of a Maxwell branch whose relaxation time is the only nonlinear parameter."""
     return (relaxation(motion, nonlinear[0]),)
-
-
-_FASTENED = (
-    Base("LE", "k_e*z", (_SPRING,)),
-    Base("Maxwell", "k_b*q", (_BRANCH,), (_RELAXATION,), MAXWELL_STATE, elongation),
-    Base("KV", "k_e*z + b*v", (_SPRING, LinearParameter("viscosity", "{y} s/{x}", symbol="b"))),
-    Base("KB", "k_e*z + k_b*q", (_SPRING, _BRANCH), (_RELAXATION,), MAXWELL_STATE, elongation),
-)
-
-_MASS = LinearParameter("mass", "{y} s^2/{x}", symbol="m")
-_WITH_MASS = (
-    Base("KV-mass", "m*a + k_e*z + b*v", (_MASS, *_FASTENED[2].linear)),
-    Base(
-        "KB-mass",
-        "m*a + k_e*z + k_b*q",
-        (_MASS, *_FASTENED[3].linear),
-        (_RELAXATION,),
-        MAXWELL_STATE,
-        elongation,
-    ),
-)
 
 
 def _branch_meets(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -156,54 +129,37 @@ def _dashpot_in_contact(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarra
     return [touching * (surface + nonlinear[0] * motion.velocity)]
 
 
-_FREE = r"\quad F \geq 0"
-_TOUCHED = (
-    Base("LE-contact", "k_e*max(z, 0)", (_SPRING,), touching=lambda motion, nonlinear: motion.position > 0),
-    Base(
-        "KV-contact",
-        r"k_e\,(x + T \dot x)," + _FREE,
-        (_SPRING,),
-        (
-            NonlinearParameter(
-                "retardation_time",
-                "s",
-                "time",
-                0.01,
-                1.0,
-                4,
-                reach=(0.1, 4.0),
-                symbol="T",
-                follows_record=True,
-            ),
-        ),
-        hand_written=HandWritten(columns=_dashpot_in_contact),
-        touching=lambda motion, nonlinear: _dashpot_meets(motion, nonlinear)[1],
-    ),
-    Base(
-        "KB-contact",
-        r"k_e\,(x + \rho (x - w)),\quad \dot w = (x - w)/\tau," + _FREE,
-        (_SPRING,),
-        (
-            NonlinearParameter("branch_ratio", "1", "one", 0.3, 10.0, 3, reach=(0.05, 20.0), symbol="rho"),
-            _RELAXATION,
-        ),
-        hand_written=HandWritten(columns=_branch_in_contact),
-        touching=lambda motion, nonlinear: _branch_meets(motion, nonlinear)[1],
-    ),
-)
-_PENDULUM = Base(
-    "pendulum",
-    "I*theta_ddot + b*theta_dot + G*sin(theta)",
-    (
-        LinearParameter("inertia", "{y} s^2/{x}", symbol="I"),
-        LinearParameter("damping", "{y} s/{x}", symbol="b"),
-        LinearParameter("gravity_moment", "{y}", 0, symbol="G", latex=r"m g \ell"),
-    ),
-    system="pendulum",
-    sensor_zero=False,
-)
+_BY_HAND: dict[str, dict] = {
+    "LE-contact": {"touching": lambda motion, nonlinear: motion.position > 0},
+    "KV-contact": {
+        "hand_written": HandWritten(columns=_dashpot_in_contact),
+        "touching": lambda motion, nonlinear: _dashpot_meets(motion, nonlinear)[1],
+    },
+    "KB-contact": {
+        "hand_written": HandWritten(columns=_branch_in_contact),
+        "touching": lambda motion, nonlinear: _branch_meets(motion, nonlinear)[1],
+    },
+}
 
-BASES = {base.name: base for base in (*_FASTENED, *_WITH_MASS, *_TOUCHED, _PENDULUM)}
+
+def _base(name: str, parameters: Mapping, state: Mapping | None = None, **said) -> Base:
+    """A base as ``bases.yaml`` says it, with what is written by hand; states are those of a Maxwell branch."""
+    linear = [LinearParameter(symbol=key, **item) for key, item in parameters.items() if "scale" not in item]
+    nonlinear = [
+        NonlinearParameter(symbol=key, **item | {"reach": tuple(item["reach"])})
+        for key, item in parameters.items()
+        if "scale" in item
+    ]
+    states: dict[str, Any] = {"state": tuple(state.items()), "solution": elongation} if state else {}
+    return Base(
+        name, linear=tuple(linear), nonlinear=tuple(nonlinear), **states, **said, **_BY_HAND.get(name, {})
+    )
+
+
+BASES = {
+    name: _base(name, **said)
+    for name, said in shipped_yaml(Path(__file__).with_suffix(".yaml"))["bases"].items()
+}
 """Base models by name.
 
 KB is the Kelvin–Boltzmann model: a spring beside a Maxwell branch. A tool that is not fastened to the tissue has the bases

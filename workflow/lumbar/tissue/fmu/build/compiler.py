@@ -14,6 +14,7 @@ from pathlib import Path
 from platform import machine, system
 
 from lumbar.base.errors import InputError, did_you_mean
+from lumbar.base.yaml_file import shipped_yaml
 
 
 @dataclass(frozen=True)
@@ -34,42 +35,18 @@ class Target:
     """What makes a library of it."""
 
 
+_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 TARGETS = {
-    "x86_64-linux": Target("x86_64-linux-gnu.2.17", ".so", "linux64", "x86_64-linux", ("-lm",)),
-    "x86_64-windows": Target("x86_64-windows-gnu", ".dll", "win64", "x86_64-windows"),
-    "aarch64-linux": Target("aarch64-linux-gnu.2.17", ".so", "aarch64-linux", "aarch64-linux", ("-lm",)),
-    "x86_64-darwin": Target("x86_64-macos", ".dylib", "darwin64", "x86_64-darwin"),
-    "aarch64-darwin": Target("aarch64-macos", ".dylib", "aarch64-darwin", "aarch64-darwin"),
-    # WebAssembly: FMI's functions and malloc are exported, nothing is imported, so that a browser needs no more than the file.
-    "wasm32-wasi": Target(
-        "wasm32-wasi",
-        ".wasm",
-        "wasm32-wasi",
-        "wasm32-wasi",
-        kind=("-mexec-model=reactor", "-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free"),
-    ),
+    name: Target(**{key: tuple(value) if isinstance(value, list) else value for key, value in said.items()})
+    for name, said in _SAID["targets"].items()
 }
-"""Platforms that FMUs can be built for. One more row is all that another platform needs."""
+"""Platforms that FMUs can be built for."""
 _LINES_OF_THE_COMPILER = 30
 """Kept of what it says when it fails: the last lines name the error."""
 HOST = "host"
 """The platform of this machine."""
 
-# -ffp-contract=off: the same rounding on every platform. The rest keeps paths, dates and names of the build
-# machine out, so that every build of the same model is the same file. No -flto: Zig links it for Linux alone, and it gains
-# nothing there that could be measured: sampled_force.c includes the model, whose few numbers become part of the code around
-# them.
-FLAGS = (
-    *("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"),
-    *(
-        "-ffp-contract=off",
-        "-fno-fast-math",
-        "-fno-sanitize=undefined",
-        "-fvisibility=hidden",
-        "-ffunction-sections",
-    ),
-    *("-fdata-sections", "-Wl,--gc-sections", "-g0", "-s"),
-)
+FLAGS: tuple[str, ...] = tuple(_SAID["flags"])
 
 
 def cache_folder(folder: str | None) -> Path:
