@@ -1,7 +1,5 @@
 """``lumbar.doctor``: what could have been seen in records, from what size on, and what further record would help."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +32,7 @@ def doctor(
     train: str | Sequence[str] | None = None,
     settings: StudySettings | None = None,
     data: str = "",
-) -> Examined:
+) -> "Examined":
     """Answer "could I have seen it?": predict how large every effect must be to be named, and confirm it by a blind diagnosis.
 
     The records are diagnosed first. The refined model is taken for the truth; its answers to the records' own motions, with

@@ -1,7 +1,5 @@
 """``lumbar.inspect``: what is in a marker file, what is wrong with it, what the pipeline makes of it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from dataclasses import dataclass, replace
@@ -39,7 +37,7 @@ _FRAMES = 1000
 
 def inspect(
     path: str | os.PathLike, *, settings: LiftingSettings | None = None, height_m: float | None = None
-) -> Inspected:
+) -> "Inspected":
     """Look into a marker file without computing anything from it.
 
     The axes are those of the settings; without settings those that the body in the file shows.

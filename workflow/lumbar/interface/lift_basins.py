@@ -1,7 +1,5 @@
 """``lumbar.basins``: from the pendulums of one lift to basins of attraction."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -31,7 +29,7 @@ def basins(
     settings: StabilitySettings | None = None,
     seed: int = SEED,
     data: str = "",
-) -> Basins:
+) -> "Basins":
     """Compute the basins of attraction of one lift, with the checks of the settings.
 
     Parameters

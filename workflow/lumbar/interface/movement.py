@@ -1,7 +1,5 @@
 """``lumbar.measure_movement``: how near a lift comes to a step, how the trunk is bent, and what the back carries."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -35,7 +33,7 @@ def measure_movement(
     facts: Mapping | None = None,
     settings: StabilitySettings | None = None,
     data: str = "",
-) -> Measures:
+) -> "Measures":
     """Compute the measures of one lift that see its movement: balance over the feet, posture, moment about L5/S1.
 
     Parameters

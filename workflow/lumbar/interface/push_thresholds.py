@@ -1,7 +1,5 @@
 """``lumbar.push_thresholds``: after which push each person steps, from pushes done, and which push to give next."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -33,7 +31,7 @@ def push_thresholds(
     sizes: Mapping[str, tuple[float, float]] | None = None,
     seed: int = SEED,
     data: str = "",
-) -> PushThresholds:
+) -> "PushThresholds":
     """Estimate after which push each person steps, with 95 % intervals, from the pushes done so far.
 
     Parameters

@@ -1,7 +1,5 @@
 """``lumbar.push_prediction``: which measure, computed before a push, tells who must step."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -86,7 +84,7 @@ def push_prediction(
     stability: StabilitySettings | None = None,
     seed: int = SEED,
     data: str = "",
-) -> PushPrediction:
+) -> "PushPrediction":
     """Push simulated bodies of three links during the deposits of some lifts, and see which measure told who must step.
 
     Parameters
@@ -151,7 +149,7 @@ def pooled_prediction(
     settings: PushesSettings,
     seed: int,
     data: str,
-) -> PushPrediction:
+) -> "PushPrediction":
     """Score the pushes of many persons or lifts, of which files were written.
 
     Of the states only those of the few lifts are read whose pushes are followed with other bodies.
@@ -182,7 +180,7 @@ def _scored(
     settings: PushesSettings,
     seed: int,
     data: str,
-) -> PushPrediction:
+) -> "PushPrediction":
     """Score all pushes drawn; `states_of` gives the states of some lifts."""
     if drawn.empty:
         raise InputError(

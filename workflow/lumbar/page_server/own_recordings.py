@@ -214,7 +214,7 @@ class OwnRecordings:
             return {
                 "files": files,
                 "columns": columns,
-                "fields": {name: _distinct(texts) for name, texts in wrong.items()},
+                "fields": {name: list(dict.fromkeys(texts)) for name, texts in wrong.items()},
                 "common": common,
                 "choices": self.choices | {"trim": [_finite(end) for end in self.choices.get("trim", ())]},
             }
@@ -298,7 +298,3 @@ def at_one_rate(records: Sequence[Record]) -> list[Record]:
 def _finite(value: float) -> float | None:
     """The number as JSON has it."""
     return value if math.isfinite(value) else None
-
-
-def _distinct(texts: Sequence[str]) -> list[str]:
-    return list(dict.fromkeys(texts))

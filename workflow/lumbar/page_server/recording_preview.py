@@ -68,13 +68,12 @@ def _problems(message: str) -> list[str]:
         text = text.replace(name, option)
     text = _METAVARS.sub(r"\1", text)
     parts = [part.strip() for part in re.split(r"\n\s*- ", text)]
-    listed = [part for part in parts if not _is_heading(part)]
+    listed = [part for part in parts if not _HEADING.search(part)]
     return listed or parts
 
 
-def _is_heading(part: str) -> bool:
-    """Whether a part only says that problems follow."""
-    return bool(re.search(r"(: \d+ problems?|: not everything can be told from the file)$", part))
+_HEADING = re.compile(r"(: \d+ problems?|: not everything can be told from the file)$")
+"""Of a part that only says that problems follow."""
 
 
 _ROWS, _POINTS, _MOST_COLUMNS = 4, 300, 60

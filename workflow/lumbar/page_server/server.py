@@ -21,6 +21,8 @@ from lumbar.page_server.index import Index, IndexedHandler
 from lumbar.page_server.requests import PageSocket, TabRequests
 from lumbar.page_server.served_sets import RESULT, ExploredSet, ServedSets
 from lumbar.page_server.trust import HOST, DoorHandler, Guarded, Outside, Visitors, log_refused
+from lumbar.publishing.explorer.page import PAGE
+from lumbar.publishing.explorer.plots import ANSWER, REQUEST
 
 if TYPE_CHECKING:
     from bokeh.server.server import Server
@@ -137,10 +139,6 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None], in
     explored = find(document)
     if explored is None or not explored.ready:
         return
-    # Here, not above: the server listens before Matplotlib is read.
-    from lumbar.publishing.explorer.page import PAGE
-    from lumbar.publishing.explorer.plots import REQUEST
-
     page = explored.page
     page.fill(document)
     document.title = page.title
@@ -159,8 +157,6 @@ def _fill(document: Document, find: Callable[[Document], ExploredSet | None], in
 
 async def _answered(document: Document, requests: TabRequests, text: str) -> None:
     """Answer while other tabs go on."""
-    from lumbar.publishing.explorer.plots import ANSWER
-
     content, models = await in_background(requests.answer, text)
     for model in models:
         for record in model.values:

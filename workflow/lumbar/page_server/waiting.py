@@ -1,7 +1,5 @@
 """The page that stands where a diagnosis is still being made: how far it is, and a button that ends it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from tornado.httputil import HTTPServerRequest, url_concat
@@ -29,7 +27,7 @@ class Sketch:
     """Of an SVG polyline in a box of `WIDTH` by `HEIGHT`."""
 
     @classmethod
-    def of(cls, record: Record) -> Sketch:
+    def of(cls, record: Record) -> "Sketch":
         """Draw its samples."""
         channel = record.channels["output"]
         ends = drawn(channel.values, _COLUMNS)

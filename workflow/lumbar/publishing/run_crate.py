@@ -78,7 +78,10 @@ def metadata(run: Run, contents: Mapping[str, bytes]) -> dict:
     files = [*told, run.configuration, *published, *sorted(run.outputs)]
     recordings = [_recording(name, digest, run.source) for digest, name in run.recordings]
     software = [_software(name, version) for name, version in sorted(run.versions.items()) if version]
-    variables = [_variable(name, value) for name, value in sorted(run.environment.items())]
+    variables = [
+        {"@id": f"#{name}", "@type": "PropertyValue", "name": name, "value": value}
+        for name, value in sorted(run.environment.items())
+    ]
     inputs = [
         *(_reference(name) for name in (run.configuration, *published)),
         *(_reference(item["@id"]) for item in recordings),
@@ -192,7 +195,3 @@ def _software(name: str, version: str) -> dict:
         "name": name,
         "softwareVersion": version,
     }
-
-
-def _variable(name: str, value: str) -> dict:
-    return {"@id": f"#{name}", "@type": "PropertyValue", "name": name, "value": value}

@@ -30,10 +30,6 @@ if TYPE_CHECKING:
     Add = Callable[[str, str, str], None]
 
 
-def _check_surgeon(settings: StudySettings, add: Add) -> None:
-    _check_names("surgeon.records", [record.name for record in settings.surgeon.records], add)
-
-
 def _check_names(key: str, names: list[str], add: Add) -> None:
     if not names:
         add(key, "none", "the chapter needs one at least")
@@ -218,7 +214,7 @@ def check_consistency(
 
     settings = study.settings
     if study.has("surgeon"):
-        _check_surgeon(settings, add)
+        _check_names("surgeon.records", [record.name for record in settings.surgeon.records], add)
     if study.has("tissue"):
         _check_tissue(settings.tissue, add)
         trained_on = settings.runtime.trained_on

@@ -1,7 +1,5 @@
 """A page with Bokeh's pictures as one file that needs nothing else, with the same bytes at every run."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Callable, Iterable
@@ -53,7 +51,7 @@ class Drawn:
     style: str
     """`code`, `style`: bokeh itself."""
 
-    def holding(self, sources: list[ColumnDataSource]) -> Drawn:
+    def holding(self, sources: list[ColumnDataSource]) -> "Drawn":
         """Return the same pictures with further data in their document, which a page's script finds by name."""
         ((name, document),) = self.documents.items()
         first, *others = document["roots"]

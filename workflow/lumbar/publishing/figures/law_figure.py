@@ -125,10 +125,6 @@ def _short(value: float) -> str:
     return in_print(f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}")
 
 
-def _in_digits(values: list[float]) -> list[str]:
-    return [f"{value:#.2g}" for value in values]
-
-
 def _draw_errors(axis, proposal: Proposal) -> None:
     rows = [(proposal.base.fit.structure.base.name, proposal.base)]
     if proposal.before.effects:
@@ -138,7 +134,12 @@ def _draw_errors(axis, proposal: Proposal) -> None:
         rows.append(("catalogue and law" if on else "base and law", proposal.law.candidate))
     floor = proposal.experiment.floor
     errors = {"training": [item.train_rms for _, item in rows], "unseen": [item.test_rms for _, item in rows]}
-    draw_error_bars(axis, errors, _in_digits, None if floor is None else floor.rms)
+    draw_error_bars(
+        axis,
+        errors,
+        lambda values: [f"{value:#.2g}" for value in values],
+        None if floor is None else floor.rms,
+    )
     axis.set_ylim(0, 1.35 * axis.get_ylim()[1])
     axis.set_xticks(range(len(rows)), [name.replace(" ", "\n", 1) for name, _ in rows])
     axis.set_ylabel(f"RMS of the simulation error ({proposal.experiment.output_unit})")

@@ -44,18 +44,6 @@ def _compared(comparison: str, synthetic: bool, agrees: Callable[[pd.DataFrame],
     return judge
 
 
-def _positive_in_bending(rows: pd.DataFrame) -> bool:
-    return (rows.lateral_bending_percent > 0).all()
-
-
-def _larger_in_bending(rows: pd.DataFrame) -> bool:
-    return (rows.lateral_bending_percent.abs() > rows.flexion_extension_percent.abs()).all()
-
-
-def _at_most_1(rows: pd.DataFrame) -> bool:
-    return rows[_PERCENT].abs().max(axis=None) <= 1
-
-
 def _novice_susceptible(synthetic: bool, names: dict[str, str], groups: tuple[str, str]):
     def judge(results: Results) -> Finding:
         expert, novice = (_rows(results, names[f"decrease_in_mass_{name}"]) for name in GROUPS)
@@ -170,12 +158,16 @@ def sentences(synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
         Whom the study compares in place of the thesis's expert and novice; the statements use these names.
     """
     names, (first, second) = comparison_names(groups), groups
-    between = names["expert_vs_novice"]
+    between, (lateral, sagittal) = names["expert_vs_novice"], _PERCENT
     lighter = {name: names[f"decrease_in_mass_{name}"] for name in GROUPS}
     judges = {
-        "expert_larger": _compared(between, synthetic, _positive_in_bending),
-        "lateral_largest": _compared(between, synthetic, _larger_in_bending),
-        "expert_unchanged": _compared(lighter["expert"], synthetic, _at_most_1),
+        "expert_larger": _compared(between, synthetic, lambda rows: (rows[lateral] > 0).all()),
+        "lateral_largest": _compared(
+            between, synthetic, lambda rows: (rows[lateral].abs() > rows[sagittal].abs()).all()
+        ),
+        "expert_unchanged": _compared(
+            lighter["expert"], synthetic, lambda rows: rows[_PERCENT].abs().max(axis=None) <= 1
+        ),
         "novice_susceptible": _novice_susceptible(synthetic, names, groups),
         "trajectories_matter": _trajectories_matter(synthetic, [between]),
         "trajectories_matter_with_mass": _trajectories_matter(synthetic, list(lighter.values())),

@@ -61,10 +61,6 @@ Change = Callable[
 ]
 
 
-def _noisier(signals, tissue, reference):
-    return signals, replace(tissue, noise_variance_share=min(2 * tissue.noise_variance_share, 0.95))
-
-
 def _correlated(signals, tissue, reference):
     return signals, replace(tissue, noise_correlation_s=_CORRELATION_S)
 
@@ -74,20 +70,15 @@ def _equal_peaks(signals, tissue, reference):
     return replace(signals, amplitude=amplitude), replace(tissue, noise_N=reference.noise_N)
 
 
-def _delayed(signals, tissue, reference):
-    return signals, replace(tissue, delay_s=reference.sampling_time)
-
-
-def _equal_peaks_correlated(signals, tissue, reference):
-    return _correlated(*_equal_peaks(signals, tissue, reference), reference)
-
-
 EXPERIMENTS: dict[str, Change] = {
-    "noisier": _noisier,
+    "noisier": lambda signals, tissue, _: (
+        signals,
+        replace(tissue, noise_variance_share=min(2 * tissue.noise_variance_share, 0.95)),
+    ),
     "correlated": _correlated,
     "equal_peaks": _equal_peaks,
-    "delayed": _delayed,
-    "equal_peaks_correlated": _equal_peaks_correlated,
+    "delayed": lambda signals, tissue, reference: (signals, replace(tissue, delay_s=reference.sampling_time)),
+    "equal_peaks_correlated": lambda *given: _correlated(*_equal_peaks(*given), given[-1]),
 }
 """What is changed, by the name of its column, which says it in words."""
 

@@ -1,7 +1,5 @@
 """What the report of a study holds: its artefacts in the thesis's order, with words, files, and the thesis's values."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Sequence
@@ -97,9 +95,9 @@ class Entry:
     """What was found, where one sentence tells it."""
     files: tuple[str, ...] = ()
     """Below the study's results."""
-    said: tuple[Said, ...] = ()
+    said: "tuple[Said, ...]" = ()
     """The thesis's claims about it."""
-    beside: Beside | None = None
+    beside: "Beside | None" = None
     """The thesis's table beside this run's."""
     missing: bool = False
     """Whether it was not made."""

@@ -1,7 +1,5 @@
 """A model as the device meets it, exported or an FMU: linear ones exactly, with effects through their linearisations."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -282,7 +280,7 @@ def _without_end(model: SampledModel) -> SampledModel:
 
 
 @contextmanager
-def unpacked(path: Path) -> Iterator[UnpackedFmu]:
+def unpacked(path: Path) -> "Iterator[UnpackedFmu]":
     """Unpack an FMU for FMI 3.0 of an export for a while; a library that does not play is an InputError with its path."""
     import fmpy
 

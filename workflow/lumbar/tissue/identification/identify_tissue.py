@@ -1,7 +1,5 @@
 """Identification of every model on one record: ridge ARX as in the thesis, output error beside it."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
@@ -63,7 +61,7 @@ def identify(
 
 def _identification(
     training: Record, tests: list[Record], settings: TissueSettings, seed: int
-) -> _Identification:
+) -> "_Identification":
     same_units([training, *tests])
     _same_sampling_time([training, *tests])
     data = IdentificationData.from_record(training, settings.settling_s)

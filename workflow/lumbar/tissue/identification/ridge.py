@@ -10,8 +10,6 @@ square, so that condition number and α do not depend on units. α enters as in 
 with these columns (norm √N).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,7 +38,7 @@ class ReducedRegression:
         triangular = np.linalg.qr(np.column_stack([regressors, target]), mode="r")
         self._regressors, self._target = triangular[:, :-1], triangular[:, -1]
 
-    def path(self, structure: ArxStructure) -> RidgePath:
+    def path(self, structure: ArxStructure) -> "RidgePath":
         """Everything that the ridge solutions of one structure need."""
         regressors = self._regressors @ structure.combination(self.lag)
         return RidgePath.factorise(regressors, self._target, self.rows)
@@ -63,7 +61,7 @@ class RidgePath:
     _target_norm_squared: float
 
     @classmethod
-    def factorise(cls, regressors: np.ndarray, target: np.ndarray, rows: int) -> RidgePath:
+    def factorise(cls, regressors: np.ndarray, target: np.ndarray, rows: int) -> "RidgePath":
         """Standardise and decompose a regression.
 
         Parameters

@@ -11,8 +11,6 @@ time themselves get a clock as one state more, which makes them autonomous. NumP
 step per sample.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -83,7 +81,7 @@ class StateEquation:
         return tuple(self.slopes)
 
     @cached_property
-    def apart(self) -> list[StateEquation]:
+    def apart(self) -> "list[StateEquation]":
         """The equations in groups that know nothing of each other's states."""
         groups: list[set[str]] = []
         for name, slope in self.slopes.items():

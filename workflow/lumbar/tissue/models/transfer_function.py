@@ -1,7 +1,5 @@
 """Discrete transfer functions in z⁻¹: simulation, state space, free coefficients, first-order relaxations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -50,7 +48,7 @@ class TransferFunction:
         """Output per unit of an input that is held forever, H(1)."""
         return sum(self.numerator) / sum(self.denominator)
 
-    def times(self, gain: float) -> TransferFunction:
+    def times(self, gain: float) -> "TransferFunction":
         """Return this transfer function times `gain`."""
         return TransferFunction(tuple(gain * value for value in self.numerator), self.denominator)
 
@@ -253,7 +251,7 @@ class FirstOrder:
         branch_stiffness: float = 0.0,
         relaxation_time: float = 0.0,
         viscosity: float = 0.0,
-    ) -> FirstOrder:
+    ) -> "FirstOrder":
         """Coefficients of a base of `lumbar.tissue.models.bases` from its parameters; what it does not have is 0."""
         fast = spring_stiffness + branch_stiffness
         return cls(spring_stiffness, viscosity + fast * relaxation_time, relaxation_time)

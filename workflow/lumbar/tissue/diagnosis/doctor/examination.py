@@ -1,7 +1,5 @@
 """What could have been seen in a set of records: effects put into them, and the further record that helps most."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -48,7 +46,7 @@ class Examination:
     nothing: Outcome
     """What was said of the records that the refined model would give, nothing put into them."""
     effects: tuple[EffectSize, ...]
-    further: FurtherRecord | None
+    further: "FurtherRecord | None"
 
     @property
     def false_alarm(self) -> bool:

@@ -25,7 +25,7 @@ from lumbar.tissue.models.expression import (
 )
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.models.parameter import LinearParameter, NonlinearParameter, Parameter
+from lumbar.tissue.models.parameter import LinearParameter, NonlinearParameter
 from lumbar.tissue.models.state_equation import StateEquation
 
 _DIMENSIONLESS_FUNCTIONS = {
@@ -98,11 +98,6 @@ OF_SIGNALS = {
 
 def _raised(name: str, size: float) -> str:
     return name if size == 1 else f"{name}^{size:g}"
-
-
-def dimensions_of(parameters: tuple[Parameter, ...]) -> dict[str, Dimension]:
-    """Dimensions of parameters by symbol."""
-    return {item.symbol: Dimension.of(item.unit) for item in parameters}
 
 
 def dimension(expression: Expression, known: Mapping[str, Dimension]) -> Dimension | None:
@@ -192,8 +187,7 @@ def dimensions_in(term: Term) -> dict[str, Dimension]:
     """Dimensions of all symbols of a term; those of states follow from their rates of change."""
     known = {
         **OF_SIGNALS,
-        **dimensions_of(term.nonlinear),
-        **{item.symbol: Dimension.of(item.unit) for item in term.constants},
+        **{item.symbol: Dimension.of(item.unit) for item in (*term.nonlinear, *term.constants)},
     }
     return {**known, **{name: _STATE_DIMENSIONS[name[0]] for name, _ in term.state}}
 

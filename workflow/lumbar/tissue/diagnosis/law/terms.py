@@ -1,7 +1,5 @@
 """The library of physical terms that a missing force may be a sum of; ``terms.yaml`` holds what they are products of."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -32,7 +30,7 @@ class Term:
     becomes: str = ""
     """Name of the term that it becomes at the largest lengths: of an exponential growth, what grows."""
 
-    def rename(self, names: dict[str, str]) -> Term:
+    def rename(self, names: dict[str, str]) -> "Term":
         """The term with other symbols for its states and nonlinear parameters."""
         trees = {symbol: Symbol(name) for symbol, name in names.items()}
 
@@ -48,7 +46,7 @@ class Term:
             state=tuple((names.get(name, name), text(rate)) for name, rate in self.state),
         )
 
-    def times(self, name: str, words: str, other: Term) -> Term:
+    def times(self, name: str, words: str, other: "Term") -> "Term":
         """The product with a term whose parts, parameters and states come after its own."""
         text = "*".join(item.parts[0] for item in (self, other) if item.parts != ("1",)) or "1"
         return replace(

@@ -1,7 +1,5 @@
 """What a formula must pass before it is proposed: it stays bounded, gives no energy away, and where it was found is known."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -43,7 +41,7 @@ class PartialData(FitData):
     """Over the samples that count of the whole."""
 
     @classmethod
-    def of(cls, whole: FitData, keep: np.ndarray) -> PartialData:
+    def of(cls, whole: FitData, keep: np.ndarray) -> "PartialData":
         """Let only these samples of a record count."""
         return cls(
             whole.name,

@@ -5,8 +5,6 @@ nothing else keeps them from repeating. Drift, softening or a disturbance at a f
 spread many times; they are found and taken out first (`lumbar.tissue.diagnosis.noise.nonrepeating`) and reported.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -237,7 +235,7 @@ def _low_pass(rows: np.ndarray, samples: int) -> np.ndarray:
 
 def _bursts_beside(
     noise: np.ndarray, parts: list[Part], degrees: float
-) -> tuple[np.ndarray, list[Part], float, Bursts | None]:
+) -> "tuple[np.ndarray, list[Part], float, Bursts | None]":
     """Look for bursts in the noise and the changes without a name: what these explain of bursts is theirs by chance."""
     changes = [part for part in parts if part.kind == OTHER]
     changing = sum((part.values for part in changes), np.zeros_like(noise))
@@ -273,7 +271,7 @@ def _density(power: np.ndarray, samples: int, sampling_time: float) -> tuple[np.
 
 
 def _descriptions(
-    parts: list[Part], bursts: Bursts | None, variance: float, mean_period: np.ndarray, record: Record
+    parts: list[Part], bursts: "Bursts | None", variance: float, mean_period: np.ndarray, record: Record
 ) -> tuple[tuple[str, float], ...]:
     unit, step = record.channels["output"].unit, record.sampling_time
     described = [(_words(part, mean_period, unit, step), part.rms(variance)) for part in parts]

@@ -126,7 +126,10 @@ class Verdict:
             "verdict_after": self.verdict_after,
             "further": None if self.further is None else self.further.effects[-1],
             "selected": list(self.selected),
-            "tied_with": [_new_effects(item, self.selected) for item in self.tied_with],
+            "tied_with": [
+                "+".join(name for name in item.effects if name not in self.selected)
+                for item in self.tied_with
+            ],
             "findings": [item.to_json() for item in self.findings],
             "chain": None if self.chain is None else self.chain.to_json(),
             "noise_floor_rms": None if floor is None else floor.rms,
@@ -147,11 +150,6 @@ class Verdict:
                 for form, missing in self.not_tried
             ],
         }
-
-
-def _new_effects(candidate: Candidate, selected: Sequence[str]) -> str:
-    """Name what an alternative has instead of the selected effects."""
-    return "+".join(name for name in candidate.effects if name not in selected)
 
 
 def _ranked_json(item: Ranked) -> dict:
