@@ -245,4 +245,4 @@ def model_points(fit: BodyFit, unknowns: Unknowns) -> TrunkPoints:
         along = np.sum((place("thorax", "XIPHOID") - top) * down, axis=1, keepdims=True)
         ends["XIPHOID_LEVEL"] = top + along * down
     points = {name: TrunkPoint(value, f"{name}: {RULE}", True, np.nan, ()) for name, value in ends.items()}
-    return TrunkPoints(points, {}, unit(right - left))
+    return TrunkPoints(points, {}, unit(right - left), {"L_HIP": left, "R_HIP": right})

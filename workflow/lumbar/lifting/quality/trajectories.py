@@ -28,6 +28,8 @@ _NEIGHBOURS = 3
 _SHORTEST_COPY = 3
 _FRAMES_AT_ONCE = 1000
 _SHORTEST_CLIP = 3
+_AT_SPEED = 0.25
+"""Of the median step, above which a coordinate is cut off where it stops."""
 
 
 def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
@@ -70,7 +72,10 @@ def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findin
 
 
 def clipped_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
-    """Stretches in which a coordinate keeps its largest or smallest value to the last bit while the marker goes on elsewhere."""
+    """Stretches in which a coordinate keeps its largest or smallest value to the last bit while the marker goes on elsewhere.
+
+    A limit cuts a motion off at speed; one that comes to rest there by itself, as computed ones do to the last bit, slows down.
+    """
     findings = []
     for label, positions in points.items():
         going_on = np.append(~_unchanged(positions), True)
@@ -79,9 +84,16 @@ def clipped_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findi
             for top in flat_tops(seen) if len(seen) else []:
                 words = {"axis": axis, "level": top.level, "count": top.samples}
                 for run in runs((values == top.level) & going_on):
-                    if run.stop - run.start >= _SHORTEST_CLIP:
+                    if run.stop - run.start >= _SHORTEST_CLIP and _cut_off(values, run):
                         findings.append(clock.finding("clipped", (label,), run, **words))
     return findings
+
+
+def _cut_off(values: np.ndarray, run: slice) -> bool:
+    """Whether the last step towards a run of equal values, or the first away from it, is as long as others are."""
+    steps = np.abs(np.diff(values))
+    beside = [steps[place] for place in (run.start - 2, run.stop) if 0 <= place < len(steps)]
+    return any(step > _AT_SPEED * np.nanmedian(steps[steps > 0]) for step in beside)
 
 
 def _unchanged(positions: np.ndarray) -> np.ndarray:
