@@ -317,3 +317,12 @@ def test_of_a_jump_the_part_that_is_no_body_is_left_out_also_where_it_is_the_lon
     moved = recording.positions[label][wrong] + [0.06, 0.08, 0.0]
     (finding,) = examine(changed(recording.positions, label, wrong, moved), recording.time, recording.rate)
     assert (finding.kind, finding.markers, finding.frames) == ("jump", (label,), wrong)
+
+
+@pytest.mark.parametrize(("times", "kinds"), [(1, []), (2, ["rate"]), (0.5, ["rate"]), (-1, ["backwards"])])
+@pytest.mark.parametrize("name", ["ktk_pig_com_oracle/gait.c3d", "qualisys_ior_gait/Qualisys.c3d"])
+def test_a_walk_tells_a_rate_off_by_two_and_frames_in_reverse(recordings, name, times, kinds):
+    recording, _ = recordings(name)
+    points = {label: positions[:: int(np.sign(times))] for label, positions in recording.positions.items()}
+    findings = examine(points, recording.time / abs(times), recording.rate * abs(times))
+    assert [(finding.kind, finding.outcome) for finding in findings] == [(kind, "noted") for kind in kinds]

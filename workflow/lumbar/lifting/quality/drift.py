@@ -13,7 +13,7 @@ from lumbar.lifting.quality.displacement import percentiles
 from lumbar.lifting.quality.landmarks import level
 from lumbar.lifting.quality.sheet import Clock, Finding
 
-_SAMPLES, _FEWEST = 80, 30
+_SAMPLES, _FEWEST = 80, 50
 _MATES, _FEWEST_MATES, _SEEN = 8, 3, 0.7
 _APART_M, _LOOSE_M, _SOFT_M, _BENDS = 0.03, 0.15, 0.006, 0.04
 """Mates are further away than the first, keep their distance within the second, and count by the inverse square of what it

@@ -38,6 +38,7 @@ from lumbar.lifting.quality.trajectories import (
     held_samples,
     tells_tempo,
 )
+from lumbar.lifting.quality.walking import walk, walking_findings
 
 _WRONG_UNIT = 1.8
 _OTHER_STATURE = 1.25
@@ -97,14 +98,15 @@ def examine(
         points = mask_findings(points, found)
     found, points = _leaps(points, named, clock)
     findings += found
-    for check in (_rigid_parts, partial(drifts, named=named)):
-        found = check(points, clock=clock)
-        findings += found
-        points = mask_findings(points, found)
+    findings += _rigid_parts(points, clock)
+    partly = {label for finding in findings if finding.outcome != NOTED for label in finding.markers}
+    found = drifts({label: points[label] for label in points if label not in partly}, named, clock)
+    findings += found
+    points = mask_findings(points, found)
     findings += _stature(points, named, clock, height_m)
     findings += _jitter({label: points[label] for label in points if label not in stepping}, clock)
-    if not any(finding.kind == "missing frames" for finding in findings):
-        findings += _tempo(points, clock)
+    if not any(finding.outcome == ERROR for finding in findings):
+        findings += _tempo(points, clock) or walking_findings(points, named, clock)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
 
@@ -134,7 +136,13 @@ def unchecked_properties(
         found["order along the trunk"] = "the labels name no trunk"
     if not tells_tempo(points):
         found["rate"] = "too short, or the person hardly moves"
-    found[FINE_RATE] = "only force plates under a person who moves tell it: lumbar lift compares them"
+    walked = walk(sampled, named)
+    if walked is None or not np.isfinite(walked.steps):
+        found[FINE_RATE] = (
+            "only a walk, or force plates under a person who moves, tell it: lumbar lift compares them"
+        )
+    if walked is None or not np.isfinite(walked.facing):
+        found["order of the frames"] = "only a walk tells whether they stand in reverse"
     return found
 
 

@@ -27,9 +27,7 @@ _TOUCHING_M = 2e-3
 _NEIGHBOURS = 3
 _SHORTEST_COPY = 3
 _FRAMES_AT_ONCE = 1000
-_SHORTEST_CLIP = 3
-_AT_SPEED = 0.25
-"""Of the median step, above which a coordinate is cut off where it stops."""
+_SHORTEST_CLIP, _STEPS_BESIDE, _LIKE_BESIDE = 3, 11, 0.6
 
 
 def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
@@ -72,28 +70,30 @@ def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findin
 
 
 def clipped_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
-    """Stretches in which a coordinate keeps its largest or smallest value to the last bit while the marker goes on elsewhere.
-
-    A limit cuts a motion off at speed; one that comes to rest there by itself, as computed ones do to the last bit, slows down.
-    """
+    """Stretches in which a coordinate keeps its largest or smallest value to the last bit, cut off while it was moving."""
     findings = []
     for label, positions in points.items():
-        going_on = np.append(~_unchanged(positions), True)
         for axis, values in zip("xyz", positions.T, strict=True):
             seen = values[np.isfinite(values)]
             for top in flat_tops(seen) if len(seen) else []:
                 words = {"axis": axis, "level": top.level, "count": top.samples}
-                for run in runs((values == top.level) & going_on):
-                    if run.stop - run.start >= _SHORTEST_CLIP and _cut_off(values, run):
-                        findings.append(clock.finding("clipped", (label,), run, **words))
+                findings += [
+                    clock.finding("clipped", (label,), run, **words)
+                    for run in runs(values == top.level)
+                    if run.stop - run.start >= _SHORTEST_CLIP and _cut_off(values, run)
+                ]
     return findings
 
 
 def _cut_off(values: np.ndarray, run: slice) -> bool:
-    """Whether the last step towards a run of equal values, or the first away from it, is as long as others are."""
-    steps = np.abs(np.diff(values))
-    beside = [steps[place] for place in (run.start - 2, run.stop) if 0 <= place < len(steps)]
-    return any(step > _AT_SPEED * np.nanmedian(steps[steps > 0]) for step in beside)
+    """Whether a coordinate stops, or starts, without slowing down: its last step but one is like the ten before it."""
+    before = values[max(0, run.start - _STEPS_BESIDE) : run.start][::-1]
+    for beside in (before, values[run.stop : run.stop + _STEPS_BESIDE]):
+        steps = np.abs(np.diff(beside))
+        steps = steps[np.isfinite(steps)]
+        if len(steps) and steps[0] > _LIKE_BESIDE * np.median(steps):
+            return True
+    return False
 
 
 def _unchanged(positions: np.ndarray) -> np.ndarray:
