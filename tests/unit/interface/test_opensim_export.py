@@ -40,13 +40,14 @@ def test_markers_come_back_within_a_tenth_of_a_millimetre(exported):
     opensim = MarkerLayout(up="+y", forward="+x")
     read = [read_markers(folder / "ann_23kg.c3d"), read_markers(folder / "ann_23kg.trc", opensim)]
     points = ezc3d.c3d(str(folder / "ann_23kg.c3d"))
-    table = np.genfromtxt(folder / "ann_23kg.trc", delimiter="\t", skip_header=6)[:, 2:].reshape(
-        len(read[0]), -1, 3
-    )
+    table = np.genfromtxt(folder / "ann_23kg.trc", delimiter="\t", skip_header=6)[:, 2:]
     labels = points["parameters"]["POINT"]["LABELS"]["value"]
     for name, expected in lift.analysed.recording.positions.items():
         number = labels.index(name)
-        others = 1e-3 * points["data"]["points"][:3, number].T, 1e-3 * table[:, number][:, [2, 0, 1]]
+        others = (
+            1e-3 * points["data"]["points"][:3, number].T,
+            1e-3 * table[:, 3 * number + np.array([2, 0, 1])],
+        )
         for found in (*(one[name] for one in read), *others):
             np.testing.assert_allclose(found, expected, atol=1e-4)
     assert np.isnan(read[1]["C7"]).any() and read[0].time[0] == read[1].time[0] == 1.0
@@ -54,32 +55,23 @@ def test_markers_come_back_within_a_tenth_of_a_millimetre(exported):
 
 def test_the_loads_on_both_hands_bring_up_the_moment_of_the_box(exported):
     lift, folder = exported
-    recording = lift.analysed.recording
-    names, table = (
-        (folder / "ann_23kg_hands.mot").read_text().splitlines()[6].split("\t"),
-        np.loadtxt(folder / "ann_23kg_hands.mot", skiprows=7),
-    )
-    held = np.abs(table[:, names.index("hand_r_force_vy")]) > 0
-    applied = [
-        force.findtext("force_identifier")
-        for force in ElementTree.parse(folder / "ann_23kg_hands.xml").iter("ExternalForce")
-    ]
-    moment, joint = np.zeros((len(table), 3)), lift.analysed.points["L5S1"]
-    for stem in applied:
-        force, point = (
-            table[:, [names.index(f"{start}{axis}") for axis in "zxy"]] for start in (stem, f"{stem[:-1]}p")
-        )
+    head, *rows = (folder / "ann_23kg_hands.mot").read_text().splitlines()[6:]
+    columns = dict(zip(head.split("\t"), np.loadtxt(rows).T, strict=True))
+    held = columns["hand_r_force_vy"] < 0
+    moment, joint = np.zeros((len(rows), 3)), lift.analysed.points["L5S1"]
+    for applied in ElementTree.parse(folder / "ann_23kg_hands.xml").iter("ExternalForce"):
+        stems = (applied.findtext(f"{kind}_identifier") for kind in ("point", "force"))
+        point, force = (np.stack([columns[f"{stem}{axis}"] for axis in "zxy"], axis=1) for stem in stems)
         moment -= np.cross(point - joint, force)
+    recording = lift.analysed.recording
     expected = net_moment(joint, [Link(23.0, box_centre(recording))], recording.rate, G)
     assert held.sum() > 400 and np.abs(moment - expected)[held].max() < 0.01 and not moment[~held].any()
 
 
 @pytest.mark.parametrize("shape", [(70_000, 2, 3), (20, 300, 3)])
 def test_long_recordings_and_many_markers_come_back(tmp_path, shape):
-    points, labels = (
-        np.random.default_rng(3).normal(0, 700, shape).astype("f4"),
-        [f"M{k}" for k in range(shape[1])],
-    )
+    points = np.random.default_rng(3).normal(0, 700, shape).astype("f4")
+    labels = [f"M{number}" for number in range(shape[1])]
     write_c3d(tmp_path / "long.c3d", points, labels, 120.0, "mm", first_frame=241)
     own, other = read_c3d(tmp_path / "long.c3d"), ezc3d.c3d(str(tmp_path / "long.c3d"))
     assert (len(own.time), own.time[0], list(own.positions), own.notes) == (shape[0], 2.0, labels, ())
