@@ -157,14 +157,6 @@ def test_more_frames_than_anything_in_the_file_can_count(tmp_path):
         read_c3d(write(tmp_path, content))
 
 
-def test_more_labels_than_one_list_can_hold(tmp_path):
-    labels = [f"M{number:03d}" for number in range(300)]
-    points = np.random.default_rng(2).normal(0, 500, (6, 300, 3))
-    file = read_c3d(write(tmp_path, build_c3d(points, labels)))
-    assert list(file.positions) == labels
-    np.testing.assert_allclose(file.positions["M299"], points[:, 299], rtol=1e-6)
-
-
 def test_zero_and_infinite_samples_are_missing(tmp_path, points):
     points[3, 0] = 0
     points[5, 1] = np.inf

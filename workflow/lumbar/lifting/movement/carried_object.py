@@ -90,7 +90,7 @@ def turning_points(height: np.ndarray, size: float) -> list[int]:
     return [*points, high if direction > 0 else low] if points else []
 
 
-def _swings(height: np.ndarray, size: float, sign: int) -> list[tuple[int, int]]:
+def great_swings(height: np.ndarray, size: float, sign: int) -> list[tuple[int, int]]:
     """First and last index of every great rise (`sign` 1) or descent (-1) of at least `size`."""
     swings = [
         pair
@@ -99,12 +99,6 @@ def _swings(height: np.ndarray, size: float, sign: int) -> list[tuple[int, int]]
     ]
     greatest = max((abs(height[last] - height[first]) for first, last in swings), default=0.0)
     return [pair for pair in swings if abs(height[pair[1]] - height[pair[0]]) >= GREAT * greatest]
-
-
-def first_hand_rise(height: np.ndarray, settings: EventSettings) -> tuple[int, int] | None:
-    """First and last index of the first great rise of hands (heights in metres); None where they never rise by `hands_rise_m`."""
-    swings = _swings(height, settings.hands_rise_m, 1)
-    return swings[0] if swings else None
 
 
 def greatest_rise(height: np.ndarray) -> float:
@@ -122,7 +116,7 @@ def lift_windows(recording: MarkerRecording, settings: EventSettings) -> list[tu
     if not seen.any():
         return []
     time, height = recording.time[seen], points[seen, 2]
-    swings, edges = _swings(height, settings.hands_rise_m, 1), [float(recording.time[0])]
+    swings, edges = great_swings(height, settings.hands_rise_m, 1), [float(recording.time[0])]
     for (_, before), (low, high) in pairwise(swings):
         lowest = height[before:high] <= height[low] + LOWEST * (height[high] - height[low])
         edges.append(float(np.median(time[before:high][lowest])))
@@ -135,7 +129,7 @@ def last_hand_descent(height: np.ndarray, settings: EventSettings, greatest: boo
     With `greatest` only great descents count: hands that hold nothing together may do anything besides.
     """
     if greatest:
-        swings = _swings(height, settings.descent_m, -1)
+        swings = great_swings(height, settings.descent_m, -1)
         return swings[-1] if swings else None
     points = turning_points(height, settings.descent_m)
     ends = [pair for pair in pairwise(points) if height[pair[1]] < height[pair[0]]]

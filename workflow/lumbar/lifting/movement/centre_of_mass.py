@@ -259,10 +259,8 @@ def head_centre(recording: MarkerRecording, points: TrunkPoints) -> np.ndarray:
 
     Markers that are hidden while C7/T1 is seen do not count.
     """
-    if (
-        "HEAD_CENTRE" in recording
-        and not np.isnan(recording["HEAD_CENTRE"][np.isfinite(points["C7T1"])]).any()
-    ):
+    seen = np.isfinite(points["C7T1"])
+    if "HEAD_CENTRE" in recording and np.isfinite(recording["HEAD_CENTRE"][seen]).all():
         return recording["HEAD_CENTRE"]
     return points["C7T1"] + HEAD_BEYOND * (points["C7T1"] - points[MID_HIP])
 

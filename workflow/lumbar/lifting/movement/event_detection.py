@@ -20,7 +20,7 @@ from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.movement.carried_object import (
     WRISTS,
     carried_object,
-    first_hand_rise,
+    great_swings,
     greatest_rise,
     last_hand_descent,
     lift_windows,
@@ -142,17 +142,13 @@ def several_lifts(recording: MarkerRecording, events: dict[str, Event], settings
         return ""
     # Hands rise for other reasons too before they hold something and after; a box does not.
     held = (carried == "box") | ((recording.time >= start) & (recording.time <= stop))
-    positions = {
-        name: np.where(held[:, None], points, np.nan) for name, points in recording.positions.items()
-    }
-    windows = lift_windows(replace(recording, positions=positions), settings)
+    hidden = {name: np.where(held[:, None], part, np.nan) for name, part in recording.positions.items()}
+    windows = lift_windows(replace(recording, positions=hidden), settings)
     if len(windows) < 2:
         return ""
     listed = ", ".join(f"[{first:.2f}, {last:.2f}]" for first, last in windows)
-    who = (
-        "the hands rise {} times from lift-off to release" if carried == "hands" else "the box rises {} times"
-    )
-    return f"{who.format(len(windows))}: one lift or several, each a trial with window_s {listed}?"
+    who, when = ("box rises", "") if carried == "box" else ("hands rise", " from lift-off to release")
+    return f"the {who} {len(windows)} times{when}: one lift or several, each a trial with window_s {listed}?"
 
 
 class _Search:
@@ -214,13 +210,11 @@ class _Search:
         return _rise(self.part, self.points, low, self.settings)
 
     def _hands(self) -> tuple[int, int]:
-        lifted = first_hand_rise(self.points[:, 2], self.settings)
-        if lifted is None:
-            raise NotFound(
-                f"the hands never rise by {self.settings.hands_rise_m:g} m (lifting.events.hands_rise_m), but by "
-                f"{greatest_rise(self.points[:, 2]):.3f} m at most"
-            )
-        return lifted
+        rises = great_swings(self.points[:, 2], self.settings.hands_rise_m, 1)
+        if not rises:
+            most = greatest_rise(self.points[:, 2])
+            raise NotFound(_HOW["hands_low"].format(settings=self.settings, most=most))
+        return rises[0]
 
     def _release(self) -> Event:
         if self.what == "box":
@@ -279,10 +273,8 @@ def _first_movement(recording: MarkerRecording, box: np.ndarray, settings: Event
     moving = speed(box, recording.rate)
     first = _first_run(moving > threshold, max(1, round(lasting * recording.rate)))
     if first is None:
-        raise NotFound(
-            f"the box never moves faster than {threshold:g} m/s for {lasting:g} s (lifting.events.box_speed_m_s), but than "
-            f"{_kept(moving, max(1, round(lasting * recording.rate))):.3f} m/s"
-        )
+        kept = _kept(moving, max(1, round(lasting * recording.rate)))
+        raise NotFound(_HOW["box_still"].format(settings=settings, kept=kept))
     if first == 0:
         raise NotFound("the box moves from the first frame: its lift-off is not there")
     rest = np.flatnonzero(moving[:first] <= settings.box_rest_m_s)
@@ -355,10 +347,8 @@ def _hands_release(
     # Hands that part before they have gone down were not holding yet, or never together.
     lowered = held or last_hand_descent(hands[first:, 2], settings, greatest=True)
     if lowered is None:
-        raise NotFound(
-            f"no deposit: the hands do not go down by {settings.descent_m:g} m (lifting.events.descent_m) after "
-            f"{lift_off:.2f} s, but by {greatest_rise(-hands[first:, 2]):.3f} m at most"
-        )
+        most = greatest_rise(-hands[first:, 2])
+        raise NotFound(_HOW["hands_high"].format(settings=settings, lift_off=lift_off, most=most))
     top, bottom = (first + index for index in lowered)
     falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
     stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
@@ -419,11 +409,9 @@ def _deposit_start(
     if onset is None:
         lower = np.arange(int(1e3 * last), 4, -1) / 1e3
         stops = ((way, _stop_before(way, height, climb, settings, recording.rate)) for way in lower)
-        told = [f"; {way:g} would find one from {time[at]:.2f} s on" for way, at in stops if at is not None]
-        raise NotFound(
-            f"no deposit: the {what} {goes} down by {height.max() - height[-1]:.3f} m before {time[-1]:.2f} s; a deposit needs "
-            f"{needed:.2g} m here from its last rest or rise on (lifting.events.descent_m{''.join(told[:1])})"
-        )
+        told = [_HOW["would_find"].format(way=way, at=time[at]) for way, at in stops if at is not None]
+        words = {"what": what, "goes": goes, "way": height.max() - height[-1], "until": time[-1]}
+        raise NotFound(_HOW["no_deposit"].format(**words, needed=needed, decides="".join(told[:1])))
     starts = {
         "descent_s": float(time[onset]),
         "thesis_s": _slowest_wrists(recording, settings, searched, onset),

@@ -144,16 +144,12 @@ def limb_joints(recording: MarkerRecording) -> dict[str, np.ndarray]:
     A joint is the middle of its lateral and medial marker, where the second is seen whenever the first is and no alias has made
     the joint of several markers already; otherwise it is its marker.
     """
-    joints = {}
-    for name in (f"{side}_{joint}" for side in SIDES for joint in ("ELBOW", "WRIST", "KNEE", "ANKLE")):
-        if name not in recording:
-            continue
-        joints[name] = recording[name]
-        medial = f"{name}_MEDIAL"
-        if medial in recording and name not in recording.derived:
-            middle = (recording[name] + recording[medial]) / 2
-            if np.array_equal(np.isfinite(middle), np.isfinite(recording[name])):
-                joints[name] = middle
+    names = (f"{side}_{joint}" for side in SIDES for joint in ("ELBOW", "WRIST", "KNEE", "ANKLE"))
+    joints = {name: recording[name] for name in names if name in recording}
+    for name, lateral in joints.items():
+        if f"{name}_MEDIAL" in recording and name not in recording.derived:
+            middle = (lateral + recording[f"{name}_MEDIAL"]) / 2
+            joints[name] = middle if np.array_equal(np.isfinite(middle), np.isfinite(lateral)) else lateral
     return joints
 
 
@@ -229,20 +225,13 @@ class _InnerPoints:
             return harrington_hips(pelvis), markers, "Harrington et al. 2007"
         if self.hips == "reed":
             return reed_hips(pelvis, self.sex), markers, "Reed et al. 1999"
-        legs = ("L_ANKLE", "R_ANKLE")
+        legs, source = ("L_ANKLE", "R_ANKLE"), "Hara et al. 2016, leg from ASIS to ankle marker"
         _need(self.recording, legs)
-        return (
-            hara_hips(self.leg_length()),
-            (*markers, *legs),
-            "Hara et al. 2016, leg from ASIS to ankle marker",
-        )
+        return hara_hips(self.leg_length()), (*markers, *legs), source
 
     def hips_of_sides(self) -> dict[str, np.ndarray]:
-        forward, up, right = self.hip[0]
-        return {
-            f"{side}_HIP": self.pelvis[0].point(forward, up, sign * right)
-            for side, sign in zip(SIDES, (-1, 1), strict=True)
-        }
+        pelvis, (forward, up, right) = self.pelvis[0], self.hip[0]
+        return {"L_HIP": pelvis.point(forward, up, -right), "R_HIP": pelvis.point(forward, up, right)}
 
     def middle_of_hips(self) -> TrunkPoint:
         (pelvis, _, filled), (centre, markers, source) = self.pelvis, self.hip

@@ -42,7 +42,7 @@ LIMBS = tuple(
 TRUNK = ("C7T1", "T12L1", "L4L5", "L5S1", MID_HIP)
 WHOLE_BODY, HEAD, LOAD = "WHOLE_BODY", "HEAD", "LOAD"
 GROUND_COLUMNS = tuple(
-    f"GROUND_{part}" for part in ("x_N", "y_N", "z_N", "about_x_N_m", "about_y_N_m", "about_z_N_m")
+    f"GROUND_{part}" for part in (*(f"{x}_N" for x in "xyz"), *(f"about_{x}_N_m" for x in "xyz"))
 )
 """Force of the ground on the person, and its moment about the origin, while both feet are on the plates."""
 DECIMALS = 7
@@ -78,9 +78,8 @@ def body_frame(lift: AnalysedLift, ground: np.ndarray | None = None) -> tuple[pd
     import pandas as pd
 
     recording, points = lift.recording, lift.points
-    found = (
-        {name: recording[name] for name in LIMBS if name in recording} | limb_joints(recording) | points.hips
-    )
+    found = {name: recording[name] for name in LIMBS if name in recording}
+    found |= limb_joints(recording) | points.hips
     missing = {name: f"no marker {name}" for name in LIMBS if name not in recording}
     missing.update({f"{side}_HIP": points.missing[MID_HIP] for side in SIDES if MID_HIP in points.missing})
     found.update({name: points[name] for name in TRUNK if name in points})
