@@ -46,8 +46,9 @@ KINDS = {
     "regulator": "regulator, other weights",
     "fading regulator": "fading at the end",
     "delayed": "delayed by 60 to 140 ms",
-    "threshold": "and above a threshold",
+    "threshold": "and above 0.6 to 1.7°",
     "act and wait": "and half the time",
+    "wide threshold": "and above 1.7 to 6°",
 }
 LINEAR = tuple(KINDS)[:3]
 STABILITY = StabilitySettings()
@@ -110,8 +111,8 @@ def draw_person(rng, kind: str) -> Person:
     delay = rng.uniform(0.06, 0.14)
     if kind == "delayed":
         return Person(pendulum, gains, delay, always)
-    if kind == "threshold":
-        size = rng.uniform(0.01, 0.03)
+    if kind.endswith("threshold"):
+        size = rng.uniform(*((0.01, 0.03) if kind == "threshold" else (0.03, 0.1)))
         return Person(pendulum, gains, delay, lambda time, e, w: e**2 + (w / 3) ** 2 > size**2)
     period, phase = rng.uniform(0.2, 0.4), rng.uniform(0, 1)
     return Person(pendulum, 2 * gains, delay, lambda time, e, w: (time / period + phase) % 1 < 0.5)

@@ -93,6 +93,7 @@ def test_what_trials_cannot_tell_is_said_with_the_experiment_that_would(pendulum
     for acts in (
         lambda e, w, time: np.where(np.abs(e) > 0.06, 1.5, 0.8),
         lambda e, w, time: 2 * (time % 0.3 < 0.15),
+        lambda e, w, time: e**2 + (w / 3) ** 2 > 0.05**2,
     ):
         other = identify_feedback(pendulum, *trials_of(pendulum, 3, count=24, acts=acts))
         assert any("50 ms apart" in reason for reason in other.unknown)

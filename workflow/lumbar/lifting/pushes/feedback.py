@@ -11,7 +11,9 @@ Jakeman, Int. J. Control 29 (1979) 1–30): four for K1 and K2, linear in time, 
 bias them either. Intervals leave out one trial after the other.
 
 A feedback that does not always act alike (Gawthrop et al., Biol. Cybern. 104 (2011) 31–51) leaves its own torque times a function
-of time. Such products, orthogonal to the estimates (Neyman's C(α)), are compared with those of other trials' pushes.
+of time. Such products, orthogonal to the estimates (Neyman's C(α)), are compared with those of other trials' pushes. One that
+acts above a threshold alone leaves its torque below it. Where pushes have been answered, what a linear loop leaves goes with its
+states as a line, since both are the noise's.
 """
 
 from dataclasses import dataclass, replace
@@ -40,6 +42,11 @@ WIDEST, SIGNIFICANCE = 0.5, 0.02
 """Half-width of an interval as a share of its gain with which the feedback still counts as known; p of no linear feedback."""
 FASTEST_HZ, SHUFFLES = 6.0, 999
 """Change of gains that is looked for, and orders of the trials that it is compared with."""
+SMOOTHED_S, ANSWERED, USUAL = 0.03, 0.05, 0.95
+"""Of the search for a threshold: standard deviation of the window that averages noise, and the size of an error, as a share of
+that below which the third share of errors stay, to which a push is answered."""
+THRESHOLDS = 0.1, 0.2, 0.4, 0.8
+"""That are looked for, as shares of the same."""
 RETURNING = 5.0
 """How many times as far as the first a loop may answer the pushes that still makes instruments."""
 FURTHEST_DEG = OutcomeSettings().lean_deg
@@ -59,7 +66,7 @@ class Feedback:
     delay: np.ndarray
     """Shape (1 + trials,): τ in s; noise may put a short one below 0."""
     p_linear: float
-    """How often a feedback linear in states and time that always acts leaves as much that hangs on the pushes."""
+    """How often a feedback linear in states and time that always acts leaves as much that hangs on pushes or sizes."""
     unknown: tuple[str, ...]
     """Why the trials cannot tell the feedback, and which experiment would; empty where they can."""
 
@@ -184,8 +191,11 @@ def identify_feedback(pendulum: Pendulums, angle: np.ndarray, push: np.ndarray) 
         moved = delay + np.clip(shift, -LARGEST_SHIFT_S, LARGEST_SHIFT_S)
         delay = float(np.clip(moved, -LARGEST_SHIFT_S, LONGEST_DELAY_S))
         if count >= SETTLED and abs(shift) < DELAY_TOLERANCE_S:
-            p_linear = _p_linear(trials.torque + regressors @ every[0], newest[..., :4] @ every[0, :4],
-                                 instruments, regressors, trials.step)  # fmt: skip
+            left, own = trials.torque + regressors @ every[0], every[0, :4]
+            p_always = _p_always(left, newest[..., :4] @ own, instruments, regressors, trials.step)
+            falling = float(np.sqrt(np.abs(pendulum.gravity_torque[0]) / pendulum.inertia[0]))
+            p_even = _p_even(left, regressors[..., :4], newest[..., :4], own, falling, trials.step)
+            p_linear = min(1.0, 3 * min(p_always, p_even))
             return _feedback(pendulum, trials.gains(every), delay - shift + every[:, 4], p_linear)
     raise NumericalError(
         f"feedback: no linear feedback with a delay of up to {LONGEST_DELAY_S:g} s explains how {len(push)} trials answer their "
@@ -228,10 +238,13 @@ def _sums(parts: np.ndarray) -> np.ndarray:
     return np.concatenate([whole[None], whole - len(parts) / (len(parts) - 1) * parts])
 
 
-def _p_linear(
+def _p_always(
     left: np.ndarray, own: np.ndarray, instruments: np.ndarray, regressors: np.ndarray, step: float
 ) -> float:
-    """Test that torque left, shape (trials, points), tells nothing of the feedback's `own`, by shuffling trials."""
+    """Test that torque left, shape (trials, points), tells nothing of the feedback's `own`, by shuffling trials.
+
+    Returned is the least p of two tests.
+    """
     clock = step * np.arange(left.shape[1])
     left, own, instruments, regressors = (
         item[:, EDGE:-EDGE] for item in (left, own, instruments, regressors)
@@ -248,7 +261,36 @@ def _p_linear(
         # The gains change alike in all trials, or in each in its own way.
         found = np.stack([np.abs(each.sum(axis=1)) ** 2, (np.abs(each) ** 2).sum(axis=1)])
         most = np.maximum(most, found / found.mean(axis=1, keepdims=True))
-    return float(min(1.0, 2 * (most >= most[:, :1] * (1 - 1e-9)).mean(axis=1).min()))
+    return float((most >= most[:, :1] * (1 - 1e-9)).mean(axis=1).min())
+
+
+def _p_even(
+    left: np.ndarray, states: np.ndarray, answer: np.ndarray, own: np.ndarray, falling: float, step: float
+) -> float:
+    """Test that torque left goes with small errors as with large ones, by the signs of trials.
+
+    `states`, as of `_Trials.columns`, and `answer` to the pushes have shape (trials, points, 4), `own` makes torque of them.
+    An error of velocity is as large as one of the angle over which the body falls with it, by the rate `falling` in 1/s.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    left, states, answer = (
+        gaussian_filter1d(values, SMOOTHED_S / step, axis=1)[:, EDGE:-EDGE]
+        for values in (left, states, answer)
+    )
+    size, answered = (np.hypot(values[..., 0], values[..., 2] / falling) for values in (states, answer))
+    usual = np.quantile(size, USUAL)
+    kept = (answered < ANSWERED * usual) & (size > 0)
+    small = np.exp(-((size[..., None] / (usual * np.array(THRESHOLDS))) ** 2))
+    values = np.concatenate([left[..., None], (states @ own)[..., None] * small], axis=-1)
+    line = np.concatenate([states, answer], axis=-1)[kept]
+    curved = np.zeros_like(values)
+    curved[kept] = values[kept] - line @ np.linalg.lstsq(line, values[kept])[0]
+    each = np.einsum("tp,tpk->tk", curved[..., 0], curved[..., 1:])
+    signs = np.random.default_rng(0).choice([-1, 1], (SHUFFLES + 1, len(left)))
+    signs[0] = 1
+    most = np.abs(signs @ (each / np.maximum(np.linalg.norm(each, axis=0), 1e-300))).max(axis=1)
+    return float((most >= most[0] * (1 - 1e-9)).mean())
 
 
 def _feedback(pendulum: Pendulums, gains: np.ndarray, delay: np.ndarray, p_linear: float) -> Feedback:
