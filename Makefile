@@ -79,7 +79,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python benchmarks/feedback.py --markdown docs/lifting/pushes.md
 	python benchmarks/push_thresholds.py --markdown docs/lifting/push_experiment.md
 	python benchmarks/body_model.py people --seeds 10
-	python benchmarks/body_model.py coverage --seeds 200
+	python benchmarks/body_model.py coverage --seeds 200 --first 600 --markdown docs/lifting/body_model.md
 	$(MAKE) STUDY=cohort results # the contest of docs/lifting/pushes.md: its tables/push_prediction
 	python benchmarks/runtime.py
 	python benchmarks/perception.py --markdown docs/tissue/perception.md

@@ -1,10 +1,10 @@
 """The body model beside the rules: on virtual people, whose truth is known, and on real recordings.
 
-    python benchmarks/body_model.py [people coverage hidden centre t12 areas] [--seeds 8] [--shared ../shared]
+    python benchmarks/body_model.py [people coverage boxes hidden centre t12 areas] [--seeds 8] [--shared ../shared]
 
 Prints the tables of docs/lifting/body_model.md. `people` takes about 6 CPU-seconds per person and condition, `coverage` (on the
-page of 200 people) about 5 per person, the others together four minutes. Rules bridge every gap by a spline here, however
-long, where they would leave it open by default.
+page of 200 people, `--markdown PAGE` writes it) about 12 per person, the others together four minutes. Rules bridge every gap by
+a spline here, however long, where they would leave it open by default.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ sys.path[:0] = [
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
+from acceptance_page import write_section  # noqa: E402
 from lumbar.lifting.body_model import anatomy  # noqa: E402
 from lumbar.lifting.body_model.build import (  # noqa: E402
     at_nodes,
@@ -43,12 +44,13 @@ from lumbar.lifting.movement.gaps import fill_gaps  # noqa: E402
 from lumbar.lifting.movement.joint_centres import trunk_points  # noqa: E402
 from lumbar.lifting.movement.pendulum_states import pendulum_states  # noqa: E402
 from lumbar.lifting.movement.rigid_filling import body_shape, fill_rigid  # noqa: E402
+from lumbar.lifting.stability.comparison.percent_differences import measured_interval  # noqa: E402
 from lumbar.records.markers import MarkerRecording, read_markers  # noqa: E402
 from lumbar.settings.layout import MarkerLayout  # noqa: E402
 from lumbar.settings.lifting import BodyModelSettings  # noqa: E402
 from predicted_markers import predicted_marker  # noqa: E402
 from study_settings import study_settings, subject_settings  # noqa: E402
-from virtual_people import virtual_trial  # noqa: E402
+from virtual_people import JOINTS, virtual_trial  # noqa: E402
 
 RATE = 50.0
 """Instants of the model per second."""
@@ -170,15 +172,17 @@ def one_person(settings, seed: int, condition: tuple[str, float]) -> np.ndarray:
 
 BASINS = {"mid_ankle": (50, 0.003), "hip": (200, 2.0)}
 """Knots and control weight (as `stability.grid` has it) about each pivot; more knots change the areas by less than 0.2 %."""
-COVERAGE_DRAWS = 100
+COVERAGE_DRAWS, BOX_DRAWS = 100, 400
 ABOUT_S = 1.2
 """Seconds kept before and after the deposit."""
 
 
-def area_intervals(seed: int) -> pd.DataFrame:
+def area_intervals(
+    seed: int, joints_of: str, lift: str | None = None, count: int = COVERAGE_DRAWS, pivots=tuple(BASINS)
+) -> pd.DataFrame:
     """Intervals of one virtual person's basin areas between detected events, and the true areas between the true ones."""
     study = study_settings()
-    trial = virtual_trial(study.twin.lifting, seed)
+    trial = virtual_trial(study.twin.lifting, seed, joints_of=joints_of, lift=lift)
     recording = MarkerRecording("virtual", trial.time, trial.rate, trial.markers)
     events = find_events(filter_markers(recording), study.lifting.events)
     start, stop = trial.events.deposit_start, trial.events.release
@@ -186,9 +190,10 @@ def area_intervals(seed: int) -> pd.DataFrame:
     positions = {name: points[kept] for name, points in recording.positions.items()}
     times, nodes = at_nodes(replace(recording, time=trial.time[kept], positions=positions), RATE)
     found = fit(build(times, nodes, trial.person.height_m, "male", held_frames(times, events)))
-    draws, off = list(found.draws(COVERAGE_DRAWS, seed)), BodyModelSettings().event_sd_s
+    draws, off = list(found.draws(count, seed)), BodyModelSettings().event_sd_s
     rows = []
-    for pivot, (knots, weight) in BASINS.items():
+    for pivot in pivots:
+        knots, weight = BASINS[pivot]
         settings = replace(study.lifting, points=knots, pivot=pivot)
         regulator = replace(study.stability.regulator, control_weight=weight)
         stability = replace(study.stability, knots=knots, regulator=regulator)
@@ -204,35 +209,85 @@ def area_intervals(seed: int) -> pd.DataFrame:
         table = basin_intervals(modelled, stability, sign, pivot)
         rows.append(table.assign(truth=truth.mean_area, about=pivot))
     late = {name: events[name].time_s - getattr(trial.events, name) for name in DEPOSIT}
-    return pd.concat(rows).assign(**late)
+    return pd.concat(rows).assign(joints=joints_of, **late)
 
 
-def show_coverage(rows: pd.DataFrame) -> None:
-    """Print how often an interval holds the true area, where there is a true basin and an interval."""
-    print(
-        "| about | pendulum | people | in 95 % | ln(area/true) mean, SD | SD of the draws | no basin: told, true |"
-    )
-    print("|---|---|---|---|---|---|---|")
-    for (about, com, plane), own in rows.groupby(["about", "com", "plane"], sort=False):
+def covered(rows: pd.DataFrame) -> pd.DataFrame:
+    """How often an interval holds the true area, where there is a true basin and an interval, and by how much both are off."""
+    table = []
+    for key, own in rows.groupby(["joints", "about", "com", "plane"], sort=False):
         both = own.dropna(subset=["truth", "mean_area_low"])
         inside = both.truth.between(both.mean_area_low, both.mean_area_high).mean()
         off = np.log(both.mean_area / both.truth)
-        width = np.log(both.mean_area_high / both.mean_area_low).mean() / 3.92
-        lost = f"{100 * own.no_basin_share.mean():.0f}, {100 * own.truth.isna().mean():.0f} %"
-        shown = (
-            f"{len(both)} | {100 * inside:.1f} % | {off.mean():+.3f}, {off.std():.3f} | {width:.3f} | {lost}"
-        )
-        print(f"| {about} | {com}, {plane} | {shown} |")
-    for name in DEPOSIT:
-        late = 1e3 * rows[name]
-        print(
-            f"{name}: {late.mean():+.0f} ± {late.std():.0f} ms, root mean square {np.sqrt((late**2).mean()):.0f}"
-        )
+        drawn = np.log(both.mean_area_high / both.mean_area_low).mean() / 3.92
+        lost = 100 * own.no_basin_share.mean(), 100 * own.truth.isna().mean()
+        table.append((*key, len(own), len(both), 100 * inside, off.mean(), off.std(), drawn, *lost))
+    columns = [
+        "simulated",
+        "with both",
+        "in 95 %",
+        "ln(area/true)",
+        "its SD",
+        "of the draws",
+        "no basin, %: told",
+        "true",
+    ]
+    return pd.DataFrame(table, columns=["joints", "about", "com", "plane", *columns])
 
 
-def coverage(people: int, first: int = 0) -> None:
+def coverage_lines(table: pd.DataFrame) -> list[str]:
+    """The page's table: a row per pendulum, coverage about ankles and hips in both planes."""
+    lines = ["| joints | people | pendulum | ankles, lateral | flexion | hips, lateral | flexion |"]
+    lines.append("|" + "---|" * 7)
+    for (joints, com), own in table.groupby(["joints", "com"], sort=False):
+        shares = " | ".join(f"{share:.1f}" for share in own["in 95 %"])
+        lines.append(f"| {joints} | {own['simulated'].max()} | {com} | {shares} |")
+    return lines
+
+
+def coverage(people: int, first: int = 0, markdown: Path | None = None) -> None:
     """Coverage of the areas' intervals about ankles and hips, of people from one on."""
-    show_coverage(pd.concat([area_intervals(seed) for seed in range(first, first + people)]))
+    seeds = range(first, first + people)
+    rows = pd.concat([area_intervals(seed, joints) for joints in JOINTS for seed in seeds])
+    table = covered(rows)
+    print(table.round(3).to_string(index=False))
+    for name in DEPOSIT:
+        print(f"{name}, late by ms:", (1e3 * rows[name]).agg(["mean", "std"]).round(0).to_dict())
+    lines = coverage_lines(table)
+    print("\n".join(lines))
+    if markdown:
+        write_section(markdown, "areas covered", lines)
+
+
+def boxes(people: int, first: int = 0) -> None:
+    """Coverage of the intervals of what a lighter box changes, of people who lift both, about the ankles."""
+    rows = []
+    for seed in range(first, first + people):
+        who = ("expert", "novice")[seed % 2]
+        both = pd.concat(
+            area_intervals(seed, JOINTS[0], f"{who}_{mass}kg", BOX_DRAWS, ("mid_ankle",)).assign(
+                subject=who, experience=who, box_mass_kg=float(mass)
+            )
+            for mass in (15, 23)
+        )
+        for (com, plane), own in both.groupby(["com", "plane"], sort=False):
+            light, heavy = own["truth"]
+            ends = measured_interval(own, (who, 23.0), (who, 15.0), com, plane)
+            rows.append((com, plane, *ends, 100 * (light / heavy - 1)))
+    table = pd.DataFrame(rows, columns=["com", "plane", "low", "high", "truth"])
+    table["held"] = table["truth"].between(table["low"], table["high"])
+    table["off"], table["width"] = (
+        (table["low"] + table["high"]) / 2 - table["truth"],
+        table["high"] - table["low"],
+    )
+    print(
+        table.groupby(["com", "plane"], sort=False).agg(
+            {"held": "mean", "off": ["mean", "std"], "width": "mean"}
+        )
+    )
+    print(
+        f"{100 * table['held'].mean():.1f} % of {len(table)} held, half-width {table['width'].mean() / 2:.2f} points"
+    )
 
 
 def segment_centres_or_none(points) -> dict[str, np.ndarray]:
@@ -399,10 +454,15 @@ def main() -> None:
         "t12": t12,
         "areas": areas,
     }
-    virtual = {"people": people, "coverage": lambda count: coverage(count, options.first)}
+    virtual = {
+        "people": people,
+        "coverage": lambda count: coverage(count, options.first, options.markdown),
+        "boxes": lambda count: boxes(count, options.first),
+    }
     parser.add_argument("parts", nargs="*", choices=[*parts, *virtual, []], default=[])
     parser.add_argument("--seeds", type=int, default=8)
-    parser.add_argument("--first", type=int, default=0, help="coverage of people from this one on")
+    parser.add_argument("--first", type=int, default=0, help="coverage and boxes of people from this one on")
+    parser.add_argument("--markdown", type=Path, help="page that the table of coverage goes into")
     parser.add_argument("--recording", choices=list(SOURCES), help="hide markers of this one alone")
     parser.add_argument("--shared", type=Path, default=PROJECT.parent / "shared")
     options = parser.parse_args()

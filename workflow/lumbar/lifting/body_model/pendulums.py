@@ -18,7 +18,7 @@ from lumbar.lifting.body_model.build import at_nodes, build, measured_markers
 from lumbar.lifting.body_model.fit import BodyFit, fit, model_points, model_recording
 from lumbar.lifting.body_model.structure import Unknowns
 from lumbar.lifting.movement.centre_of_mass import SegmentTable, centres_of_mass
-from lumbar.lifting.movement.events import Event, held_frames
+from lumbar.lifting.movement.events import DETECTED, Event, held_frames
 from lumbar.lifting.movement.lift import AnalysedLift
 from lumbar.lifting.movement.pendulum_states import PendulumStates, pendulum_states, pivot_trajectory, turn
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
@@ -53,7 +53,7 @@ class Conditions:
     settings: LiftingSettings
     """Pivot, how the box counts, and length of the states."""
     event_sd: float = 0.0
-    """Standard deviation of the instants of start and release, seconds."""
+    """Error of the instants of start and release, seconds (root mean square)."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def model_pendulums(fit: BodyFit, conditions: Conditions, draws: Iterable[Unknow
     (best,), masses = _states(fit, fit.best, conditions, [window])
     squares, rng, drawn, constants = dict.fromkeys(best, 0.0), np.random.default_rng(SEED), [], []
     for draw in draws:
-        windows = [window, _drawn(window, conditions.event_sd, fit.model.time, rng)]
+        windows = [window, _drawn(window, conditions, fit.model.time, rng)]
         (own, timed), _ = _states(fit, draw, conditions, windows)
         for key, states in own.items():
             squares[key] += (np.array([*vars(states).values()]) - [*vars(best[key]).values()]) ** 2
@@ -95,10 +95,16 @@ def model_pendulums(fit: BodyFit, conditions: Conditions, draws: Iterable[Unknow
     return ModelPendulums(best, sd, drawn, np.array(constants), masses)
 
 
-def _drawn(window: Window, sd: float, time: np.ndarray, rng: np.random.Generator) -> Window:
-    """Return the window with both ends drawn, no further than a quarter of it; with few instants, for an area."""
+def _drawn(window: Window, conditions: Conditions, time: np.ndarray, rng: np.random.Generator) -> Window:
+    """Return the window with both ends drawn, no further than a quarter of it; with few instants, for an area.
+
+    Ends that detection found move apart alone: it sees a movement after it has begun, and sees it no more before it has ended.
+    """
     start, stop, points = window
-    off = np.clip(sd * rng.standard_normal(2), -(stop - start) / 4, (stop - start) / 4)
+    off = np.clip(conditions.event_sd * rng.standard_normal(2), -(stop - start) / 4, (stop - start) / 4)
+    found = [conditions.events[name] for name in DEPOSIT]
+    at_rest = [event.method == DETECTED and event.descent_s in (None, event.time_s) for event in found]
+    off = np.where(at_rest, np.abs(off) * (-1, 1), off)
     return max(time[0], start + off[0]), min(time[-1], stop + off[1]), min(points, DRAWN_POINTS)
 
 

@@ -105,8 +105,8 @@ def comparisons(people: pd.DataFrame, groups: tuple[str, str] = GROUPS):
 def measured_interval(measured: pd.DataFrame, before, after, com: str, plane: str) -> tuple[float, float]:
     """Ends of the 95 % interval that measurement leaves of a percent difference; NaN without a basin or a comparison.
 
-    `measured` is that of `Study`, `before` and `after` are of `comparisons`. Relative errors are lognormal. The
-    share that lasts is the same in all lifts of a person, the rest and other persons' are independent.
+    `measured` is that of `Study`, `before` and `after` are of `comparisons`. Relative errors are lognormal about
+    the middle of its interval. The share that lasts is the same in all lifts of a person; all else is independent.
     """
     ratio, variance, lasting = 1.0, 0.0, pd.Series(dtype=float)
     cells = measured[(measured["com"] == com) & (measured["plane"] == plane)]
@@ -114,7 +114,8 @@ def measured_interval(measured: pd.DataFrame, before, after, com: str, plane: st
         rows = cells[(cells[["experience", "box_mass_kg"]] == side).all(axis=1)] if side else cells[:0]
         if rows.empty:
             return np.nan, np.nan
-        area, low, high = rows[["mean_area", "mean_area_low", "mean_area_high"]].to_numpy(float).T
+        low, high = rows[["mean_area_low", "mean_area_high"]].to_numpy(float).T
+        area = np.sqrt(low * high)
         ratio *= area.mean() ** power
         error, share = power * area / area.sum() * np.log(high / low) / 2, rows["lasting_share"].to_numpy()
         variance += np.sum(error**2 * (1 - share))
