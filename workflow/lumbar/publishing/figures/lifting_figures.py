@@ -92,12 +92,8 @@ def events_figure(lift: dict) -> Figure:
     for axis in axes[: 3 if feet else 2]:
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     axes[-1].set_xlim(float(motion["time_s"].iloc[0]), float(motion["time_s"].iloc[-1]))
-    figure.suptitle(_lift_name(lift), x=0.01, ha="left", fontweight="bold")
+    figure.suptitle(person_and_box(lift["summary"]), x=0.01, ha="left", fontweight="bold")
     return figure
-
-
-def _lift_name(lift: dict) -> str:
-    return person_and_box(lift["summary"])
 
 
 def _mark_events(axes, events: dict) -> None:
@@ -317,7 +313,9 @@ def _without_deposit(lift: dict) -> Figure:
     said = "\n".join(dict.fromkeys(lift["summary"]["missing"].values()))
     lines = [part for line in said.splitlines() for part in fill(line, 110).splitlines()]
     axes.set_axis_off()
-    axes.text(0, 1, "\n".join([f"{_lift_name(lift)}: no pendulum", *lines]), va="top", fontsize=7)
+    axes.text(
+        0, 1, "\n".join([f"{person_and_box(lift['summary'])}: no pendulum", *lines]), va="top", fontsize=7
+    )
     return figure
 
 

@@ -19,8 +19,8 @@ from lumbar.lifting.stability.comparison.perturbed_trials import (
     references,
     values_of,
 )
-from lumbar.lifting.stability.model.eq_4_2_regulator import normal_axes
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS, SERIES
+from lumbar.publishing.figures.stability_figures import ellipses
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 from lumbar.settings.pushes import PerturbationsSettings
 from lumbar.settings.stability import StabilitySettings
@@ -136,11 +136,10 @@ def trials_figure(
     mean = mean_trajectory(unperturbed, settings)
     funnel = funnels_of([mean], stability.pendulum.sign, stability)[0]
     figure, (plane, values, counts) = new_figure(DOUBLE_COLUMN, 3.0, ncols=3)
-    root = np.sqrt(funnel.level[:, 0])
-    a, p, q = (root * axis[:, 0] for axis in normal_axes(funnel.cost))
+    angles, velocities = ellipses(funnel.cost[:, 0], funnel.level[:, 0], _CIRCLE)
     for knot in np.linspace(0, PHASE_POINTS - 1, 12).round().astype(int):
-        angle = mean.angle[knot] + a[knot] * np.cos(_CIRCLE)
-        velocity = mean.angular_velocity[knot] + p[knot] * np.cos(_CIRCLE) + q[knot] * np.sin(_CIRCLE)
+        angle = mean.angle[knot] + angles[knot]
+        velocity = mean.angular_velocity[knot] + velocities[knot]
         look = {"facecolor": "#00000010", "edgecolor": "#555555", "linewidth": 0.5}
         plane.fill(angle, velocity, label="basin of the mean" if knot == 0 else None, **look)
     phase = np.linspace(0.0, 100.0, PHASE_POINTS)

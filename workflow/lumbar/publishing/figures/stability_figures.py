@@ -50,18 +50,13 @@ def shown_lift(facts: list[dict], labels: dict[str, str], group: str) -> int:
     return max(chosen or candidates, key=lambda index: (facts[index]["box_mass_kg"], -index))
 
 
-def ellipses(
-    rows: pd.DataFrame, level: np.ndarray, circle: np.ndarray = _CIRCLE
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return angle and angular velocity on {x̄ᵀSx̄ = level} about the reference, shapes (rows, points)."""
-    s11, s12, s22 = (rows[name].to_numpy()[:, None] for name in ("s11", "s12", "s22"))
-    determinant = s11 * s22 - s12**2
-    root = np.sqrt(np.asarray(level))[:, None]
-    first, second = np.cos(circle), np.sin(circle)
-    error = root * np.sqrt(s22 / determinant) * first
-    velocity = root * (second / np.sqrt(s22) - s12 / np.sqrt(s22 * determinant) * first)
-    angle, speed = (rows[name].to_numpy()[:, None] for name in ("theta0_rad", "thetadot0_rad_s"))
-    return angle + error, speed + velocity
+def ellipses(cost: np.ndarray, level: np.ndarray, circle: np.ndarray = _CIRCLE) -> np.ndarray:
+    """Errors of angle and angular velocity on {x̄ᵀSx̄ = level}, shape (2, rows, points); S as s11, s12, s22, shape (rows, 3)."""
+    a, p, q = (np.sqrt(level)[:, None] * axis[:, None] for axis in normal_axes(cost))
+    return np.stack([a * np.cos(circle), p * np.cos(circle) + q * np.sin(circle)])
+
+
+_COST, _REFERENCE = ["s11", "s12", "s22"], ["theta0_rad", "thetadot0_rad_s"]
 
 
 @dataclass(frozen=True)
@@ -195,7 +190,8 @@ def shared_legend(figure, axes, ncols: int) -> None:
 def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None = None) -> None:
     """Draw the sections of one basin, the goal set, the trajectory and, where its level is given, the regulator's ellipses."""
     every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
-    edges = np.stack(ellipses(every, every["rho"].to_numpy()), axis=-1)
+    errors = ellipses(every[_COST].to_numpy(), every["rho"].to_numpy())
+    edges = every[_REFERENCE].to_numpy()[:, None] + np.moveaxis(errors, 0, -1)
     later = np.linspace(0.3, 1.0, SECTIONS)
     look = {"edgecolors": [to_rgba(colour, alpha) for alpha in later], "linewidths": 0.8}
     label = f"{SECTIONS} sections, darker later"
@@ -203,11 +199,16 @@ def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None =
     axis.set_axisbelow(True)
     axis.plot(*edges[0].T, color=colour, label="basin at t = 0", linewidth=1.4, linestyle=(0, (4, 1.5)))
     if regulator is not None:
-        angle, velocity = ellipses(rows.iloc[:1], np.array([regulator]))
+        first = rows.iloc[:1]
+        from_it = ellipses(first[_COST].to_numpy(), np.array([regulator]))[:, 0]
         dotted = {"color": "#555555", "linewidth": 0.9, "linestyle": (0, (1, 1.2))}
-        axis.plot(angle[0], velocity[0], label=f"regulator, V ≤ {regulator:g}, t = 0", **dotted)
+        axis.plot(
+            *(first[_REFERENCE].to_numpy().T + from_it),
+            label=f"regulator, V ≤ {regulator:g}, t = 0",
+            **dotted,
+        )
     axis.plot(*edges[-1].T, color=GOAL, linewidth=1.4, label="section at T")
-    path, ink = (rows["theta0_rad"], rows["thetadot0_rad_s"]), {"color": MEASURED, "linewidth": 0.8}
+    path, ink = [rows[name] for name in _REFERENCE], {"color": MEASURED, "linewidth": 0.8}
     axis.plot(*path, label="trajectory, enlarged in the corner", **ink)
     _inset(axis, *path)
 
@@ -264,7 +265,9 @@ def _sections(
     """Edges of all sections at t = 0, shape (2, points), by plane and method, with the goal set and all that reach it."""
     found: dict[str, dict[str, np.ndarray]] = {item.plane: {} for item in shown}
     for (plane, method), rows in known.groupby(["plane", "method"]):
-        first, last = _centred(rows.iloc[[0, -1]])
+        ends = rows.iloc[[0, -1]]
+        errors = ellipses(ends[_COST].to_numpy(), ends["rho"].to_numpy(), _FINE_CIRCLE)
+        first, last = np.moveaxis(errors, 1, 0)
         found[plane] |= {method: first}
         if method == "exact":
             found[plane] |= {"goal": last, "times": _times_the_range(rows)}
@@ -280,7 +283,8 @@ def _sections(
     for name in (*thesis_methods(settings)[1:], "best"):
         for attempt in attempts(sound, name, []):
             with attempt as items:
-                first = _section(_funnels(items, name, fewer), 0)
+                funnels = _funnels(items, name, fewer)
+                first = ellipses(funnels.cost[0], funnels.level[0], _FINE_CIRCLE)
                 for index, item in enumerate(items):
                     found[item.plane][name] = first[:, index]
     return found
@@ -288,15 +292,9 @@ def _sections(
 
 def _times_the_range(rows: pd.DataFrame) -> np.ndarray:
     """How many times as far as each state ranges a funnel reaches from its trajectory, shape (2,)."""
-    cost, level = rows[["s11", "s12", "s22"]].to_numpy()[:, None], rows[["rho"]].to_numpy()
+    cost, level = rows[_COST].to_numpy()[:, None], rows[["rho"]].to_numpy()
     funnels = Funnels("exact", rows["time_s"].to_numpy()[-1:], cost, level)
-    return funnels.reach[0] / np.ptp(rows[["theta0_rad", "thetadot0_rad_s"]].to_numpy(), axis=0)
-
-
-def _centred(rows: pd.DataFrame) -> np.ndarray:
-    """Edges of sections about the trajectory, shape (rows, 2, points)."""
-    about = rows.assign(theta0_rad=0.0, thetadot0_rad_s=0.0)
-    return np.stack(ellipses(about, about["rho"].to_numpy(), _FINE_CIRCLE), axis=1)
+    return funnels.reach[0] / np.ptp(rows[_REFERENCE].to_numpy(), axis=0)
 
 
 def _draw(axis, sections: dict[str, np.ndarray]) -> None:
@@ -332,10 +330,3 @@ def _funnels(trajectories: list[Trajectory], name: str, settings: StabilitySetti
     if name == "best":
         return best_of_family(loops, settings.goal_level, settings.lyapunov_shares).exact
     return METHODS[name](loops, settings).funnels
-
-
-def _section(funnels: Funnels, knot: int) -> np.ndarray:
-    """Edge of one section, shape (2, pendulums, points)."""
-    a, p, q = (axis[:, None] for axis in normal_axes(funnels.cost[knot]))
-    root = np.sqrt(funnels.level[knot])[:, None]
-    return root * np.stack([a * np.cos(_FINE_CIRCLE), p * np.cos(_FINE_CIRCLE) + q * np.sin(_FINE_CIRCLE)])
