@@ -25,9 +25,8 @@ from lumbar.cli.command import INTERRUPTED
 from lumbar.page_server.index import Index
 from lumbar.page_server.own_recordings import OwnDiagnosis
 from lumbar.page_server.requests import TabRequests
-from lumbar.page_server.served_sets import ExploredSet, ServedLift, ServedSets
+from lumbar.page_server.served_sets import ExploredSet, ServedLift, ServedSets, StoredVerdict
 from lumbar.page_server.server import new_server
-from lumbar.page_server.stored import StoredVerdict
 from lumbar.page_server.trust import TOKEN, Visitors
 from lumbar.page_server.waiting import HEIGHT, Sketch
 from lumbar.settings.plain import plain

@@ -117,8 +117,7 @@ def _example(options) -> ExploredSet:
 
 def _of_results(options) -> list[ExploredSet]:
     """Verdicts in the results of a study, as they stand."""
-    from lumbar.page_server.served_sets import ExploredSet
-    from lumbar.page_server.stored import StoredVerdict
+    from lumbar.page_server.served_sets import ExploredSet, StoredVerdict
 
     folders = [page.parent for page in sorted(options.target.glob("improvement/*/diagnosis.html"))]
     return [ExploredSet(folder.name, None, EXPLORED, stored=StoredVerdict(folder)) for folder in folders]
@@ -173,8 +172,7 @@ def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
     """A record set, diagnosed as the workflow does."""
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.keeping import keep_effects
-    from lumbar.page_server.served_sets import ExploredSet
-    from lumbar.page_server.stored import StoredVerdict
+    from lumbar.page_server.served_sets import ExploredSet, StoredVerdict
     from lumbar.settings.plain import plain
     from lumbar.study.load_study import DEFAULT_FILES
     from lumbar.study.study import settings_of_set

@@ -6,12 +6,16 @@ import secrets
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+from lumbar.base.errors import Problems
+from lumbar.base.files import read_json
 from lumbar.base.progress import going_on
+from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, Job
 from lumbar.publishing.explorer.shown import ShownModel, model_key
@@ -21,9 +25,50 @@ from lumbar.settings.stability import StabilitySettings
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.interface.refinement import Refinement
-    from lumbar.page_server.stored import StoredVerdict
     from lumbar.page_server.study_change import Change
     from lumbar.publishing.explorer.page import ExplorerPage
+
+
+@dataclass(frozen=True)
+class StoredVerdict:
+    """The diagnosis of one record set in ``results/<study>/improvement``."""
+
+    folder: Path
+    settings: Mapping[str, Any] | None = None
+    """The study's as they are now, as plain data; None takes the verdict as it stands."""
+    sources: Sequence[Path] = ()
+    """Recordings and files of settings."""
+
+    @property
+    def page(self) -> Path:
+        """Its page as a file."""
+        return self.folder / "diagnosis.html"
+
+    @property
+    def made(self) -> str:
+        """When it was made."""
+        return f"{datetime.fromtimestamp(self.page.stat().st_mtime):%Y-%m-%d %H:%M}"
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is there and of these settings and recordings: the run had the same settings, no file is newer."""
+        if not self.page.is_file():
+            return False
+        if self.settings is None:
+            return True
+        made = self.page.stat().st_mtime
+        if any(path.is_file() and path.stat().st_mtime > made for path in self.sources):
+            return False
+        run = self.folder.parents[1] / "run_config.yaml"
+        return run.is_file() and read_yaml(run, Problems(str(run))).content == self.settings
+
+    @property
+    def sentence(self) -> str:
+        """What it says."""
+        # Here, not above: the server listens before Matplotlib is read.
+        from lumbar.publishing.study_report.contents import diagnosis_sentence
+
+        return diagnosis_sentence(read_json(self.folder / "diagnosis.json"))
 
 
 @dataclass(eq=False)
