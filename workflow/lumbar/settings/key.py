@@ -6,6 +6,7 @@ reference pages and the JSON schema from them.
 """
 
 import sys
+from collections.abc import Callable
 from dataclasses import Field, dataclass, field
 from functools import cache
 from pathlib import Path
@@ -106,65 +107,47 @@ class Each:
         return {**handler(kind), **self.limits}
 
 
-class Unique:
-    """No entry of a list twice, for ``Annotated``."""
+class Checked:
+    """A value that a function checks, for ``Annotated``; the rest goes into its JSON schema."""
+
+    def __init__(self, check: Callable[[Any], Any], **schema):
+        self.check, self.schema = check, schema
 
     def __get_pydantic_core_schema__(self, kind, handler):
         from pydantic_core import core_schema
 
-        return core_schema.no_info_after_validator_function(self._check, handler(kind))
+        return core_schema.no_info_after_validator_function(self.check, handler(kind))
 
     def __get_pydantic_json_schema__(self, schema, handler):
-        return {**handler(schema), "uniqueItems": True}
-
-    @staticmethod
-    def _check(entries: tuple) -> tuple:
-        twice = sorted({str(entry) for entry in entries if entries.count(entry) > 1})
-        if twice:
-            raise ValueError(f"{', '.join(twice)} stands twice")
-        return entries
+        return {**handler(schema), **self.schema}
 
 
-UNIQUE = Unique()
+def _each_once(entries: tuple) -> tuple:
+    twice = sorted({str(entry) for entry in entries if entries.count(entry) > 1})
+    if twice:
+        raise ValueError(f"{', '.join(twice)} stands twice")
+    return entries
 
 
-class Ascending:
-    """No entry of a list smaller than the one before it, for ``Annotated``."""
-
-    def __get_pydantic_core_schema__(self, kind, handler):
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_after_validator_function(self._check, handler(kind))
-
-    @staticmethod
-    def _check(entries: tuple) -> tuple:
-        if list(entries) != sorted(entries):
-            raise ValueError(f"{', '.join(f'{entry:g}' for entry in entries)} do not ascend")
-        return entries
+def _ascending(entries: tuple) -> tuple:
+    if list(entries) != sorted(entries):
+        raise ValueError(f"{', '.join(f'{entry:g}' for entry in entries)} do not ascend")
+    return entries
 
 
-ASCENDING = Ascending()
+def _no_device(name: str) -> str:
+    """Refuse names of devices: files of that name cannot be copied to Windows."""
+    if is_device(name):
+        raise ValueError(f"{name!r} is a device on Windows, where no file can be called so")
+    return name
 
 
-class NoDevice:
-    """No name of a device, for ``Annotated``: files of that name cannot be copied to Windows."""
-
-    def __get_pydantic_core_schema__(self, kind, handler):
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_after_validator_function(self._check, handler(kind))
-
-    @staticmethod
-    def _check(name: str) -> str:
-        if is_device(name):
-            raise ValueError(f"{name!r} is a device on Windows, where no file can be called so")
-        return name
-
-
+UNIQUE, NO_DEVICE = Checked(_each_once, uniqueItems=True), Checked(_no_device)
+ASCENDING = Checked(_ascending)
 Positive = Annotated[float, Each(gt=0)]
 Word = Annotated[str, Each(min_length=1)]
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
 """Names that become folders: a letter or digit, then letters, digits, ``_`` and ``-``."""
-FolderName = Annotated[str, Each(pattern=NAME), NoDevice()]
-RecordName = Annotated[str, Each(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"), NoDevice()]
+FolderName = Annotated[str, Each(pattern=NAME), NO_DEVICE]
+RecordName = Annotated[str, Each(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"), NO_DEVICE]
 """Names of records, which may hold a point."""
