@@ -319,3 +319,13 @@ def test_forces_of_the_same_name_packed_files_and_tables_become_trials(tmp_path)
         lumbar.lift(tmp_path / "lift.c3d", person(TrialSettings(23, "lift.c3d", forces="lost.mot")))
     found = lumbar.lift(tmp_path / "lift.c3d", person(TrialSettings(23, "lift.c3d", forces="lift_grf.mot")))
     assert "lift_grf.mot: time does not increase" in found.plates.findings[0]
+
+
+def test_missing_shoulders_are_told_once_with_what_helps(tmp_path, run):
+    lifted(tmp_path, a=without("L_SHOULDER", "R_SHOULDER"))
+    measures = str(lumbar.measure_movement(lumbar.lift(tmp_path / "a.c3d", person(), 23))).splitlines()
+    assert "margin_of_stability, smallest_impulse: none (no L_SHOULDER, R_SHOULDER)" in measures
+    assert (
+        "where the file has L_SHOULDER, R_SHOULDER, name their labels in lifting.markers.aliases" in measures
+    )
+    assert "new-study" not in str(lumbar.inspect(tmp_path / "a.c3d"))

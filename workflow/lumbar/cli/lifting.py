@@ -46,7 +46,7 @@ def run_lift(options) -> None:
     found.save(options.output)
     measures = measure_movement(found, settings=study.stability)
     measures.save(options.output)
-    print(found)
+    print(found if found.analysed.states else found.seen)  # why there is no pendulum stands at the end
     print(measures)
     print("\n".join(found.checks))
     if options.body_model:

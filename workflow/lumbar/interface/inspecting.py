@@ -16,7 +16,7 @@ from lumbar.lifting.movement.lift import NEW_STUDY, analyse_lift
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.body import axes_found
 from lumbar.lifting.quality.gate import usable_markers
-from lumbar.lifting.quality.landmarks import landmarks
+from lumbar.lifting.quality.landmarks import THIGH, landmarks
 from lumbar.lifting.quality.screening import Screening, meant_labels, naming, sheet_of
 from lumbar.lifting.quality.sheet import QualitySheet, quality_sheet
 from lumbar.records.force_plates import read_force_plates
@@ -218,7 +218,9 @@ class Inspected:
             "standard markers": ", ".join(filled) or "none",
             "recognised, but no alias names it": suggested,
             "estimated": "; ".join(f"{name} ({rule})" for name, rule in sheet.estimated.items()),
-            "without": ", ".join(name for name in sheet.absent if name not in (*recognised, *REFINING)),
+            "without (name their labels in markers.aliases)": ", ".join(
+                name for name in sheet.absent if name not in (*recognised, *REFINING)
+            ),
             "unused": "" if unused in words else unused,
             "as a lift": "analysed" if runs else "refused",
         }
@@ -227,8 +229,8 @@ class Inspected:
 
     def _suggested(self) -> dict[str, str]:
         """Landmarks whose usual labels the file has, which no alias of the settings takes."""
-        known = landmarks(self.points, self.meant).items()
-        return {name: label for name, label in known if label not in self.meant.values()}
+        free = [label for label in self.sheet.unused if label not in THIGH]
+        return {name: label for name, label in landmarks(free).items() if name in self.sheet.absent}
 
     def save_picture(self, path: str | os.PathLike) -> None:
         """Draw heights, gaps and findings into a file ``.svg`` or ``.pdf``."""

@@ -261,8 +261,13 @@ class Lift(Result):
         yield "pendulum.json", {**self.facts, **checked, **label}
 
     def __str__(self) -> str:
-        lines = [*self._events_in_words(), *without_pendulum(self.analysed.missing)]
-        return "\n".join([*lines, *(f"{finding.outcome}: {finding}" for finding in self.quality.findings)])
+        return "\n".join([self.seen, *without_pendulum(self.analysed.missing)])
+
+    @property
+    def seen(self) -> str:
+        """What was found in the recording: its events, and what cannot be a body's."""
+        findings = [f"{finding.outcome}: {finding}" for finding in self.quality.findings]
+        return "\n".join([*self._events_in_words(), *findings])
 
     def _events_in_words(self) -> list[str]:
         """Each event, what it was found in, between which times it must lie; and what hands leave open."""

@@ -1,6 +1,7 @@
 """``lumbar.measure_movement``: how near a lift comes to a step, how the trunk is bent, and what the back carries."""
 
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -22,7 +23,7 @@ from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES, Trajectory, trajectories_of_lift
-from lumbar.settings.lifting import LiftingSettings
+from lumbar.settings.lifting import ALIASES, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
@@ -115,12 +116,22 @@ class Measures(Result):
 
     def __str__(self) -> str:
         named = self.values[self.values["measure"].map(lambda name: MEASURES[name].headline)]
-        lines = [
-            f"{row.measure}: none ({row.reason})"
-            if row.reason
-            else f"{row.measure}: {row.value:.3g} {row.unit} ({row.safer} is safer; {WINDOWS[MEASURES[row.measure].phase]})"
-            for row in named.drop_duplicates("measure").itertuples()
-        ]
+        lines: list[str] = []
+        absent: dict[str, list[str]] = {}
+        for row in named.drop_duplicates("measure").itertuples():
+            if row.reason:
+                absent.setdefault(row.reason, []).append(row.measure)
+                continue
+            told = f"{row.safer} is safer; {WINDOWS[MEASURES[row.measure].phase]}"
+            lines.append(f"{row.measure}: {row.value:.3g} {row.unit} ({told})")
+        lines += [f"{', '.join(measures)}: none ({reason})" for reason, measures in absent.items()]
+        unfilled = sorted(
+            {name for name in ALIASES for reason in absent if name in re.findall(r"\w+", reason)}
+        )
+        if unfilled:
+            lines.append(
+                f"where the file has {', '.join(unfilled)}, name their labels in lifting.markers.aliases"
+            )
         return "\n".join([*lines, *self.course.notes])
 
     def __repr__(self) -> str:

@@ -237,7 +237,9 @@ def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missin
 
 def recognised_unaliased(recording: MarkerRecording) -> str:
     """Say what to do about markers whose usual meaning is known and that no alias names; empty where there are none."""
-    known = [one for one in landmarks(x for x in recording.unused if x not in THIGH) if one not in recording]
+    known = [
+        one for one in landmarks(x for x in recording.unused if x not in THIGH) if one in recording.absent
+    ]
     return f"{NEW_STUDY} writes aliases for those that are recognised: {', '.join(known)}" if known else ""
 
 

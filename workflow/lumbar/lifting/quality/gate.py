@@ -48,7 +48,8 @@ _CLOUD_M = (0.15, 6.0)
 """Plausible extent of all markers in one frame, where no label is known."""
 _FACTORS = (1000.0, 100.0, 10.0, 25.4, 2.54)
 _RESTLESS_LEAPS, _RESTLESS_SHARE = 12, 0.01
-_JITTER_M = 3e-3
+_JITTER_M, _JERK_M_S3 = 3e-3, 150.0
+"""Median of half the third differences that is noise; at 30 Hz a walk makes larger ones."""
 _RMS_OF_STEPS = 0.504
 """Of white noise, its root mean square in space by the median size of half the third differences: sqrt(3 / 5) over the
 median 1.538 of a chi distribution with three degrees of freedom."""
@@ -389,7 +390,7 @@ def _jitter(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
     for label, positions in points.items():
         size = step_sizes(positions)
         usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
-        if usual > _JITTER_M:
+        if usual > max(_JITTER_M, _JERK_M_S3 / clock.rate**3):
             noisy[label] = _RMS_OF_STEPS * usual * 1e3
     if len(noisy) > _FEWEST_TOGETHER and 2 * len(noisy) > len(points):
         words = {"least": min(noisy.values()), "most": max(noisy.values()), "count": len(noisy)}

@@ -24,7 +24,7 @@ ABOVE_UNREST = 8.0
 """How far a leap stands out of the marker's own third differences beside it (their 80th percentile)."""
 LONGEST_GAP_S = 0.5
 """Across longer gaps nothing is compared."""
-_GAP_M, _GAP_M_S2 = 0.05, 4.0
+_GAP_M, _GAP_M_S2 = 0.05, 8.0
 """What a marker may be off after a gap of t seconds: a constant and a share of t squared."""
 _LINE = 3
 _LEAST_LEAPS = 3

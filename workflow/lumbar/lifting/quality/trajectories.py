@@ -27,7 +27,8 @@ _TOUCHING_M = 2e-3
 _NEIGHBOURS = 3
 _SHORTEST_COPY = 3
 _FRAMES_AT_ONCE = 1000
-_SHORTEST_CLIP, _STEPS_BESIDE, _LIKE_BESIDE = 3, 11, 0.6
+_ROUNDED_M = 1e-9
+_SHORTEST_CLIP, _STEPS_BESIDE, _LIKE_BESIDE, _RESOLVED = 3, 11, 0.6, 2.5
 
 
 def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
@@ -75,23 +76,28 @@ def clipped_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findi
     for label, positions in points.items():
         for axis, values in zip("xyz", positions.T, strict=True):
             seen = values[np.isfinite(values)]
+            changes = np.abs(np.diff(seen, n=3))
+            resolution = np.min(changes[changes > _ROUNDED_M], initial=np.inf)
             for top in flat_tops(seen) if len(seen) else []:
                 words = {"axis": axis, "level": top.level, "count": top.samples}
                 findings += [
                     clock.finding("clipped", (label,), run, **words)
                     for run in runs(values == top.level)
-                    if run.stop - run.start >= _SHORTEST_CLIP and _cut_off(values, run)
+                    if run.stop - run.start >= _SHORTEST_CLIP and _cut_off(values, run, resolution)
                 ]
     return findings
 
 
-def _cut_off(values: np.ndarray, run: slice) -> bool:
-    """Whether a coordinate stops, or starts, without slowing down: its last step but one is like the ten before it."""
+def _cut_off(values: np.ndarray, run: slice, resolution: float) -> bool:
+    """Whether a coordinate stops, or starts, without slowing down: its last step but one is like the ten before it.
+
+    It is also clearly larger than the file's resolution, at which a turning point is flat.
+    """
     before = values[max(0, run.start - _STEPS_BESIDE) : run.start][::-1]
     for beside in (before, values[run.stop : run.stop + _STEPS_BESIDE]):
         steps = np.abs(np.diff(beside))
         steps = steps[np.isfinite(steps)]
-        if len(steps) and steps[0] > _LIKE_BESIDE * np.median(steps):
+        if len(steps) and steps[0] > max(_LIKE_BESIDE * np.median(steps), _RESOLVED * resolution):
             return True
     return False
 
@@ -221,8 +227,8 @@ def _which_is_off_level(
     return (pair[int(np.argmax(off))],) if abs(off[0] - off[1]) > 0.1 else ()
 
 
-LOWEST_HZ, HIGHEST_HZ = 0.2, 1.6
-"""Half of the lowest and twice the highest frequency scale of real movements, about."""
+LOWEST_HZ, HIGHEST_HZ = 0.2, 2.0
+"""Half of the lowest frequency scale of real lifts, and more than that of a dance, 1.7."""
 USUAL_HZ = 0.57
 _MOVES_M = 0.15
 """How far the middle of the body must move for its tempo to say something."""

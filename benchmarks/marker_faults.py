@@ -1,0 +1,223 @@
+"""Slow and anatomical faults put into real marker recordings: how many are named, and what is said of sound ones.
+
+The recordings are those that config/studies and tests/unit/lifting/quality name, and two walks and a dance of BTKData's
+C3DSamples (c3d_edge), in the folder real of LUMBAR_SHARED or of shared beside the project.
+
+python benchmarks/marker_faults.py [--seed 1] [--markdown docs/lifting/quality.md]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ[variable] = "1"
+PROJECT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
+
+import numpy as np  # noqa: E402
+
+from acceptance_page import write_section  # noqa: E402
+from lumbar.lifting.quality.gate import examine, unchecked_properties  # noqa: E402
+from lumbar.lifting.quality.landmarks import landmarks  # noqa: E402
+from lumbar.lifting.quality.sheet import FINE_RATE, LEFT_OUT, Finding  # noqa: E402
+from lumbar.records.markers import read_markers  # noqa: E402
+from lumbar.settings.layout import MarkerLayout  # noqa: E402
+
+SEEDED = {
+    "lifting/athlete_floor_pickup_squats/squat.c3d": "+y",
+    "lifting/athlete_static_full_spine/c3dfile1.c3d": "+z",
+    "lifting/ktk_pig_com_oracle/gait.c3d": "+z",
+    "lifting/ktk_pig_com_oracle/static.c3d": "+z",
+    "lifting/qualisys_ior_gait/Qualisys.c3d": "+z",
+    "lifting/s2m_box_transfer/Vicon.c3d": "+z",
+    "lifting/weird_squat_trc/markers_Squat2.trc": "+y",
+    "lifting/sts_trunk_flexion_trc/sts_perturbed_2.trc": "+y",
+    "lifting/sts_trunk_flexion_trc/sts_unperturbed_4.trc": "+y",
+    "c3d_edge/10_plugin_outputs.c3d": "+z",
+}
+SOUND = {
+    **SEEDED,
+    "c3d_edge/07_subject_labels.c3d": "+z",
+    "c3d_edge/11_dance_no_analog.c3d": "+z",
+    **{
+        f"lifting/sts_trunk_flexion_trc/sts_{kind}_{trial}.trc": "+y"
+        for kind, trials in (("perturbed", (1, 3, 4, 5)), ("unperturbed", (1, 2, 3, 5)))
+        for trial in trials
+    },
+}
+Points = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording with a fault in it, and what is to be said of it."""
+
+    fault: str
+    points: Points
+    rate: float
+    expected: tuple[str, tuple[str, ...]]
+    """Kind of the finding and its markers."""
+    frames: slice | None = None
+    """Those alone may be left out; None where that is not asked."""
+    untold: str = ""
+    """Entry of `unchecked_properties` that says that the fault cannot be seen here."""
+
+
+def read(name: str, up: str) -> tuple[Points, float]:
+    """Markers of a recording of the shared folder by the file's labels, and frames per second."""
+    folder = Path(os.environ.get("LUMBAR_SHARED", PROJECT.parent / "shared")) / "real"
+    recording = read_markers(folder / name, MarkerLayout(up=up, forward="+x", check_axes=False))
+    return recording.positions, recording.rate
+
+
+def sound_variants(points: Points, rate: float, rng: np.random.Generator) -> Iterator[tuple[Points, float]]:
+    """Yield a recording as it is, by halves, at half its rate, with noise of 0.3 mm, and with gaps."""
+    count = len(next(iter(points.values())))
+    yield points, rate
+    for part in (slice(0, count // 2), slice(count // 2, count)):
+        yield {label: positions[part] for label, positions in points.items()}, rate
+    yield {label: positions[::2] for label, positions in points.items()}, rate / 2
+    yield (
+        {label: positions + rng.normal(0, 3e-4, positions.shape) for label, positions in points.items()},
+        rate,
+    )
+    gappy = {}
+    for label, positions in points.items():
+        gappy[label] = positions.copy()
+        for start in rng.integers(0, count, 3):
+            gappy[label][start : start + max(1, count // 20)] = np.nan
+    yield gappy, rate
+
+
+def alarms(rng: np.random.Generator) -> tuple[int, list[str]]:
+    """Number of sound recordings looked at, and what was found in them."""
+    count, found = 0, []
+    for name, up in SOUND.items():
+        points, rate = read(name, up)
+        for number, (variant, variant_rate) in enumerate(sound_variants(points, rate, rng)):
+            count += 1
+            found += [f"{name}, {number}: {item}" for item in findings_of(variant, variant_rate)]
+    return count, found
+
+
+def findings_of(points: Points, rate: float) -> list[Finding]:
+    """What is found in a recording."""
+    return examine(points, np.arange(len(next(iter(points.values())))) / rate, rate)
+
+
+def cases(points: Points, rate: float, rng: np.random.Generator) -> Iterator[Case]:
+    """Yield a recording with one fault after the other."""
+    found = landmarks(points)
+    pelvis = [f"{side}_{name}" for side in "LR" for name in ("ASIS", "PSIS")]
+    top = next(name for name in ("C7", "T1", "MANUBRIUM") if name in found)
+    trunk = [found[name] for name in (top, *pelvis, "SACRUM") if name in found]
+    for label in trunk:
+        yield from _drifts(points, rate, label, rng)
+        yield from _clipped(points, rate, label)
+        yield from _jumps(points, rate, label, rng)
+    for side in "LR":
+        pair = tuple(found.get(f"{side}_{name}", "") for name in ("KNEE", "ANKLE"))
+        if all(pair):
+            exchanged = {**points, pair[0]: points[pair[1]], pair[1]: points[pair[0]]}
+            yield Case("knee and ankle of one leg exchanged", exchanged, rate, ("exchanged", pair))
+    back = {label: positions[::-1] for label, positions in points.items()}
+    yield Case("frames in reverse", back, rate, ("backwards", ()), untold="order of the frames")
+    for times in (2.0, 0.5):
+        yield Case(f"rate × {times:g}", points, rate * times, ("rate", ()), untold=FINE_RATE)
+
+
+def _direction(rng: np.random.Generator) -> np.ndarray:
+    vector = rng.normal(size=3)
+    return vector / np.linalg.norm(vector)
+
+
+def _drifts(points: Points, rate: float, label: str, rng: np.random.Generator) -> Iterator[Case]:
+    """Of 30 to 100 mm over the whole recording, and within a second from a random instant on."""
+    count = len(points[label])
+    share = np.arange(count) / (count - 1)
+    for size in (0.03, 0.05, 0.075, 0.1):
+        length = min(0.4, rate / count)
+        start = rng.uniform(0.1, 0.9 - length)
+        for ramp in (share, np.clip((share - start) / length, 0, 1)):
+            moved = {**points, label: points[label] + size * ramp[:, None] * _direction(rng)}
+            yield Case(f"drift of {size * 1e3:.0f} mm", moved, rate, ("drift", (label,)))
+
+
+def _clipped(points: Points, rate: float, label: str) -> Iterator[Case]:
+    """The largest and the smallest tenth of the range of each coordinate cut off."""
+    for axis in range(3):
+        for sign in (1, -1):
+            positions = points[label].copy()
+            values = sign * positions[:, axis]
+            limit = np.nanmax(values) - 0.1 * (np.nanmax(values) - np.nanmin(values))
+            positions[:, axis] = sign * np.where(values > limit, limit, values)
+            if (values > limit).sum() >= 10:
+                yield Case("clipping", {**points, label: positions}, rate, ("clipped", (label,)))
+
+
+def _jumps(points: Points, rate: float, label: str, rng: np.random.Generator) -> Iterator[Case]:
+    """The first 70 % of a marker, or the last 30 %, elsewhere by 100 mm."""
+    count = len(points[label])
+    border = int(0.7 * count)
+    for frames, part in ((slice(0, border), "longer"), (slice(border, count), "shorter")):
+        moved = points[label].copy()
+        moved[frames] += 0.1 * _direction(rng)
+        fault = f"jump of 100 mm, the {part} part wrong"
+        yield Case(fault, {**points, label: moved}, rate, ("jump", (label,)), frames)
+
+
+def verdict(case: Case) -> str:
+    """named, other (something else is, too or instead), said (that it cannot be told) or missed."""
+    found = findings_of(case.points, case.rate)
+    if not found:
+        return "said" if case.untold in unchecked_properties(case.points) else "missed"
+    right = {(item.kind, item.markers) for item in found} == {case.expected}
+    if case.frames is not None:
+        inside = [
+            case.frames.start - 5 <= item.frames.start < item.frames.stop <= case.frames.stop + 5
+            for item in found
+        ]
+        right = right and all(inside) and all(item.outcome == LEFT_OUT for item in found)
+    return "named" if right else "other"
+
+
+def main() -> int:
+    """Print and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--markdown", type=Path)
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    count, found = alarms(rng)
+    print("\n".join(found))
+    counted: dict[str, Counter] = {}
+    for name, up in SEEDED.items():
+        points, rate = read(name, up)
+        for case in cases(points, rate, rng):
+            judged = verdict(case)
+            counted.setdefault(case.fault, Counter())[judged] += 1
+            if judged not in ("named", "said"):
+                print(f"{judged}: {name}, {case.fault}, {case.expected}")
+    lines = [
+        f"|fault in {len(SEEDED)} recordings|named|else named|said that nothing tells|not seen|",
+        "|---|---|---|---|---|",
+        f"|none, in {count} sound ones||{len(found)}|||",
+    ]
+    for fault, verdicts in counted.items():
+        shown = "|".join(str(verdicts[word]) for word in ("named", "other", "said", "missed"))
+        lines.append(f"|{fault}|{shown}|")
+    print("\n".join(lines))
+    if options.markdown:
+        write_section(options.markdown, "slow faults", lines)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
