@@ -10,24 +10,18 @@ from dataclasses import replace
 import numpy as np
 
 from lumbar.lifting.quality.landmarks import LENGTHS, landmarks, level, side_pairs
+from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.marker_axes import check_axes, tells_axes
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import Axis, MarkerLayout
+
+_AT = thresholds("body")
 
 TRUNK_SHARE = 0.265
 """Length of the trunk, from the middle of the pelvis's markers to that of the shoulders', as a share of stature."""
 _TOP = ("SHOULDER", "MANUBRIUM", "C7", "T1")
 _PELVIS = ("ASIS", "PSIS", "SACRUM")
 _FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
-_CLEAR_LEVELS = 0.25
-_CLEAR_SPINE_M = 0.015
-_LEAST_ORDER = 0.1
-_NEAR_LEVELS = 0.45
-_REVERSED_SHARE = 0.8
-_AGREEING = 0.3
-"""Length of a mean of unit vectors that agree on a direction."""
-_CLEAR_DEPTH_M = 0.03
-_MOST_EXCHANGES = 4
 _BY_LABELS = " by its usual labels, which no alias names"
 AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
@@ -95,7 +89,7 @@ def order_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> lis
     first; then the rest is looked at as if exchanged. Neighbours on the spine are compared by their order alone.
     """
     pairs: list[tuple[str, str, str]] = []
-    while len(pairs) < _MOST_EXCHANGES:
+    while len(pairs) < _AT.most_exchanges:
         found, trunk = levels_found(points, named), trunk_axis(points, named)
         inverted = _inverted(found, named, trunk[2]) if trunk else []
         mended = {pair: _off_levels(_exchanged(points, pair), named) for pair in inverted}
@@ -125,8 +119,8 @@ def _inverted(found: dict[str, float], named: dict[str, str], length_m: float) -
             nominal = level(named[high]) - level(named[low])
             inversion = found[low] - found[high]
             on_spine = _on_spine(named[low]) and _on_spine(named[high])
-            neighbours = on_spine and nominal > 0 and inversion * length_m > _CLEAR_SPINE_M
-            if neighbours or (nominal >= _CLEAR_LEVELS and inversion > _LEAST_ORDER):
+            neighbours = on_spine and nominal > 0 and inversion * length_m > _AT.clear_spine_m
+            if neighbours or (nominal >= _AT.clear_levels and inversion > _AT.least_order):
                 pairs.append((low, high))
     return pairs
 
@@ -180,7 +174,7 @@ def asymmetry(points: dict[str, np.ndarray], named: dict[str, str], label: str) 
         float(np.nanmedian(difference))
         for name, mirrored in image.items()
         if own in at and image[own] in at and mirrored in at and name not in (own, image[own])
-        if abs(level(name) - level(own)) < _NEAR_LEVELS
+        if abs(level(name) - level(own)) < _AT.near_levels
         and (name, own) != (mirrored, image[own])
         and np.isfinite(
             difference := _distance(at[own], at[name]) - _distance(at[image[own]], at[mirrored])
@@ -200,7 +194,7 @@ def side_exchanges(
     """
     points = dict(points)
     pairs: list[tuple[str, str, str]] = []
-    for _ in range(_MOST_EXCHANGES):
+    for _ in range(_AT.most_exchanges):
         sides, depths = rightward(points, named)
         if len(sides) > 1 and len(depths) > 1 and _mirrored(sides, depths):
             return [], (
@@ -242,8 +236,8 @@ def _contradicted(rightward: dict[tuple[str, str], np.ndarray]) -> dict[tuple[st
     for pair, own in rightward.items():
         others = total - np.nan_to_num(own)
         backwards = (own * others).sum(axis=1)
-        seen = np.isfinite(backwards) & (np.linalg.norm(others, axis=1) > _AGREEING * (len(rightward) - 1))
-        if seen.any() and (backwards[seen] < 0).mean() > _REVERSED_SHARE:
+        seen = np.isfinite(backwards) & (np.linalg.norm(others, axis=1) > _AT.agreeing * (len(rightward) - 1))
+        if seen.any() and (backwards[seen] < 0).mean() > _AT.reversed_share:
             found[pair] = float((backwards[seen] < 0).mean())
     return found
 
@@ -252,7 +246,7 @@ def _mirrored(sides: dict, depths: dict) -> bool:
     """Whether left and right contradict front and back, which agree with each other."""
     given = np.nansum(list(depths.values()), axis=0) / len(depths)
     against = [np.nanmedian((own * given).sum(axis=1)) < 0 for own in sides.values()]
-    return bool(np.mean(against) > 0.7 and np.nanmedian(np.linalg.norm(given, axis=1)) > _AGREEING)
+    return bool(np.mean(against) > 0.7 and np.nanmedian(np.linalg.norm(given, axis=1)) > _AT.agreeing)
 
 
 def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dict, dict]:
@@ -279,7 +273,7 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
 
 def _clear(vectors: np.ndarray) -> bool:
     length = np.linalg.norm(vectors, axis=1)
-    return bool(np.isfinite(length).any() and np.nanmedian(length) > _CLEAR_DEPTH_M)
+    return bool(np.isfinite(length).any() and np.nanmedian(length) > _AT.clear_depth_m)
 
 
 def _front_and_back(named: dict[str, str]) -> list[tuple[str, str]]:

@@ -15,38 +15,10 @@ import numpy as np
 
 from lumbar.lifting.quality.body import asymmetry
 from lumbar.lifting.quality.leaps import LONGEST_GAP_S, Leap
+from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.stretches import runs
 
-_MATES, _LEAST_MATES = 6, 2
-_CLEAR = 4.0
-"""How far the leap changes a distance, against the usual unrest of the distance, for it to tell."""
-_LEAST_UNREST_M = 1e-3
-_NEAR = 0.35
-_TELLING = 0.7
-"""Share of the frames that are like one side of the leap or the other for the distances to tell."""
-_AS_BESIDE, _NOISES = 0.08, 3.0
-_BACK_FRAMES = 5
-_DRIFTING = 0.15
-"""Change of x while the frames beside are looked at again: posture changes it more slowly."""
-_STRAYED = 0.4
-"""Change of x in 0.3 s on the right side of a leap: where it is more, and twice that on the other side, that one may be right."""
-_BESIDE_S = 0.3
-_ENOUGH_FRAMES = 2000
-"""Frames, spread over a recording, from which the unrest of a distance is told."""
-_SAME_FRAME = 3
-_CLEARLY_M = 0.015
-"""How much more a marker is off a body's symmetry on the wrong side of a leap."""
-_SAMPLES = 300
-_RIGID_M = 0.008
-"""Spread (5th to 95th percentile) of a length that is called rigid: skin moves by some millimetres."""
-_APART_M = 0.03
-_MOVING_M, _MOVING_S = 0.015, 0.2
-"""A marker moves where it comes further than this within this time."""
-_DEVIATION_M = 0.03
-_SPREADS = 6.0
-_SHORTEST = 5
-_MAJORITY = 0.6
-_LEAST_OF_PART = 3
+_AT = thresholds("displacement")
 
 
 @dataclass(frozen=True)
@@ -97,7 +69,7 @@ def displacements(
     untold: list[Leap] = []
     for section in _sections(seen, rate):
         inside = [leap for leap in leaps[label] if section.start < leap.first < section.stop]
-        beside = max(_BACK_FRAMES, round(_BESIDE_S * rate))
+        beside = max(_AT.back_frames, round(_AT.beside_s * rate))
         better = [_better_side(points, label, leap, beside, named) for leap in inside]
         sides = [
             _sides(distance, others, leap, _leaping(leaps, leap), rate, side)
@@ -126,7 +98,7 @@ def _better_side(
     """0 where the marker is clearly nearer to a body's symmetry just before a leap, 1 where it is just after it."""
     parts = slice(max(0, leap.last + 1 - beside), leap.last + 1), slice(leap.first, leap.first + beside)
     off = [asymmetry({name: points[name][part] for name in {*named, label}}, named, label) for part in parts]
-    return int(off[0] > off[1]) if abs(off[0] - off[1]) > _CLEARLY_M else None
+    return int(off[0] > off[1]) if abs(off[0] - off[1]) > _AT.clearly_m else None
 
 
 def _leaping(leaps: dict[str, list[Leap]], leap: Leap) -> set[str]:
@@ -134,7 +106,7 @@ def _leaping(leaps: dict[str, list[Leap]], leap: Leap) -> set[str]:
     return {
         label
         for label, others in leaps.items()
-        if any(abs(other.first - leap.first) <= _SAME_FRAME for other in others)
+        if any(abs(other.first - leap.first) <= _AT.same_frame for other in others)
     }
 
 
@@ -164,30 +136,30 @@ def _sides(
         ends = [end[np.isfinite(end)] for end in map(distance(other).__getitem__, about)]
         if all(end.size for end in ends):
             before, after = (float(np.sort(end)[[(end.size - 1) // 2, end.size // 2]].mean()) for end in ends)
-            if abs(after - before) <= _CLEAR * _LEAST_UNREST_M:
+            if abs(after - before) <= _AT.clear * _AT.least_unrest_m:
                 continue
-            unrest = max(_LEAST_UNREST_M, _spread(distance(other), leap))
-            if abs(after - before) > _CLEAR * unrest:
+            unrest = max(_AT.least_unrest_m, _spread(distance(other), leap))
+            if abs(after - before) > _AT.clear * unrest:
                 mates.append((unrest / abs(after - before), other, before, after - before))
-    mates = sorted(mates, key=lambda mate: mate[0])[:_MATES]
-    if len(mates) < _LEAST_MATES:
+    mates = sorted(mates, key=lambda mate: mate[0])[: _AT.mates]
+    if len(mates) < _AT.least_mates:
         return None
     mates = [(share, other, distance(other), before, step) for share, other, before, step in mates]
     likeness = _likeness(mates)
     known = np.isfinite(likeness).sum()
-    near = [int((np.abs(likeness - side) < _NEAR).sum()) for side in (0, 1)]
-    if sum(near) < _TELLING * known:
+    near = [int((np.abs(likeness - side) < _AT.near).sum()) for side in (0, 1)]
+    if sum(near) < _AT.telling * known:
         return None
     right = int(near[1] > near[0]) if better is None else better
-    beside = max(_BACK_FRAMES, round(_BESIDE_S * rate))
+    beside = max(_AT.back_frames, round(_AT.beside_s * rate))
     strayed = (
         _largest(likeness[max(0, leap.last + 1 - beside) : leap.last + 1]),
         _largest(likeness[leap.first : leap.first + beside] - 1),
     )
-    if strayed[right] > max(_STRAYED, 2 * strayed[1 - right]):
+    if strayed[right] > max(_AT.strayed, 2 * strayed[1 - right]):
         return None
     _, mate, distance, before, step = mates[0]
-    usual = float(np.nanmedian(distance[np.abs(likeness - right) < _NEAR]))
+    usual = float(np.nanmedian(distance[np.abs(likeness - right) < _AT.near]))
     there = before if right else before + step
     return _Sides(likeness, right, f"there {there * 1e3:.0f} mm from {mate}, usually {usual * 1e3:.0f} mm")
 
@@ -226,13 +198,13 @@ def _wrong_frames(leap: Leap, sides: _Sides, section: slice, leaps: list[Leap], 
         frames = np.arange(leap.first, min(edges))
     likeness = sides.likeness[frames]
     off = np.abs(likeness - sides.right)
-    if np.mean(off[np.isfinite(off)] > _NEAR) > _TELLING:
+    if np.mean(off[np.isfinite(off)] > _AT.near) > _AT.telling:
         count = len(frames)
     else:
         # A drift begins below what posture changes: what is usual is taken from the frames beside it.
-        count = _until_usual(off, _NEAR)
+        count = _until_usual(off, _AT.near)
         grown = _until_as_beside(likeness, count, rate)
-        while abs(likeness[grown - 1] - likeness[count - 1]) > _DRIFTING:
+        while abs(likeness[grown - 1] - likeness[count - 1]) > _AT.drifting:
             count, grown = grown, _until_as_beside(likeness, grown, rate)
         count = grown
     wrong = frames[:count]
@@ -241,11 +213,11 @@ def _wrong_frames(leap: Leap, sides: _Sides, section: slice, leaps: list[Leap], 
 
 def _until_as_beside(likeness: np.ndarray, count: int, rate: float) -> int:
     """Count of frames, not below `count`, until x is what it is in the 0.3 s that follow."""
-    beside = likeness[count : count + max(2 * _BACK_FRAMES, round(_BESIDE_S * rate))]
+    beside = likeness[count : count + max(2 * _AT.back_frames, round(_AT.beside_s * rate))]
     beside = beside[np.isfinite(beside)]
-    if len(beside) < 2 * _BACK_FRAMES:
+    if len(beside) < 2 * _AT.back_frames:
         return count
-    limit = max(_AS_BESIDE, _NOISES * float(np.median(np.abs(np.diff(beside)))))
+    limit = max(_AT.as_beside, _AT.noises * float(np.median(np.abs(np.diff(beside)))))
     return max(count, _until_usual(np.abs(likeness - np.median(beside[len(beside) // 2 :])), limit))
 
 
@@ -254,7 +226,7 @@ def _until_usual(off: np.ndarray, limit: float) -> int:
     known = np.flatnonzero(np.isfinite(off))
     usual = off[known] < limit
     for run in runs(usual):
-        if run.stop - run.start >= min(_BACK_FRAMES, len(usual)):
+        if run.stop - run.start >= min(_AT.back_frames, len(usual)):
             return max(1, int(known[run.start]))
     return len(off)
 
@@ -296,15 +268,17 @@ def _united(found: list[Displacement], n_frames: int) -> list[Displacement]:
 def rigid_mates(points: dict[str, np.ndarray], without: frozenset[str] = frozenset()) -> dict[str, list[str]]:
     """Return, for each marker, those at the most constant distance from it, most constant first; `without` are nobody's mates."""
     labels = list(points)
-    every = max(1, len(next(iter(points.values()))) // _SAMPLES)
+    every = max(1, len(next(iter(points.values()))) // _AT.samples)
     sample = np.stack([points[label][::every] for label in labels])
     mates = {}
     for index, label in enumerate(labels):
         spread, middle = _spread_from(sample, index)
         known = [
-            other for other in np.argsort(spread) if np.isfinite(spread[other]) and middle[other] > _APART_M
+            other
+            for other in np.argsort(spread)
+            if np.isfinite(spread[other]) and middle[other] > _AT.apart_m
         ]
-        mates[label] = [labels[other] for other in known if labels[other] not in without][:_MATES]
+        mates[label] = [labels[other] for other in known if labels[other] not in without][: _AT.mates]
     return mates
 
 
@@ -315,27 +289,29 @@ def _spread_from(sample: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray
 
 
 def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[tuple[str, float]]]:
-    """Mates whose distance from a marker is constant while either moves, with its spread in metres; at most `_MATES`.
+    """Mates whose distance from a marker is constant while either moves, with its spread in metres; at most `mates`.
 
     What rests tells nothing: two feet on the ground are not one body.
     """
     labels = list(points)
-    every = max(1, round(_MOVING_S * rate / 8))
-    lag = max(1, round(_MOVING_S * rate / every))
+    every = max(1, round(_AT.moving_s * rate / 8))
+    lag = max(1, round(_AT.moving_s * rate / every))
     sample = np.stack([points[label][::every] for label in labels])
     with np.errstate(invalid="ignore"):
-        moving = np.linalg.norm(sample[:, lag:] - sample[:, :-lag], axis=2) > _MOVING_M
+        moving = np.linalg.norm(sample[:, lag:] - sample[:, :-lag], axis=2) > _AT.moving_m
     spreads = np.full((len(labels), len(labels)), np.nan)
     for index in range(len(labels)):
         frames = np.flatnonzero(moving[index])
-        if len(frames) * every >= _MOVING_S * rate:
-            chosen = frames[np.linspace(0, len(frames) - 1, min(len(frames), _SAMPLES)).astype(int)]
+        if len(frames) * every >= _AT.moving_s * rate:
+            chosen = frames[np.linspace(0, len(frames) - 1, min(len(frames), _AT.samples)).astype(int)]
             spread, middle = _spread_from(sample[:, chosen], index)
-            spreads[:, index] = np.where(middle > _APART_M, spread, np.nan)
+            spreads[:, index] = np.where(middle > _AT.apart_m, spread, np.nan)
     spreads = np.maximum(spreads, spreads.T)
     return {
         label: [
-            (labels[other], float(row[other])) for other in np.argsort(row)[:_MATES] if row[other] < _RIGID_M
+            (labels[other], float(row[other]))
+            for other in np.argsort(row)[: _AT.mates]
+            if row[other] < _AT.rigid_m
         ]
         for label, row in zip(labels, spreads, strict=True)
     }
@@ -370,12 +346,12 @@ def off_its_part(points: dict[str, np.ndarray], rate: float) -> list[tuple[str, 
     found = []
     known: dict[frozenset[str], np.ndarray] = {}
     for label, rigid in _rigid_parts(points, rate).items():
-        if len(rigid) >= _LEAST_OF_PART:
+        if len(rigid) >= _AT.least_of_part:
             for other, _ in rigid:
                 if frozenset((label, other)) not in known:
                     known[frozenset((label, other))] = _change_of_length(points[label], points[other])
             changes = {other: known[frozenset((label, other))] for other, _ in rigid}
-            limits = [max(_DEVIATION_M, _SPREADS * spread) for _, spread in rigid]
+            limits = [max(_AT.deviation_m, _AT.spreads * spread) for _, spread in rigid]
             found += _stretches_off(label, changes, limits)
     return found
 
@@ -393,7 +369,7 @@ def _stretches_off(
     with np.errstate(invalid="ignore"):
         far = (change > np.array(limits)[:, None]).sum(axis=0)
     together = np.isfinite(change).sum(axis=0)
-    stretches = runs((far > _MAJORITY * together) & (together >= _LEAST_OF_PART))
+    stretches = runs((far > _AT.majority * together) & (together >= _AT.least_of_part))
     mates = ", ".join(changes)
     return [
         (
@@ -402,5 +378,5 @@ def _stretches_off(
             f"up to {np.nanmax(change[:, stretch]) * 1e3:.0f} mm off its distances from {mates}, constant elsewhere",
         )
         for stretch in stretches
-        if stretch.stop - stretch.start >= _SHORTEST
+        if stretch.stop - stretch.start >= _AT.shortest
     ]

@@ -25,6 +25,7 @@ from lumbar.lifting.quality.leaps import (
     take_exchanges,
 )
 from lumbar.lifting.quality.sheet import ERROR, FINE_RATE, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
+from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.lifting.quality.trajectories import (
     HIGHEST_HZ,
     LABORATORY_M,
@@ -40,22 +41,12 @@ from lumbar.lifting.quality.trajectories import (
 )
 from lumbar.lifting.quality.walking import walk, walking_findings
 
-_WRONG_UNIT = 1.8
-_OTHER_STATURE = 1.25
+_AT = thresholds("gate")
+
 _STATURES_M = (0.6, 2.6)
-_PERSON_M = 1.7
 _CLOUD_M = (0.15, 6.0)
 """Plausible extent of all markers in one frame, where no label is known."""
 _FACTORS = (1000.0, 100.0, 10.0, 25.4, 2.54)
-_RESTLESS_LEAPS, _RESTLESS_SHARE = 12, 0.01
-_JITTER_M, _JERK_M_S3 = 3e-3, 150.0
-"""Median of half the third differences that is noise; at 30 Hz a walk makes larger ones."""
-_RMS_OF_STEPS = 0.504
-"""Of white noise, its root mean square in space by the median size of half the third differences: sqrt(3 / 5) over the
-median 1.538 of a chi distribution with three degrees of freedom."""
-_FEWEST_TOGETHER = 5
-_SAMPLES = 400
-_IMPOSSIBLE_TEMPO = 3.0
 
 
 def examine(
@@ -166,7 +157,7 @@ def usable_markers(points: dict[str, np.ndarray], findings: list[Finding]) -> di
 
 
 def _sampled(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    every = max(1, len(next(iter(points.values()))) // _SAMPLES)
+    every = max(1, len(next(iter(points.values()))) // _AT.samples)
     return {label: positions[::every] for label, positions in points.items()}
 
 
@@ -180,14 +171,14 @@ def _unit(
     if np.median(far) > LABORATORY_M and not 0 < stature < LABORATORY_M:
         return [clock.finding("unit of no laboratory", far=np.median(far))]
     if count >= 2:
-        low, high = (height_m / _WRONG_UNIT, height_m * _WRONG_UNIT) if height_m else _STATURES_M
-        size, expected = stature, height_m or _PERSON_M
+        low, high = (height_m / _AT.wrong_unit, height_m * _AT.wrong_unit) if height_m else _STATURES_M
+        size, expected = stature, height_m or _AT.person_m
         evidence = f"{count} lengths of the body are those of a person {stature:.3g} m tall" + (
             f"; height_m is {height_m:g}" if height_m else ""
         )
     else:
         low, high = _CLOUD_M
-        size, expected = _cloud(sampled), _PERSON_M
+        size, expected = _cloud(sampled), _AT.person_m
         evidence = f"the markers of one frame fill {size:.3g} m"
     if not np.isfinite(size) or low <= size <= high:
         return []
@@ -327,7 +318,7 @@ def _displaced(
 ) -> list[Finding]:
     """Stretches after leaps that no exchange explains, and spikes; of a marker with many of them one finding."""
     findings = []
-    most = max(_RESTLESS_LEAPS, _RESTLESS_SHARE * len(clock.time))
+    most = max(_AT.restless_leaps, _AT.restless_share * len(clock.time))
     for label, positions in points.items():
         count = len(leaps[label]) + len(spikes[label])
         if count > most:
@@ -370,7 +361,7 @@ def _stature(
     points: dict[str, np.ndarray], named: dict[str, str], clock: Clock, height_m: float | None
 ) -> list[Finding]:
     stature, count = stature_found(_sampled(points), named)
-    if not height_m or count < 2 or 1 / _OTHER_STATURE < stature / height_m < _OTHER_STATURE:
+    if not height_m or count < 2 or 1 / _AT.other_stature < stature / height_m < _AT.other_stature:
         return []
     return [clock.finding("stature", count=count, stature=stature, height_m=height_m)]
 
@@ -379,7 +370,7 @@ def _tempo(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
     found = frequency_scale(points, clock.rate)
     if found is None or LOWEST_HZ <= found <= HIGHEST_HZ:
         return []
-    outcome = ERROR if max(found / HIGHEST_HZ, LOWEST_HZ / found) > _IMPOSSIBLE_TEMPO else NOTED
+    outcome = ERROR if max(found / HIGHEST_HZ, LOWEST_HZ / found) > _AT.impossible_tempo else NOTED
     words = {"rate": clock.rate, "factor": found / USUAL_HZ, "seconds": len(clock.time) / clock.rate}
     return [clock.finding("rate", outcome=outcome, found=found, **words)]
 
@@ -390,9 +381,9 @@ def _jitter(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
     for label, positions in points.items():
         size = step_sizes(positions)
         usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
-        if usual > max(_JITTER_M, _JERK_M_S3 / clock.rate**3):
-            noisy[label] = _RMS_OF_STEPS * usual * 1e3
-    if len(noisy) > _FEWEST_TOGETHER and 2 * len(noisy) > len(points):
+        if usual > max(_AT.jitter_m, _AT.jerk_m_s3 / clock.rate**3):
+            noisy[label] = _AT.rms_of_steps * usual * 1e3
+    if len(noisy) > _AT.fewest_together and 2 * len(noisy) > len(points):
         words = {"least": min(noisy.values()), "most": max(noisy.values()), "count": len(noisy)}
         return [clock.finding("jitter of most", of=len(points), **words)]
     return [clock.finding("jitter", (label,), noise=noise) for label, noise in noisy.items()]

@@ -13,27 +13,17 @@ from itertools import pairwise
 import numpy as np
 
 from lumbar.lifting.quality.sheet import Clock, Finding
+from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.stretches import runs
+
+_AT = thresholds("leaps")
 
 SMALLEST_M = 0.02
 """Leaps below are not told from the unrest of real markers: untouched recordings have up to 14 mm."""
-_JERK_M_S3 = 2500.0
-"""Half the jerk of a foot that strikes the floor: with the cube of the sampling time it moves a marker as a leap would."""
-_BLOCK = 32
 ABOVE_UNREST = 8.0
 """How far a leap stands out of the marker's own third differences beside it (their 80th percentile)."""
 LONGEST_GAP_S = 0.5
 """Across longer gaps nothing is compared."""
-_GAP_M, _GAP_M_S2 = 0.05, 8.0
-"""What a marker may be off after a gap of t seconds: a constant and a share of t squared."""
-_LINE = 3
-_LEAST_LEAPS = 3
-_LEAST_STEP_M = 3e-3
-_TOGETHER = 0.5
-"""Share of the markers that do not go on smoothly: what stands, as feet on the floor, does not leap where frames are missing."""
-_SAME_FRAME = 2
-_SHARE, _LEAST_M = 0.25, 0.015
-"""How far from the other's place a marker may land: a share of their distance, or this."""
 
 
 @dataclass(frozen=True)
@@ -101,18 +91,18 @@ def _travel_beside(positions: np.ndarray) -> np.ndarray:
 
 def unrest(size: np.ndarray) -> np.ndarray:
     """80th percentile of the steps of a marker in each block of frames, shape of `size`."""
-    blocks = -(-len(size) // _BLOCK)
-    padded = np.full(blocks * _BLOCK, np.nan)
+    blocks = -(-len(size) // _AT.block)
+    padded = np.full(blocks * _AT.block, np.nan)
     padded[: len(size)] = size
-    ordered = np.sort(padded.reshape(blocks, _BLOCK), axis=1)
+    ordered = np.sort(padded.reshape(blocks, _AT.block), axis=1)
     at = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0) * 4 // 5
     found = np.nan_to_num(np.take_along_axis(ordered, at[:, None], axis=1))
-    return np.repeat(found, _BLOCK)[: len(size)]
+    return np.repeat(found, _AT.block)[: len(size)]
 
 
 def _thresholds(size: np.ndarray, rate: float) -> np.ndarray:
     """Size from which a step is a leap, by the unrest of the marker about it, shape of `size`."""
-    return np.maximum(max(SMALLEST_M, _JERK_M_S3 / rate**3), ABOVE_UNREST * unrest(size))
+    return np.maximum(max(SMALLEST_M, _AT.jerk_m_s3 / rate**3), ABOVE_UNREST * unrest(size))
 
 
 def _line(positions: np.ndarray, frames: np.ndarray, at: float) -> np.ndarray:
@@ -128,8 +118,8 @@ def _line(positions: np.ndarray, frames: np.ndarray, at: float) -> np.ndarray:
 def _continued(positions: np.ndarray, last: int, first: int) -> tuple[np.ndarray, np.ndarray]:
     """Where the frames up to `last` and those from `first` on put a marker in the middle between them."""
     middle = (last + first) / 2
-    before = np.arange(max(0, last - _LINE + 1), last + 1)
-    after = np.arange(first, min(len(positions), first + _LINE))
+    before = np.arange(max(0, last - _AT.line + 1), last + 1)
+    after = np.arange(first, min(len(positions), first + _AT.line))
     return _line(positions, before, middle), _line(positions, after, middle)
 
 
@@ -148,11 +138,11 @@ def _across_gaps(positions: np.ndarray, rate: float) -> list[Leap]:
     seen = np.isfinite(positions[:, 0])
     for gap in runs(~seen):
         seconds = (gap.stop - gap.start) / rate
-        beside = seen[max(0, gap.start - _LINE) : gap.start], seen[gap.stop : gap.stop + _LINE]
-        if seconds > LONGEST_GAP_S or min(side.sum() for side in beside) < _LINE:
+        beside = seen[max(0, gap.start - _AT.line) : gap.start], seen[gap.stop : gap.stop + _AT.line]
+        if seconds > LONGEST_GAP_S or min(side.sum() for side in beside) < _AT.line:
             continue
         before, after = _continued(positions, gap.start - 1, gap.stop)
-        if np.linalg.norm(after - before) > _GAP_M + _GAP_M_S2 * seconds**2:
+        if np.linalg.norm(after - before) > _AT.gap_m + _AT.gap_m_s2 * seconds**2:
             leaps.append(Leap(gap.start - 1, gap.stop, before, after))
     return leaps
 
@@ -221,14 +211,14 @@ def _miss(one: Leap, other: Leap) -> float:
 def _change_places(one: Leap, other: Leap) -> bool:
     if one.last >= other.first or other.last >= one.first:
         return False
-    tolerance = max(_LEAST_M, _SHARE * float(np.linalg.norm(one.before - other.before)))
+    tolerance = max(_AT.least_m, _AT.share * float(np.linalg.norm(one.before - other.before)))
     there = np.linalg.norm(one.after - other.before) < tolerance
     return bool(there and np.linalg.norm(other.after - one.before) < tolerance)
 
 
 def lands_on(leap: Leap, label: str, points: dict[str, np.ndarray]) -> str | None:
     """Return the label of the marker that was seen, just before, where a leap ends; None where there was none."""
-    best, nearest = None, max(_LEAST_M, _SHARE * leap.size)
+    best, nearest = None, max(_AT.least_m, _AT.share * leap.size)
     for other, positions in points.items():
         distance = np.linalg.norm(positions[leap.last] - leap.after)
         if other != label and distance < nearest:
@@ -248,16 +238,16 @@ def missing_frames(
     taken: list[int] = []
     steps: list[tuple[np.ndarray, np.ndarray]] = []
     for frame, count in counted.most_common():
-        if count < _LEAST_LEAPS or any(abs(frame - other) <= _SAME_FRAME for other in taken):
+        if count < _AT.least_leaps or any(abs(frame - other) <= _AT.same_frame for other in taken):
             continue
         # Of no use to a recording in which no markers leap together, which most are.
         steps = steps or [(size, unrest(size)) for size in map(step_sizes, points.values())]
         leaping, seen = _count_leaping(steps, frame)
-        if leaping >= max(_LEAST_LEAPS, _TOGETHER * seen):
+        if leaping >= max(_AT.least_leaps, _AT.together * seen):
             taken.append(frame)
             findings.append(_finding(frame, leaping, seen, clock))
     remaining = {
-        label: [leap for leap in found if all(abs(leap.first - frame) > _SAME_FRAME for frame in taken)]
+        label: [leap for leap in found if all(abs(leap.first - frame) > _AT.same_frame for frame in taken)]
         for label, found in leaps.items()
     }
     return findings, remaining
@@ -269,7 +259,7 @@ def _count_leaping(steps: list[tuple[np.ndarray, np.ndarray]], frame: int) -> tu
     for size, usual in steps:
         if np.isfinite(size[frame - 1]):
             seen += 1
-            leaping += bool(size[frame - 1] > max(_LEAST_STEP_M, ABOVE_UNREST * usual[frame - 1]))
+            leaping += bool(size[frame - 1] > max(_AT.least_step_m, ABOVE_UNREST * usual[frame - 1]))
     return leaping, seen
 
 

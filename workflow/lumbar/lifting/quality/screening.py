@@ -17,11 +17,11 @@ from lumbar.lifting.quality.body import check_unaliased_axes
 from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties, usable_markers
 from lumbar.lifting.quality.landmarks import landmarks, level
 from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, PROPOSED, Finding, QualitySheet, quality_sheet
+from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint, PointBetween
 
-_CLEAR = 0.3
-"""Fall of the misfit of all rules, in lengths of the trunk, from which labels are taken for exchanged on purpose."""
+_AT = thresholds("screening")
 
 
 @dataclass
@@ -170,7 +170,7 @@ def meant_in_rules(
             if one != other and not {one, other} & found.keys()
         ]
         best = min(trials, key=lambda trial: _misfit(aliases, means | trial), default={})
-        if not best or _misfit(aliases, means | best) > _misfit(aliases, means) - _CLEAR:
+        if not best or _misfit(aliases, means | best) > _misfit(aliases, means) - _AT.clear:
             return {landmark: label for label, landmark in found.items()}
         means |= best
         found |= best

@@ -12,23 +12,13 @@ import numpy as np
 from lumbar.lifting.quality.body import levels_found
 from lumbar.lifting.quality.landmarks import level
 from lumbar.lifting.quality.sheet import Clock, Finding
+from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.stretches import flat_tops, runs
+
+_AT = thresholds("trajectories")
 
 LABORATORY_M = 100.0
 """Coordinates beyond this distance from the origin lie in no laboratory."""
-_SHORTEST_STILL = 6
-_STILL_BY_CHANCE = 1e-9
-"""Chance below which a run of unchanged coordinates is not the file's resolution."""
-_OTHERS_STILL = 0.5
-"""Share of unchanged steps of the markers near it above which a still one is no news: what carries them stands."""
-_FEWEST_MOVES, _LONGEST_HOLD, _HELD_SHARE = 20, 10, 0.95
-_TOUCHING_M = 2e-3
-"""Two markers cannot come closer: each has a radius of some millimetres."""
-_NEIGHBOURS = 3
-_SHORTEST_COPY = 3
-_FRAMES_AT_ONCE = 1000
-_ROUNDED_M = 1e-9
-_SHORTEST_CLIP, _STEPS_BESIDE, _LIKE_BESIDE, _RESOLVED = 3, 11, 0.6, 2.5
 
 
 def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
@@ -60,10 +50,10 @@ def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findin
             length = run.stop - run.start
             outside = np.delete(steady[index], np.r_[run])
             chance = (outside.sum() + 1) / (len(outside) + 2)
-            if length < max(_SHORTEST_STILL, np.log(_STILL_BY_CHANCE) / np.log(chance)):
+            if length < max(_AT.shortest_still, np.log(_AT.still_by_chance) / np.log(chance)):
                 continue
             near = _nearest(points, index, run)
-            if not near or np.median(steady[near, run].mean(axis=1)) > _OTHERS_STILL:
+            if not near or np.median(steady[near, run].mean(axis=1)) > _AT.others_still:
                 continue
             stretch = slice(run.start, run.stop + 1)
             findings.append(clock.finding("frozen", (label,), stretch, frames_alike=length + 1))
@@ -77,13 +67,13 @@ def clipped_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findi
         for axis, values in zip("xyz", positions.T, strict=True):
             seen = values[np.isfinite(values)]
             changes = np.abs(np.diff(seen, n=3))
-            resolution = np.min(changes[changes > _ROUNDED_M], initial=np.inf)
+            resolution = np.min(changes[changes > _AT.rounded_m], initial=np.inf)
             for top in flat_tops(seen) if len(seen) else []:
                 words = {"axis": axis, "level": top.level, "count": top.samples}
                 findings += [
                     clock.finding("clipped", (label,), run, **words)
                     for run in runs(values == top.level)
-                    if run.stop - run.start >= _SHORTEST_CLIP and _cut_off(values, run, resolution)
+                    if run.stop - run.start >= _AT.shortest_clip and _cut_off(values, run, resolution)
                 ]
     return findings
 
@@ -93,11 +83,11 @@ def _cut_off(values: np.ndarray, run: slice, resolution: float) -> bool:
 
     It is also clearly larger than the file's resolution, at which a turning point is flat.
     """
-    before = values[max(0, run.start - _STEPS_BESIDE) : run.start][::-1]
-    for beside in (before, values[run.stop : run.stop + _STEPS_BESIDE]):
+    before = values[max(0, run.start - _AT.steps_beside) : run.start][::-1]
+    for beside in (before, values[run.stop : run.stop + _AT.steps_beside]):
         steps = np.abs(np.diff(beside))
         steps = steps[np.isfinite(steps)]
-        if len(steps) and steps[0] > max(_LIKE_BESIDE * np.median(steps), _RESOLVED * resolution):
+        if len(steps) and steps[0] > max(_AT.like_beside * np.median(steps), _AT.resolved * resolution):
             return True
     return False
 
@@ -112,7 +102,7 @@ def _nearest(points: dict[str, np.ndarray], index: int, run: slice) -> list[int]
     there = np.stack([positions[run.start] for positions in points.values()])
     distance = np.linalg.norm(there - there[index], axis=1)
     order = [other for other in np.argsort(distance) if other != index and np.isfinite(distance[other])]
-    return order[:_NEIGHBOURS]
+    return order[: _AT.neighbours]
 
 
 def held_samples(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], set[str]]:
@@ -139,12 +129,12 @@ def _moves_every(positions: np.ndarray) -> int:
     seen = np.isfinite(positions[:, 0])
     known = seen[1:] & seen[:-1]
     moves = ~_unchanged(positions) & known
-    if moves.sum() < _FEWEST_MOVES or moves.sum() > 0.6 * known.sum():
+    if moves.sum() < _AT.fewest_moves or moves.sum() > 0.6 * known.sum():
         return 0
-    for every in range(2, _LONGEST_HOLD + 1):
+    for every in range(2, _AT.longest_hold + 1):
         phases = [(moves[phase::every].sum(), known[phase::every].sum()) for phase in range(every)]
         shares = sorted(moved / max(1, count) for moved, count in phases)
-        if shares[-1] > _HELD_SHARE and shares[-2] < 1 - _HELD_SHARE:
+        if shares[-1] > _AT.held_share and shares[-2] < 1 - _AT.held_share:
             return every
     return 0
 
@@ -160,9 +150,9 @@ def copied_stretches(points: dict[str, np.ndarray], clock: Clock, named: dict[st
     for first, second in _touching_pairs(points):
         a, b = points[labels[first]], points[labels[second]]
         with np.errstate(invalid="ignore"):
-            near = np.linalg.norm(a - b, axis=1) < _TOUCHING_M
+            near = np.linalg.norm(a - b, axis=1) < _AT.touching_m
         for stretch in runs(near):
-            if stretch.stop - stretch.start >= min(_SHORTEST_COPY, len(near)):
+            if stretch.stop - stretch.start >= min(_AT.shortest_copy, len(near)):
                 findings.append(_copy(points, named, (labels[first], labels[second]), stretch, clock))
     return findings
 
@@ -172,18 +162,18 @@ def _touching_pairs(points: dict[str, np.ndarray]) -> list[tuple[int, int]]:
 
     Every third frame is looked at: shorter copies are not told anyway.
     """
-    every = min(_SHORTEST_COPY, len(next(iter(points.values()))))
+    every = min(_AT.shortest_copy, len(next(iter(points.values()))))
     points = {label: positions[::every] for label, positions in points.items()}
     n_frames = len(next(iter(points.values())))
     pairs: set[tuple[int, int]] = set()
-    for start in range(0, n_frames, _FRAMES_AT_ONCE):
-        frames = slice(start, start + _FRAMES_AT_ONCE)
+    for start in range(0, n_frames, _AT.frames_at_once):
+        frames = slice(start, start + _AT.frames_at_once)
         stacked = np.stack([positions[frames] for positions in points.values()], axis=1)
         order = np.argsort(stacked[:, :, 0], axis=1)
         ordered = np.take_along_axis(stacked, order[:, :, None], axis=1)
         for places in range(1, min(3, len(points))):
             with np.errstate(invalid="ignore"):
-                near = (np.abs(ordered[:, places:] - ordered[:, :-places]) < _TOUCHING_M).all(axis=2)
+                near = (np.abs(ordered[:, places:] - ordered[:, :-places]) < _AT.touching_m).all(axis=2)
             frame, place = np.nonzero(near)
             found = np.sort(np.stack([order[frame, place], order[frame, place + places]]), axis=0)
             pairs |= {(int(one), int(other)) for one, other in np.unique(found, axis=1).T}
@@ -230,12 +220,6 @@ def _which_is_off_level(
 LOWEST_HZ, HIGHEST_HZ = 0.2, 2.0
 """Half of the lowest frequency scale of real lifts, and more than that of a dance, 1.7."""
 USUAL_HZ = 0.57
-_MOVES_M = 0.15
-"""How far the middle of the body must move for its tempo to say something."""
-_SMOOTHED_SHARE, _ROUNDS = 0.06, 4
-_FEWEST_FRAMES = 30
-_MOST_MARKERS = 20
-"""Markers looked at, evenly among all: a body's markers move together."""
 
 
 def frequency_scale(points: dict[str, np.ndarray], rate: float) -> float | None:
@@ -246,22 +230,22 @@ def frequency_scale(points: dict[str, np.ndarray], rate: float) -> float | None:
     n_frames = len(next(iter(points.values())))
     # Smoothed over a share of its own period, which no statement of a rate changes.
     width = n_frames // 10
-    for _ in range(_ROUNDS):
+    for _ in range(_AT.rounds):
         cycles = _cycles_per_frame(points, width)
         if not cycles > 0:
             return None
-        width = int(np.clip(_SMOOTHED_SHARE / cycles, 3, n_frames // 10))
+        width = int(np.clip(_AT.smoothed_share / cycles, 3, n_frames // 10))
     return float(cycles * rate)
 
 
 def tells_tempo(points: dict[str, np.ndarray]) -> bool:
     """Whether a movement is long and large enough for its tempo to say something."""
     n_frames = len(next(iter(points.values())))
-    return n_frames >= _FEWEST_FRAMES and _way(_some(points)) >= _MOVES_M
+    return n_frames >= _AT.fewest_frames and _way(_some(points)) >= _AT.moves_m
 
 
 def _some(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    every = -(-len(points) // _MOST_MARKERS)
+    every = -(-len(points) // _AT.most_markers)
     return {label: points[label] for label in list(points)[::every]}
 
 

@@ -10,14 +10,9 @@ import numpy as np
 
 from lumbar.lifting.quality.body import rightward, trunk_axis
 from lumbar.lifting.quality.sheet import Clock, Finding
+from lumbar.lifting.quality.thresholds import thresholds
 
-_WAY_M, _STRAIGHT, _INSTANTS = 1.0, 0.8, 10
-_APART, _FEWEST_STEPS = 0.3, 3
-_SLOWEST_HZ, _FASTEST_HZ, _USUAL_HZ = 1.2, 2.7, 1.85
-"""Steps a second of people who walk: 1.4 to 2.3."""
-_SHORT_STEP_M, _RUNNING_STEP_M = 0.4, 1.0
-"""Who walks slowly takes short steps, who runs long ones: then the steps of a second tell nothing."""
-_BACKWARDS = -0.7
+_AT = thresholds("walking")
 
 
 @dataclass(frozen=True)
@@ -35,11 +30,11 @@ class Walk:
     def times(self, rate: float) -> float:
         """How many times too high a rate is by the steps of a second; 1 where it may be right, NaN where they do not tell."""
         found = self.steps * rate
-        if found < _SLOWEST_HZ and self.step_m > _SHORT_STEP_M:
-            return found / _USUAL_HZ
-        if found > _FASTEST_HZ and self.step_m < _RUNNING_STEP_M:
-            return found / _USUAL_HZ
-        return 1.0 if _SLOWEST_HZ <= found <= _FASTEST_HZ else np.nan
+        if found < _AT.slowest_hz and self.step_m > _AT.short_step_m:
+            return found / _AT.usual_hz
+        if found > _AT.fastest_hz and self.step_m < _AT.running_step_m:
+            return found / _AT.usual_hz
+        return 1.0 if _AT.slowest_hz <= found <= _AT.fastest_hz else np.nan
 
 
 def walk(points: dict[str, np.ndarray], named: dict[str, str]) -> Walk | None:
@@ -48,12 +43,12 @@ def walk(points: dict[str, np.ndarray], named: dict[str, str]) -> Walk | None:
     foot = next((name for name in ("ANKLE", "HEEL", "TOE") if {f"L_{name}", f"R_{name}"} <= at.keys()), None)
     trunk = trunk_axis(points, named)
     frames = np.flatnonzero(np.isfinite(trunk[0][:, 0])) if trunk else []
-    if foot is None or trunk is None or len(frames) < _INSTANTS:
+    if foot is None or trunk is None or len(frames) < _AT.instants:
         return None
-    places = trunk[0][frames[np.linspace(0, len(frames) - 1, _INSTANTS).astype(int)], :2]
+    places = trunk[0][frames[np.linspace(0, len(frames) - 1, _AT.instants).astype(int)], :2]
     way = places[-1] - places[0]
     distance = float(np.linalg.norm(way))
-    if distance < max(_WAY_M, _STRAIGHT * np.linalg.norm(np.diff(places, axis=0), axis=1).sum()):
+    if distance < max(_AT.way_m, _AT.straight * np.linalg.norm(np.diff(places, axis=0), axis=1).sum()):
         return None
     sides, depths = rightward(points, named)
     right = np.nansum([np.zeros_like(trunk[0]), *sides.values(), *depths.values()], axis=0)
@@ -68,9 +63,9 @@ def walk(points: dict[str, np.ndarray], named: dict[str, str]) -> Walk | None:
 def _steps_per_frame(ahead: np.ndarray) -> float:
     """How often one foot passes the other; `ahead` is by how much it is ahead of it, shape (n_frames,)."""
     frames = np.flatnonzero(np.isfinite(ahead))
-    clear = frames[np.abs(ahead[frames]) > _APART * np.std(ahead[frames])]
+    clear = frames[np.abs(ahead[frames]) > _AT.apart * np.std(ahead[frames])]
     passed = clear[1:][np.diff(np.sign(ahead[clear])) != 0]
-    return (len(passed) - 1) / (passed[-1] - passed[0]) if len(passed) >= _FEWEST_STEPS else np.nan
+    return (len(passed) - 1) / (passed[-1] - passed[0]) if len(passed) >= _AT.fewest_steps else np.nan
 
 
 def walking_findings(points: dict[str, np.ndarray], named: dict[str, str], clock: Clock) -> list[Finding]:
@@ -82,6 +77,6 @@ def walking_findings(points: dict[str, np.ndarray], named: dict[str, str], clock
     if abs(found.times(clock.rate) - 1) > 0:
         words = {"steps": found.steps * clock.rate, "length": found.step_m, "rate": clock.rate}
         findings.append(clock.finding("steps", **words, factor=found.times(clock.rate)))
-    if found.facing < _BACKWARDS:
+    if found.facing < _AT.backwards:
         findings.append(clock.finding("backwards", distance=found.distance))
     return findings
