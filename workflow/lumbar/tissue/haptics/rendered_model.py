@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import fmpy
 import numpy as np
 
 from lumbar.base.errors import InputError
@@ -16,6 +17,7 @@ from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, averaged_samples, export_models
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
+from lumbar.tissue.fmu.check.playing import PlayError
 from lumbar.tissue.fmu.conventions import RATE_LIMIT, slow_push, told_meaning, work_units
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.simulation import PUSH_MM, Step, on_servo
@@ -282,10 +284,6 @@ def _without_end(model: SampledModel) -> SampledModel:
 @contextmanager
 def unpacked(path: Path) -> "Iterator[UnpackedFmu]":
     """Unpack an FMU for FMI 3.0 of an export for a while; a library that does not play is an InputError with its path."""
-    import fmpy
-
-    from lumbar.tissue.fmu.check.playing import PlayError
-
     with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
         fmpy.extract(str(path), folder)
         try:

@@ -11,6 +11,7 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
+from lumbar.tissue.diagnosis.linear.lead import force_leads
 from lumbar.tissue.diagnosis.linear.linear_dynamics import LinearDynamics, nonlinear_share
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
@@ -145,8 +146,6 @@ def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict
 
 def _beside_lead(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
     """Ask whether a force that leads explains more than the linear effects that were selected: it is no mechanism."""
-    from lumbar.tissue.diagnosis.linear.lead import force_leads
-
     linear = {name for name in found.selected if settings.candidates[name].linear}
     finding = None if settings.system != "tissue" else force_leads(found.model, found.experiment, linear)
     if finding is None:

@@ -1,13 +1,11 @@
 """modelDescription.xml of FMI 2.0 and 3.0, and what an FMU says of itself in words: data, valid range, guards."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
 import numpy as np
+from markupsafe import Markup
 
 from lumbar import __version__
 from lumbar.base.templates import template
@@ -15,9 +13,6 @@ from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.guards import LARGEST
 from lumbar.tissue.fmu.build.sources import C_FILES, content_token
 from lumbar.tissue.fmu.conventions import ANNOTATION, PUSH, RATE_LIMIT, base_unit, slow_push
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
 
 
 def sentence(name: str, model: ExportModel, **known) -> str:
@@ -166,8 +161,6 @@ def model_description(model: ExportModel, version: str, data: str) -> str:
 
 def _escaped(text: str, attribute: bool = True) -> Markup:
     """Text for XML, with no more escaped than XML asks for."""
-    from markupsafe import Markup
-
     return Markup(escape(text, {'"': "&quot;"} if attribute else {}))
 
 

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from markupsafe import Markup
+
 from lumbar import __version__
 from lumbar.base.templates import template
 from lumbar.tissue.fmu.build.description import (
@@ -35,8 +37,6 @@ def documentation_html(model: ExportModel, version: str, data: str, drawn: Seque
     drawn : sequence of str
         Its `pictures`.
     """
-    from markupsafe import Markup
-
     x, y = model.input, model.output
     linear = isinstance(model.dynamics, LinearModel)
     return template("tissue/fmu/build/documentation.html.jinja").render(
@@ -113,8 +113,6 @@ _ACTS = {
 
 def _term(model: ExportModel, term: Term) -> tuple:
     """One row of the table of forms."""
-    from markupsafe import Markup
-
     return (
         term.form.key,
         _ACTS[term.form.place],

@@ -8,6 +8,8 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 
+from fmpy.fmi1 import FMICallException
+
 from lumbar.tissue.fmu.check.instance import Instance, Motion, UnzippedFmu, modes, way_in_words
 from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, slow_push, told_meaning
 
@@ -130,8 +132,6 @@ CHECKS: tuple[Callable[[UnzippedFmu], Iterator[str]], ...] = (
 
 def problems_of(fmu: UnzippedFmu) -> list[str]:
     """Everything that the library does otherwise than the description says; calls that fail count too."""
-    from fmpy.fmi1 import FMICallException
-
     found: list[str] = []
     for check in CHECKS:
         subject = check.__name__.removeprefix("check_").replace("_", " ")

@@ -4,6 +4,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import fmpy
 import numpy as np
 
 from lumbar.base.errors import Problems
@@ -63,8 +64,6 @@ def simulate_fmu(path: Path, inputs: np.ndarray) -> np.ndarray:
 
     The inputs are set at these instants; both have shape (samples,).
     """
-    import fmpy
-
     with tempfile.TemporaryDirectory(prefix="lumbar-play-") as folder:
         fmpy.extract(str(path), folder)
         fmu = UnzippedFmu(Path(folder))

@@ -1,20 +1,18 @@
 """An FMU under check: one instance with the same calls in both versions of FMI, and positions to play to it."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterable
 from copy import copy
 from functools import cached_property
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import fmpy
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
 
 from lumbar.tissue.fmu.conventions import REFERENCE
-
-if TYPE_CHECKING:
-    from fmpy.fmi2 import FMU2Slave
-    from fmpy.fmi3 import FMU3Slave
 
 _NUMBERS = count()
 
@@ -23,8 +21,6 @@ class UnzippedFmu:
     """An FMU in a `folder`, with what its `description` says, as fmpy reads it."""
 
     def __init__(self, folder: Path):
-        import fmpy
-
         self.folder = folder
         self.description = fmpy.read_model_description(str(folder), validate=False)
         self.variables = {item.name: item for item in self.description.modelVariables}
@@ -38,9 +34,6 @@ class UnzippedFmu:
     @cached_property
     def slave(self) -> FMU2Slave | FMU3Slave:
         """The library, without an instance: fmpy takes longer to load it than to play it."""
-        from fmpy.fmi2 import FMU2Slave
-        from fmpy.fmi3 import FMU3Slave
-
         return (FMU2Slave if self.version == 2 else FMU3Slave)(
             guid=self.description.guid,
             unzipDirectory=str(self.folder),
@@ -148,8 +141,6 @@ class Instance:
 
     def accepts(self, name: str, value: float) -> bool:
         """Set a variable; whether the FMU took it."""
-        from fmpy.fmi1 import FMICallException
-
         try:
             self.set(name, value)
         except FMICallException:
@@ -196,8 +187,6 @@ class Instance:
 
     def steps(self, begin: float, length: float) -> bool:
         """Take a step; whether the FMU took it."""
-        from fmpy.fmi1 import FMICallException
-
         try:
             self.slave.doStep(begin, length)
         except FMICallException:
