@@ -4,6 +4,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
+
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import read_json, write_text
 from lumbar.base.yaml_file import read_yaml
@@ -58,8 +60,6 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
         ...
     lumbar.base.errors.InputError: results/unknown/run_config.yaml: no such file; ...
     """
-    import pandas as pd
-
     results, project = Path(results), Path(project)
     for path in (results / "run_config.yaml", results / "run_environment.json"):
         if not path.is_file():

@@ -1,6 +1,6 @@
 """Chapter stability: pendulum, regulator, methods and their checks."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from lumbar.base.errors import Problems
 from lumbar.settings.key import UNIQUE, Each, Word, key, section, settings
@@ -143,9 +143,7 @@ class StabilitySettings:
     regulator: RegulatorSettings = section(default_factory=RegulatorSettings)
     goal_level: float = key(default=1.0, within="(0, 1000000.0]")
     knots: int = key(default=1000, within="[50, 100000]")
-    checks: Annotated[tuple[Check, ...], UNIQUE] = key(
-        default=("simulation", "thesis_method", "sum_of_squares", "cvxpy", "proof", "extended")
-    )
+    checks: Annotated[tuple[Check, ...], UNIQUE] = key(default=get_args(Check))
     proof: ProofSettings = section(default_factory=ProofSettings)
     sum_of_squares: SumOfSquaresSettings = section(default_factory=SumOfSquaresSettings)
     thesis_method: ThesisMethodSettings = section(default_factory=ThesisMethodSettings)

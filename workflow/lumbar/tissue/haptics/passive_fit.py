@@ -12,6 +12,7 @@ p + √(r² p² + (r² − 1) q²) ≤ 2b, and L is linear in the stiffnesses.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import clarabel
 import numpy as np
 import scipy
 
@@ -129,8 +130,6 @@ def fit_branches(
 
 def _solve(factor: np.ndarray, projected: np.ndarray, columns, damping: float | None) -> np.ndarray:
     """Minimise ‖R k − q‖² subject to k ≥ 0 and the cones of the device."""
-    import clarabel
-
     count = factor.shape[1]
     size = np.linalg.norm(factor, axis=0)  # stiffnesses of like size: the solver's tolerances are absolute
     scaled = factor / size
