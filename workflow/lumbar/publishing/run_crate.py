@@ -12,16 +12,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from lumbar.base.files import replacing
 from lumbar.base.yaml_file import shipped_yaml
 
 METADATA = "ro-crate-metadata.json"
 MAIN = "Snakefile"
-LICENCE = "https://spdx.org/licenses/MIT"
 _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-PROFILES: list[dict[str, str]] = _SAID["profiles"]
 FORMATS: dict[str, str] = _SAID["formats"]
+_OF_RUN = ("root", "workflow", "action")
 OLDEST = (1980, 1, 1, 0, 0, 0)
 """Time of every member of the archive: the oldest that ZIP knows."""
 
@@ -82,17 +82,24 @@ def metadata(run: Run, contents: Mapping[str, bytes]) -> dict:
         {"@id": f"#{name}", "@type": "PropertyValue", "name": name, "value": value}
         for name, value in sorted(run.environment.items())
     ]
-    inputs = [
-        *(_reference(name) for name in (run.configuration, *published)),
-        *(_reference(item["@id"]) for item in recordings),
-    ]
+    inputs = [run.configuration, *published, *(item["@id"] for item in recordings)]
+    parts = [MAIN, *files, *folders, *(item["@id"] for item in recordings)]
+    fixed = {name: _filled(_SAID[name], run=run, ended=run.ended.isoformat()) for name in _OF_RUN}
+    root = fixed["root"] | {"name": run.title or run.study, "hasPart": _references(parts)}
+    workflow = _file(MAIN, contents[MAIN], _SAID["about"]) | fixed["workflow"]
+    workflow["softwareRequirements"] = _references(["envs/lock.txt", *(item["@id"] for item in software)])
+    action = fixed["action"] | {
+        "environment": _references(item["@id"] for item in variables),
+        "object": _references(inputs),
+        "result": _references(sorted(run.outputs)),
+    }
     records = [
         _SAID["descriptor"],
-        _root(run, [MAIN, *files, *folders, *(item["@id"] for item in recordings)]),
-        *PROFILES,
-        _workflow(run, contents[MAIN], software),
+        root,
+        *_SAID["profiles"],
+        workflow,
         *_SAID["named"],
-        _action(run, inputs, variables),
+        action,
         *(_file(name, contents[name], run.outputs.get(name, "")) for name in files),
         *({"@id": name, "@type": "Dataset", "name": f"{name} of the project"} for name in folders),
         *recordings,
@@ -107,54 +114,17 @@ def _folders(names: Iterable[str]) -> list[str]:
     return sorted({f"{name.split('/')[0]}/" for name in names if "/" in name} - {"resources/", "results/"})
 
 
-def _reference(key: str) -> dict:
-    return {"@id": key}
+def _filled(said: Any, **words: Any) -> Any:
+    """Return what is said of something with `words` for what stands in braces."""
+    if isinstance(said, dict):
+        return {key: _filled(item, **words) for key, item in said.items()}
+    if isinstance(said, list):
+        return [_filled(item, **words) for item in said]
+    return said.format(**words)
 
 
-def _root(run: Run, parts: list[str]) -> dict:
-    return {
-        "@id": "./",
-        "@type": "Dataset",
-        "name": run.title or run.study,
-        "description": f"Run of the study {run.study}: code, inputs, environment and results. Data: {run.data}.",
-        "datePublished": run.ended.isoformat(),
-        "license": _reference(LICENCE),
-        "conformsTo": [_reference(profile["@id"]) for profile in PROFILES],
-        "mainEntity": _reference(MAIN),
-        "mentions": _reference("#run"),
-        "hasPart": [_reference(part) for part in parts],
-    }
-
-
-def _workflow(run: Run, content: bytes, software: list[dict]) -> dict:
-    return {
-        **_file(MAIN, content, "lumbar: from recordings to every table, figure and FMU"),
-        "@type": ["File", "SoftwareSourceCode", "ComputationalWorkflow"],
-        "version": run.versions["lumbar"],
-        "license": _reference(LICENCE),
-        "author": _reference("#developers"),
-        "programmingLanguage": _reference("#snakemake"),
-        "conformsTo": _reference("https://bioschemas.org/profiles/ComputationalWorkflow/1.0-RELEASE"),
-        "softwareRequirements": [
-            _reference("envs/lock.txt"),
-            *(_reference(item["@id"]) for item in software),
-        ],
-    }
-
-
-def _action(run: Run, inputs: list[dict], variables: list[dict]) -> dict:
-    return {
-        "@id": "#run",
-        "@type": "CreateAction",
-        "name": f"Run of the study {run.study}",
-        "description": f"snakemake --configfile {run.configuration}",
-        "endTime": run.ended.isoformat(),
-        "actionStatus": "http://schema.org/CompletedActionStatus",
-        "instrument": _reference(MAIN),
-        "environment": [_reference(variable["@id"]) for variable in variables],
-        "object": inputs,
-        "result": [_reference(name) for name in sorted(run.outputs)],
-    }
+def _references(names: Iterable[str]) -> list[dict]:
+    return [{"@id": name} for name in names]
 
 
 def _file(name: str, content: bytes, label: str) -> dict:
@@ -168,30 +138,17 @@ def _file(name: str, content: bytes, label: str) -> dict:
     if Path(name).suffix in FORMATS:
         record["encodingFormat"] = FORMATS[Path(name).suffix]
     if name == "README.md":
-        record["about"] = _reference("./")
+        record["about"] = {"@id": "./"}
     return record
 
 
 def _recording(name: str, digest: str, source: Mapping[str, str]) -> dict:
     """Describe a recording that the archive does not hold; its content names it (RFC 6920)."""
     named = base64.urlsafe_b64encode(bytes.fromhex(digest)).rstrip(b"=").decode()
-    return {
-        "@id": f"ni:///sha-256;{named}",
-        "@type": "File",
-        "name": name,
-        "sha256": digest,
-        "isPartOf": source["name"],
-        "license": source["licence"],
-        "description": f"Not in this archive: {source['obtain']}",
-    }
+    return _filled(_SAID["recording"], name=name, named=named, digest=digest, source=source)
 
 
 def _software(name: str, version: str) -> dict:
     """Describe a package; its name is a package URL (https://github.com/package-url/purl-spec)."""
     kind = "generic" if name in ("python", "lumbar") else "pypi"
-    return {
-        "@id": f"pkg:{kind}/{name}@{version}",
-        "@type": "SoftwareApplication",
-        "name": name,
-        "softwareVersion": version,
-    }
+    return _filled(_SAID["software"], kind=kind, name=name, version=version)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import as_name, read_json, write_csv, write_json, write_text
+from lumbar.base.templates import template
 from lumbar.base.yaml_file import quoted
 from lumbar.records.importing.recording import ImportedRecording
 from lumbar.records.record import Record, forced
@@ -144,64 +145,29 @@ def common_rate(rates: Iterable[float]) -> float | None:
 
 
 def study_text(content: dict, folder: Path) -> str:
-    """Text of the study; empty without records.
-
-    Parameters
-    ----------
-    content : dict
-        Of the file of provenance.
-    """
+    """Text of the study; empty without records. `content` is that of the file of provenance."""
     records = content["records"]
     if not records:
         return ""
     folder = folder.resolve()
-    name = as_name(folder.name, "study")
-    sources = ", ".join(Path(entry["source"]).name for entry in records)
-    label = content["data"] or f"recordings {folder.name}"
-    longest = max(records, key=lambda entry: entry["duration_s"])
-    lines = [
-        f"# Made by lumbar import; {PROVENANCE} holds the same for programs. In the project's folder:",
-        f"#   snakemake --cores 2 --configfile {shlex.quote(str(folder / STUDY))}",
-        f"study: {quoted(name)}",
-        f"title: {quoted(label)}",
-        "data: recordings",
-        f"data_root: {quoted(str(folder))}   # or LUMBAR_DATA",
-        "data_source:",
-        f"  name: {quoted(label)}",
-        f"  licence: {quoted(content['licence'] or 'not stated')}",
-        f"  obtain: {quoted(f'lumbar import made them of {sources}')}",
-        "chapters: [tissue, improvement]",
-        "",
-        "tissue:",
-        *_layout_lines(content),
-        "  records:",
-        *(line for entry in records for line in _record_lines(entry)),
-        f"  training: [{quoted(longest['name'])}]   # the longest",
-        "",
-        f"improvement: {{{'forward: true, ' if content['forward'] else ''}record_sets: [{{name: tissue}}]}}",
-    ]
-    return "\n".join(lines) + "\n"
+    return template("records/importing/study_file.yaml.jinja").render(
+        content=content,
+        folder=str(folder),
+        name=as_name(folder.name, "study"),
+        configfile=shlex.quote(str(folder / STUDY)),
+        provenance=PROVENANCE,
+        label=content["data"] or f"recordings {folder.name}",
+        sources=", ".join(Path(entry["source"]).name for entry in records),
+        rate=common_rate(entry["rate_Hz"] for entry in records),
+        longest=max(records, key=lambda entry: entry["duration_s"]),
+        comments=_comments,
+        quoted=quoted,
+    )
 
 
-def _layout_lines(content: dict) -> list[str]:
-    columns = content["records"][0]["columns"]
-    lines = ["  layout:", "    columns:"]
-    lines += [
-        f"      {role}: {{{', '.join(f'{key}: {quoted(value)}' for key, value in column.items())}}}"
-        for role, column in columns.items()
-    ]
-    if any(entry["clipped"] for entry in content["records"]):
-        lines.append("    clipped: accept   # as told by --accept-clipped")
-    rate = common_rate(entry["rate_Hz"] for entry in content["records"])
-    if rate is not None:
-        lines.append(f"  rate_Hz: {rate:.9g}   # the lowest of the records' rates: one model needs one")
-    return lines
-
-
-def _record_lines(entry: dict) -> list[str]:
-    source, digest = entry["source"], entry["sha256"][:16]
-    told = [f"{source} (SHA-256 {digest}…): {entry['form']}"]
+def _comments(entry: dict) -> list[str]:
+    """What is told of a record, line by line, without signs that would end a line."""
+    told = [f"{entry['source']} (SHA-256 {entry['sha256'][:16]}…): {entry['form']}"]
     told += [f"  {role}: {words}" for role, words in entry["grounds"].items()]
     told += [f"  {note}" for note in entry["notes"]]
-    comment = [f"    # {''.join(sign if sign.isprintable() else '?' for sign in line)}" for line in told]
-    return [*comment, f"    - {{name: {quoted(entry['name'])}, file: {quoted(entry['file'])}}}"]
+    return ["".join(sign if sign.isprintable() else "?" for sign in line) for line in told]
