@@ -171,7 +171,7 @@ def _largest(values: np.ndarray) -> float:
 
 def _spread(distance: np.ndarray, leap: Leap) -> float:
     """Standard deviation, by the quartiles, of the distance of two markers about its median on each side of a leap."""
-    every = max(1, len(distance) // _ENOUGH_FRAMES)
+    every = max(1, len(distance) // _AT.enough_frames)
     each = distance[leap.last :: -every], distance[leap.first :: every]
     sides = [side[np.isfinite(side)] for side in each]
     low, high = np.percentile(np.concatenate([side - np.median(side) for side in sides]), (25, 75))
