@@ -80,6 +80,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python benchmarks/push_thresholds.py --markdown docs/lifting/push_experiment.md
 	python benchmarks/body_model.py people --seeds 10
 	python benchmarks/body_model.py coverage --seeds 200 --first 600 --markdown docs/lifting/body_model.md
+	python benchmarks/body_model.py boxes --seeds 18 --first 1000
 	$(MAKE) STUDY=cohort results # the contest of docs/lifting/pushes.md: its tables/push_prediction
 	python benchmarks/marker_faults.py --markdown docs/lifting/quality.md
 	python benchmarks/runtime.py
