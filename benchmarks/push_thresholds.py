@@ -1,11 +1,11 @@
 """Thresholds of stepping: do 95 % intervals cover, how many pushes does a design need, and what where the model is wrong?
 
-    python benchmarks/push_thresholds.py [--cohorts 40] [--persons 20] [--only designs] [--markdown PAGE]
+    python benchmarks/push_thresholds.py [--cohorts 20] [--persons 20] [--only designs] [--markdown PAGE]
 
 Simulates persons with known thresholds, lets the library estimate them, and prints three tables: coverage, width and calibration
 where the model holds and where it does not; pushes until both thresholds of a person are known to a width, by design; and the
 simulated bodies of `lumbar.lifting.pushes`, whose thresholds bisection tells. The target of coverage is 93 to 97 %.
-With ``--markdown`` the table of designs goes into docs/lifting/push_experiment.md.
+With ``--markdown`` the first two go into docs/lifting/push_experiment.md.
 """
 
 from __future__ import annotations
@@ -197,6 +197,20 @@ def needed(table: pd.DataFrame) -> list[str]:
     return lines
 
 
+def covered(table: pd.DataFrame) -> list[str]:
+    """The table of coverage: of each truth, cohorts with shares covered in %, their standard errors, and drifts told."""
+    lines = ["| truth | persons×pushes | covered, % | drift told, % |", "|---|---|---|---|"]
+    for truth, own in table.groupby("truth", sort=False):
+        cohorts = [
+            f"{row.persons}×{row.pushes}"
+            for row in own.rename(columns={"pushes of each": "pushes"}).itertuples()
+        ]
+        held = [f"{share:.0f}±{error:.1f}" for share, error in zip(own["covered %"], own["±"], strict=True)]
+        drift = [f"{share:.0f}" for share in own["drift told %"]]
+        lines.append(f"| {truth} | {' | '.join(map(', '.join, (cohorts, held, drift)))} |")
+    return lines
+
+
 def bodies(persons: int, phases: tuple[float, ...], pushes: int = 24) -> pd.DataFrame:
     """Simulated bodies, each pushed as `next_push` says, together; their thresholds at mid-movement by bisection."""
     rng, settings = np.random.default_rng(3), PushesSettings()
@@ -252,7 +266,7 @@ def bodies(persons: int, phases: tuple[float, ...], pushes: int = 24) -> pd.Data
 def main() -> int:
     """Print and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cohorts", type=int, default=40)
+    parser.add_argument("--cohorts", type=int, default=20)
     parser.add_argument("--persons", type=int, default=20)
     parser.add_argument("--only", nargs="+", choices=["bodies", "designs", "coverage"])
     parser.add_argument("--markdown", type=Path)
@@ -267,16 +281,18 @@ def main() -> int:
         "designs": (designs, arguments.persons),
         "coverage": (coverage, arguments.cohorts),
     }
+    sections = {"designs": ("pushes needed", needed), "coverage": ("thresholds covered", covered)}
     for name in arguments.only or made:
         make, count = made[name]
         table = make(count)
         table.to_csv(arguments.output / f"{name}.csv", index=False)
         print(table.round(3).to_string(index=False), flush=True)
-        if name == "designs":
-            lines = needed(table)
+        if name in sections:
+            section, lines_of = sections[name]
+            lines = lines_of(table)
             print("\n".join(lines))
             if arguments.markdown:
-                write_section(arguments.markdown, "pushes needed", lines)
+                write_section(arguments.markdown, section, lines)
     return 0
 
 
