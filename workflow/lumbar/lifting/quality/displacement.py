@@ -265,23 +265,6 @@ def _united(found: list[Displacement], n_frames: int) -> list[Displacement]:
     return united
 
 
-def rigid_mates(points: dict[str, np.ndarray], without: frozenset[str] = frozenset()) -> dict[str, list[str]]:
-    """Return, for each marker, those at the most constant distance from it, most constant first; `without` are nobody's mates."""
-    labels = list(points)
-    every = max(1, len(next(iter(points.values()))) // _AT.samples)
-    sample = np.stack([points[label][::every] for label in labels])
-    mates = {}
-    for index, label in enumerate(labels):
-        spread, middle = _spread_from(sample, index)
-        known = [
-            other
-            for other in np.argsort(spread)
-            if np.isfinite(spread[other]) and middle[other] > _AT.apart_m
-        ]
-        mates[label] = [labels[other] for other in known if labels[other] not in without][: _AT.mates]
-    return mates
-
-
 def _spread_from(sample: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Spread and median of the distance of every marker from one of them; sample has shape (n_markers, n, 3)."""
     low, middle, high = percentiles(np.linalg.norm(sample - sample[index], axis=2), (0.05, 0.5, 0.95))

@@ -40,7 +40,7 @@ def _drift(
 
     None where its neighbours do not tell.
     """
-    mates, weights = _mates(sample, label)
+    mates, weights = constant_mates(sample, label)
     within = _in_frame(sample, label, mates, weights) if mates else None
     if within is None:
         return None
@@ -65,7 +65,7 @@ def _drift(
     return size * float(np.sqrt(free[best])) / smallest, finding
 
 
-def _mates(sample: dict[str, np.ndarray], label: str) -> tuple[list[str], np.ndarray]:
+def constant_mates(sample: dict[str, np.ndarray], label: str) -> tuple[list[str], np.ndarray]:
     """Markers at the most constant distance, and their weights; none where there are too few."""
     labels = list(sample)
     distance = np.linalg.norm(np.stack([sample[other] for other in labels]) - sample[label], axis=2)

@@ -12,8 +12,8 @@ from lumbar.lifting.quality.body import (
     side_exchanges,
     stature_found,
 )
-from lumbar.lifting.quality.displacement import Displacement, displacements, length, off_its_part, rigid_mates
-from lumbar.lifting.quality.drift import drifts
+from lumbar.lifting.quality.displacement import Displacement, displacements, length, off_its_part
+from lumbar.lifting.quality.drift import constant_mates, drifts
 from lumbar.lifting.quality.landmarks import landmarks, side_pairs
 from lumbar.lifting.quality.leaps import (
     Exchange,
@@ -294,7 +294,8 @@ def _exchange_findings(
 ) -> list[Finding]:
     """One finding per stretch, with the lengths to a third marker, which changes no place, as they are and as they would be."""
     pair = (exchange.first, exchange.second)
-    partner = rigid_mates(_sampled(straight), changing)[exchange.first][:1]
+    others = {one: points for one, points in _sampled(straight).items() if one not in changing - {pair[0]}}
+    partner = constant_mates(others, exchange.first)[0][:1]
     findings = []
     for stretch in stretches:
         evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to where the other was"
