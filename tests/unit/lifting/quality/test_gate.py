@@ -261,16 +261,13 @@ def test_a_marker_off_a_box_that_is_carried_is_found(two_feet):
     assert "BOX_1" in seen
 
 
-def _ramp(count: int, start: float, stop: float) -> np.ndarray:
-    return np.clip((np.arange(count) / (count - 1) - start) / (stop - start), 0, 1)[:, None]
-
-
 @pytest.mark.parametrize("label", ["C7", "LASI", "RPSI"])
 @pytest.mark.parametrize(("start", "stop"), [(0.0, 1.0), (0.3, 0.5)])
 def test_a_marker_that_creeps_is_left_out_from_where_it_begins(recordings, label, start, stop):
     recording, _ = recordings("weird_squat_trc/markers_Squat2.trc")
-    away = 0.05 * _ramp(len(recording), start, stop) * np.array([0.48, 0.6, -0.64])
-    points = changed(recording.positions, label, slice(None), recording.positions[label] + away)
+    share = np.interp(np.linspace(0, 1, len(recording)), [start, stop], [0, 1])
+    away = recording.positions[label] + np.outer(share, [0.024, 0.03, -0.032])
+    points = changed(recording.positions, label, slice(None), away)
     (finding,) = examine(points, recording.time, recording.rate)
     assert (finding.kind, finding.outcome, finding.markers) == ("drift", "left out", (label,))
     assert finding.frames.start == pytest.approx(start * len(recording), abs=0.11 * len(recording))
@@ -326,3 +323,10 @@ def test_a_walk_tells_a_rate_off_by_two_and_frames_in_reverse(recordings, name, 
     points = {label: positions[:: int(np.sign(times))] for label, positions in recording.positions.items()}
     findings = examine(points, recording.time / abs(times), recording.rate * abs(times))
     assert [(finding.kind, finding.outcome) for finding in findings] == [(kind, "noted") for kind in kinds]
+
+
+@pytest.mark.parametrize("decimals", [3, 4])
+def test_coarse_numbers_are_neither_frozen_nor_clipped(recordings, decimals):
+    recording, _ = recordings("s2m_box_transfer/Vicon.c3d")
+    points = {label: np.round(positions, decimals) for label, positions in recording.positions.items()}
+    assert examine(points, recording.time, recording.rate) == []

@@ -39,7 +39,7 @@ def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findin
 
     A file whose numbers are coarse repeats some of them by chance: the share of unchanged steps outside of a run says how
     often, and a run counts when it has a chance below 1e-9. Where most of the three nearest markers keep theirs too, as on a
-    box that stands, nothing is found.
+    box that stands, nothing is found, nor where the marker comes and goes by the file's resolution.
     """
     steady = np.array([_unchanged(positions) for positions in points.values()])
     if not steady.size:
@@ -52,8 +52,11 @@ def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findin
             chance = (outside.sum() + 1) / (len(outside) + 2)
             if length < max(_AT.shortest_still, np.log(_AT.still_by_chance) / np.log(chance)):
                 continue
+            beside = np.abs(np.diff(points[label][max(0, run.start - 1) : run.stop + 2], axis=0))
+            coarse = [_AT.resolved * _resolution(values) for values in points[label].T]
             near = _nearest(points, index, run)
-            if not near or np.median(steady[near, run].mean(axis=1)) > _AT.others_still:
+            still = near and np.median(steady[near, run].mean(axis=1)) > _AT.others_still
+            if not near or still or (beside.any() and (beside <= coarse).all()):
                 continue
             stretch = slice(run.start, run.stop + 1)
             findings.append(clock.finding("frozen", (label,), stretch, frames_alike=length + 1))
@@ -66,19 +69,23 @@ def clipped_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findi
     for label, positions in points.items():
         for axis, values in zip("xyz", positions.T, strict=True):
             seen = values[np.isfinite(values)]
-            changes = np.abs(np.diff(seen, n=3))
-            resolution = np.min(changes[changes > _AT.rounded_m], initial=np.inf)
             for top in flat_tops(seen) if len(seen) else []:
                 words = {"axis": axis, "level": top.level, "count": top.samples}
                 findings += [
                     clock.finding("clipped", (label,), run, **words)
                     for run in runs(values == top.level)
-                    if run.stop - run.start >= _AT.shortest_clip and _cut_off(values, run, resolution)
+                    if run.stop - run.start >= _AT.shortest_clip and _cut_off(values, run)
                 ]
     return findings
 
 
-def _cut_off(values: np.ndarray, run: slice, resolution: float) -> bool:
+def _resolution(values: np.ndarray) -> float:
+    """The smallest change of a coordinate that its numbers can express, about: of its third differences."""
+    changes = np.abs(np.diff(values[np.isfinite(values)], n=3))
+    return float(np.min(changes[changes > _AT.rounded_m], initial=np.inf))
+
+
+def _cut_off(values: np.ndarray, run: slice) -> bool:
     """Whether a coordinate stops, or starts, without slowing down: its last step but one is like the ten before it.
 
     It is also clearly larger than the file's resolution, at which a turning point is flat.
@@ -87,7 +94,9 @@ def _cut_off(values: np.ndarray, run: slice, resolution: float) -> bool:
     for beside in (before, values[run.stop : run.stop + _AT.steps_beside]):
         steps = np.abs(np.diff(beside))
         steps = steps[np.isfinite(steps)]
-        if len(steps) and steps[0] > max(_AT.like_beside * np.median(steps), _AT.resolved * resolution):
+        if len(steps) and steps[0] > max(
+            _AT.like_beside * np.median(steps), _AT.resolved * _resolution(values)
+        ):
             return True
     return False
 
