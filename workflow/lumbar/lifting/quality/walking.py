@@ -63,7 +63,7 @@ def walk(points: dict[str, np.ndarray], named: dict[str, str]) -> Walk | None:
 def _steps_per_frame(ahead: np.ndarray) -> float:
     """How often one foot passes the other; `ahead` is by how much it is ahead of it, shape (n_frames,)."""
     frames = np.flatnonzero(np.isfinite(ahead))
-    clear = frames[np.abs(ahead[frames]) > _AT.apart * np.std(ahead[frames])]
+    clear = frames[np.abs(ahead[frames]) > _AT.apart * np.std(ahead[frames])] if len(frames) else frames
     passed = clear[1:][np.diff(np.sign(ahead[clear])) != 0]
     return (len(passed) - 1) / (passed[-1] - passed[0]) if len(passed) >= _AT.fewest_steps else np.nan
 
