@@ -134,27 +134,20 @@ def leg_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> list[
 
     From pelvis or hip by knee and ankle to the foot is a shorter way than by ankle and knee, also of a folded leg.
     """
-    found = {landmark: points[label] for label, landmark in named.items()}
     labels = {landmark: label for label, landmark in named.items()}
     pairs = []
     for side in ("L_", "R_"):
-        knee, ankle = found.get(f"{side}KNEE"), found.get(f"{side}ANKLE")
-        if knee is None or ankle is None:
+        knee, ankle = labels.get(f"{side}KNEE"), labels.get(f"{side}ANKLE")
+        tops = [labels[x] for x in (f"{side}HIP", f"{side}ASIS", f"{side}PSIS", "SACRUM") if x in labels]
+        feet = [labels[x] for x in (f"{side}TOE", f"{side}HEEL") if x in labels]
+        if not knee or not ankle or not tops + feet:
             continue
-        above = [
-            found[name] for name in (f"{side}HIP", f"{side}ASIS", f"{side}PSIS", "SACRUM") if name in found
-        ]
-        below = [found[name] for name in (f"{side}TOE", f"{side}HEEL") if name in found]
-        ways = [_distance(end, ankle) - _distance(end, knee) for end in above[:1]]
-        ways += [_distance(end, knee) - _distance(end, ankle) for end in below[:1]]
-        detour = -np.sum(ways, axis=0) if ways else np.array([np.nan])
+        ends = [(knee, ankle, top) for top in tops[:1]] + [(ankle, knee, foot) for foot in feet[:1]]
+        ways = [_distance(points[a], points[x]) - _distance(points[b], points[x]) for a, b, x in ends]
+        detour = np.sum(ways, axis=0)
         if np.isfinite(detour).any() and np.nanpercentile(detour, 5) > 0:
-            low, high = labels[f"{side}KNEE"], labels[f"{side}ANKLE"]
-            evidence = (
-                f"down the leg {low} comes after {high}: exchanged, the way from pelvis to foot is "
-                f"{np.nanmedian(detour) * 1e3:.0f} mm shorter"
-            )
-            pairs.append((low, high, evidence))
+            shorter = f"exchanged, the way from pelvis to foot is {np.nanmedian(detour) * 1e3:.0f} mm shorter"
+            pairs.append((knee, ankle, f"down the leg {knee} comes after {ankle}: {shorter}"))
     return pairs
 
 
