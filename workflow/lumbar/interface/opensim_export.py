@@ -39,7 +39,7 @@ def export_opensim(lift: Lift, folder: Path, gravity: float) -> list[str]:
     settings, stem = lift.settings, folder / lift.name
     source, height_m = lift.analysed.recording.source, lift.subject.height_m
     labelled = labelled_markers(source, settings.markers, height_m, BodyFilling(settings))
-    smooth = within_window(clean(labelled, settings).smooth, lift.trial, settings)
+    smooth = within_window(clean(labelled, settings)[0], lift.trial, settings)
     points, first = (
         1e3 * np.stack(list(smooth.positions.values()), axis=1),
         round(smooth.time[0] * smooth.rate),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from lumbar.base.errors import InputError
-from lumbar.interface.verb import NOT_SAID, Result, data_label, read_table
+from lumbar.interface.verb import Result, data_label, read_table
 from lumbar.lifting.population.comparison import (
     Comparison,
     check_long_table,
@@ -74,7 +74,7 @@ def compare_groups(
         there = ", ".join(sorted(map(str, frame["group"].unique())))
         raise InputError(f"groups: nobody is labelled {' or '.join(map(repr, unknown))}; there are: {there}")
     found = tuple(compare_people(frame, chosen))
-    return PeopleCompared(found, chosen, settings, data_label(data, sources) if sources else data or NOT_SAID)
+    return PeopleCompared(found, chosen, settings, data_label(data, sources))
 
 
 def _read(table) -> tuple[pd.DataFrame, list[str]]:

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.interface.verb import NOT_SAID, Result, data_label, read_table
+from lumbar.interface.verb import Result, data_label, read_table
 from lumbar.lifting.pushes import threshold_tables as made
 from lumbar.lifting.pushes.dose_response import Posterior, PushRecords, posterior_of
 from lumbar.lifting.pushes.push_design import NextPush, next_push
@@ -74,9 +74,7 @@ def push_thresholds(
             f"pushes: the draws miss what is open ({posterior.effective:.0f} effective ones; needed: {FEWEST_DRAWS}): try "
             "another seed, and look for a person or direction with unlike sizes"
         )
-    return PushThresholds(
-        frame, records, posterior, seed, data_label(data, [source]) if source else data or NOT_SAID
-    )
+    return PushThresholds(frame, records, posterior, seed, data_label(data, [source]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

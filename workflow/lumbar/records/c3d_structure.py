@@ -77,7 +77,7 @@ def read_parameters(
             break
         body = position + 2 + length
         name = content[position + 2 : body]
-        if body + 3 > end or group == 0 or not _is_name(name):
+        if body + 3 > end or group == 0 or not all(32 <= byte < 127 for byte in name):
             raise InputError(f"{path}: the parameter section is corrupt at byte {position} (name {name!r})")
         (offset,) = struct.unpack(order + "h", content[body : body + 2])
         text = name.decode("ascii").upper()
@@ -124,10 +124,6 @@ def _by_name(
         notes.append(f"{name} stands twice with different values and was left out")
         del parameters[name]
     return parameters
-
-
-def _is_name(name: bytes) -> bool:
-    return all(32 <= byte < 127 for byte in name)
 
 
 def _parameter_values(
@@ -208,14 +204,9 @@ class C3dStructure:
         return 4 if self.scale < 0 else 2
 
     @property
-    def frame_words(self) -> int:
-        """Numbers in one frame: four per point, then the analog samples."""
-        return 4 * self.n_points + self.n_analog
-
-    @property
     def frame_bytes(self) -> int:
-        """Bytes of one frame."""
-        return self.frame_words * self.word_bytes
+        """Bytes of one frame: four numbers per point, then the analog samples."""
+        return (4 * self.n_points + self.n_analog) * self.word_bytes
 
 
 def check_structure(path: Path, points_needed: bool = True) -> C3dStructure:

@@ -252,19 +252,15 @@ def _read_plain_table(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.nd
     except (ValueError, OverflowError):  # also what the decoder raises
         return None
     lines = range(first, first + len(table))  # unless some are blank, which are passed over
-    if lines.stop - 1 != _count_lines(path) or not np.isfinite(table).all():
-        return None
+    with path.open("rb") as stream:
+        if lines.stop - 1 != sum(1 for _ in stream) or not np.isfinite(table).all():
+            return None
     if header is not None and len(header) != table.shape[1]:
         return None
     positions = _positions(path, layout.columns, header)
     if max(positions.values()) >= table.shape[1]:
         return None
     return {role: table[:, position].copy() for role, position in positions.items()}, lines
-
-
-def _count_lines(path: Path) -> int:
-    with path.open("rb") as stream:
-        return sum(1 for _ in stream)
 
 
 def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], list[int]]:

@@ -238,11 +238,6 @@ def _without_baseline(
     return signals - stretch.mean(axis=0)
 
 
-def _type_1(signals: np.ndarray, plate: _Plate) -> _Wrench:
-    """Force, centre of pressure and free moment as the plate states them."""
-    return _Wrench(signals[:, :3], signals[:, 3:5], signals[:, 5])
-
-
 def _type_2(signals: np.ndarray, plate: _Plate) -> _Wrench:
     """Force, and moment about an origin below the surface; `plate.origin` leads from there to its middle.
 
@@ -276,7 +271,7 @@ def _at_the_surface(force: np.ndarray, moment: np.ndarray) -> _Wrench:
 
 
 _WRENCHES: dict[int, Callable[[np.ndarray, _Plate], _Wrench]] = {
-    1: _type_1,
+    1: lambda signals, plate: _Wrench(signals[:, :3], signals[:, 3:5], signals[:, 5]),  # as it states them
     2: _type_2,
     3: _type_3,
     4: _type_2,

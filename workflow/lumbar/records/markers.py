@@ -88,6 +88,11 @@ class MarkerRecording:
             raise InputError(f"{self.source or self.name}: no marker {marker} ({reason})")
         return self.positions[marker]
 
+    def at(self, frames: slice | np.ndarray) -> "MarkerRecording":
+        """Return the recording at these frames alone."""
+        positions = {name: points[frames] for name, points in self.positions.items()}
+        return replace(self, time=self.time[frames], positions=positions)
+
     def __contains__(self, marker: str) -> bool:
         return marker in self.positions
 

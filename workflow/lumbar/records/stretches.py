@@ -60,12 +60,10 @@ def flat_tops(values: np.ndarray) -> list[FlatTop]:
         crowd = len(values) - len(inside), int(np.sum(inside == beside))
         if sum(crowd) == len(values):  # two levels are a switch
             return []
-        at = np.concatenate([[False], values == level, [False]])
-        starts, stops = np.flatnonzero(~at[:-1] & at[1:]), np.flatnonzero(at[:-1] & ~at[1:])
-        long = stops - starts >= _SHORTEST_RUN
-        samples = int(np.sum((stops - starts)[long]))
+        long = [run for run in runs(values == level) if run.stop - run.start >= _SHORTEST_RUN]
+        samples = sum(run.stop - run.start for run in long)
         if samples >= _FEWEST_SAMPLES and crowd[0] > _CROWDED * crowd[1]:
-            found.append(FlatTop(float(level), samples, starts[long]))
+            found.append(FlatTop(float(level), samples, np.array([run.start for run in long])))
     return found
 
 

@@ -112,7 +112,8 @@ def _rows(
         (place, [cell.strip() for cell in line.split(separator)])
         for place, line in enumerate(lines[4:], start=5)
     ]
-    rows = [(place, cells) for place, cells in rows if any(cells) and not _is_axis_line(cells)]
+    axes = ("X1", "X")  # header line 5: X1, Y1, Z1 and so on
+    rows = [row for row in rows if any(row[1]) and next(filter(None, row[1])).upper() not in axes]
     if not rows:
         raise InputError(f"{path}: no data rows")
     columns = _columns(path, rows, 2 + 3 * n_markers, n_markers)
@@ -175,8 +176,3 @@ def _even_clock(path: Path, printed: np.ndarray, rate: float, resolution: float)
     # A printed instant is off by half its last digit; a rate printed with few digits drifts over a recording.
     check_even(path, printed, even, rate, resolution / 2 + _RATE_TOLERANCE * steps[-1])
     return even
-
-
-def _is_axis_line(cells: list[str]) -> bool:
-    """Whether this is header line 5: X1, Y1, Z1 and so on."""
-    return next(cell for cell in cells if cell).upper() in ("X1", "X")

@@ -118,11 +118,11 @@ def pendulum_of(recording, settings=SETTINGS):
 
 def test_an_island_between_gaps_that_stay_is_left_out():
     recording = standing_up()
-    cleaned = clean(with_an_island(recording, "HEAD"), SETTINGS)
-    assert np.isnan(cleaned.complete["HEAD"][ISLAND_FRAMES]).all()
-    assert np.flatnonzero(np.isnan(cleaned.smooth["HEAD"][:, 0])).tolist() == list(range(60, 160))
-    assert [(gap.first_frame, gap.n_frames) for gap in cleaned.gaps if gap.outcome == ISLAND] == [(100, 10)]
-    np.testing.assert_array_equal(cleaned.smooth["C7"], low_pass(recording["C7"], 100.0))
+    smooth, complete, gaps = clean(with_an_island(recording, "HEAD"), SETTINGS)
+    assert np.isnan(complete["HEAD"][ISLAND_FRAMES]).all()
+    assert np.flatnonzero(np.isnan(smooth["HEAD"][:, 0])).tolist() == list(range(60, 160))
+    assert [(gap.first_frame, gap.n_frames) for gap in gaps if gap.outcome == ISLAND] == [(100, 10)]
+    np.testing.assert_array_equal(smooth["C7"], low_pass(recording["C7"], 100.0))
 
 
 @pytest.mark.parametrize("longer", ["keep", "error"])

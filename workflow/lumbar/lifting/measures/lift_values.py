@@ -24,6 +24,7 @@ from lumbar.lifting.measures.registry import (
     WINDOWS,
     Measure,
 )
+from lumbar.tables.described import described
 from lumbar.tables.layout import value_in_words
 from lumbar.tables.table import SYNTHETIC_TWIN, Table
 
@@ -112,12 +113,6 @@ def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[st
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=list(COLUMNS))
 
 
-_FIXED = {
-    "measure": "its name in movement_measures.csv",
-    "plane": "one of both planes, or all directions",
-    "unit": "of the numbers",
-    "safer": "which way is farther from a step, or kinder to the back",
-}
 SENSITIVITY = "Synthetic lifters show that the measures see movement; whether who moves so falls or aches sooner they cannot show"
 
 
@@ -127,19 +122,14 @@ def measures_page(values: pd.DataFrame, data: str) -> Table:
     names = list(dict.fromkeys(cells["column"]))
     means = cells.groupby(["measure", "plane", "column"])["value"].mean()
     rows = [
-        (
-            measure.name,
-            plane,
-            measure.unit,
-            measure.safer,
-            *(means[measure.name, plane, name] for name in names),
-        )
+        {"measure": measure.name, "plane": plane, "unit": measure.unit, "safer": measure.safer}
+        | {name: means[measure.name, plane, name] for name in names}
         for measure in MEASURES.values()
         for plane in measure.columns
     ]
-    counts = cells.groupby("column")["lift"].nunique()
-    definitions = {**_FIXED, **{name: f"mean of {counts[name]} lifts" for name in names}}
-    notes = [
+    words = {"lifts": cells.groupby("column")["lift"].nunique()}
+    notes = [SENSITIVITY] if data == SYNTHETIC_TWIN else []
+    notes += [
         f"{value_in_words(measure.name)} ({measure.symbol}), {WINDOWS[measure.phase]}: {measure.meaning}. "
         f"Source: {measure.source}"
         for measure in MEASURES.values()
@@ -149,14 +139,7 @@ def measures_page(values: pd.DataFrame, data: str) -> Table:
         f"Absent, {', '.join(rows['lift'].unique())}, {', '.join(rows['measure'].unique())}: {reason}"
         for reason, rows in absent.groupby("reason", sort=False)
     ]
-    return Table(
-        "Measures of the lifts that see their movement: of the whole lift, then of the deposit.",
-        pd.DataFrame(rows, columns=[*_FIXED, *names]),
-        definitions,
-        data,
-        (*([SENSITIVITY] if data == SYNTHETIC_TWIN else []), *notes),
-        may_be_empty=frozenset(names),
-    )
+    return described(__file__, "measures", pd.DataFrame(rows), data, words, notes=notes)
 
 
 def write_measures(stem: str | os.PathLike, values: pd.DataFrame, data: str) -> None:

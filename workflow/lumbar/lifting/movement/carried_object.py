@@ -5,7 +5,6 @@ for a box: a lift is the first rise, a deposit the last descent, of at least hal
 """
 
 from collections.abc import Iterable
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -58,9 +57,7 @@ def carried_object(recording: MarkerRecording) -> tuple[np.ndarray | None, str]:
 
 def longest_seen(recording: MarkerRecording, points: np.ndarray) -> MarkerRecording:
     """The longest part of a recording throughout which `points` are seen."""
-    stretch = max(runs(np.isfinite(points).all(axis=1)), key=lambda run: run.stop - run.start)
-    positions = {name: values[stretch] for name, values in recording.positions.items()}
-    return replace(recording, time=recording.time[stretch], positions=positions)
+    return recording.at(max(runs(np.isfinite(points).all(axis=1)), key=lambda run: run.stop - run.start))
 
 
 def speed(points: np.ndarray, rate: float) -> np.ndarray:

@@ -5,7 +5,7 @@ Two passes of a filter of order n leave the phase alone but attenuate twice, so 
 than the two together: Winter, *Biomechanics and Motor Control of Human Movement*, 4th ed., section 3.4.4.2.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,27 +20,18 @@ EXTENSION_PERIODS = 3
 """Periods of the cut-off after which the filter has forgotten how a stretch was continued, to about 1e-7."""
 
 
-@dataclass(frozen=True)
-class CleanedRecording:
-    """A marker recording made ready for derivatives; NaN where a gap stays open."""
-
-    smooth: MarkerRecording
-    """Gaps filled, filtered."""
-    complete: MarkerRecording
-    """The same without the filter."""
-    gaps: list[Gap]
-    """Of every marker, with those frames last that were seen too briefly."""
-
-
-def clean(recording: MarkerRecording, settings: LiftingSettings) -> CleanedRecording:
+def clean(
+    recording: MarkerRecording, settings: LiftingSettings
+) -> tuple[MarkerRecording, MarkerRecording, list[Gap]]:
     """Fill short gaps, leave out what is seen too briefly to be filtered, and filter.
 
     Gaps that stay are no error here: whoever needs a marker says what a gap in it means. A recording that is too short for
-    the filter altogether is one.
+    the filter altogether is one. Returned are the recording ready for derivatives, NaN where a gap stays open; the same without
+    the filter; and the gaps of every marker, with those frames last that were seen too briefly.
     """
     complete, gaps = fill_gaps(recording, settings.gaps.maximum_s)
     smooth, complete, islands = filter_without_islands(complete, settings.filter)
-    return CleanedRecording(smooth, complete, [*gaps, *islands])
+    return smooth, complete, [*gaps, *islands]
 
 
 def filter_without_islands(

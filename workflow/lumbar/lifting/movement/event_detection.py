@@ -283,7 +283,10 @@ def _first_movement(recording: MarkerRecording, box: np.ndarray, settings: Event
 
 def _release(recording: MarkerRecording, box: np.ndarray, settings: EventSettings, lift_off: float) -> Event:
     time, threshold = recording.time, settings.box_speed_m_s
-    separation = _separation(recording, box, settings, lift_off)
+    separation, wrists = None, wrist_centre(recording)
+    if wrists is not None:  # they part from the box, where they are seen to grip it
+        apart = np.linalg.norm(wrists - box, axis=1)
+        separation = _grip_ends(recording, apart, settings, lift_off, closing=False)
     end = len(time) - 1 if separation is None else separation
     pace = speed(box, recording.rate)
     moving = np.flatnonzero((pace > threshold) & (time >= lift_off) & (np.arange(len(time)) <= end))
@@ -298,16 +301,6 @@ def _release(recording: MarkerRecording, box: np.ndarray, settings: EventSetting
     if separation is None:
         raise NotFound(f"the box still moves at the last frame looked at, {time[-1]:.2f} s")
     return Event(float(time[separation]), DETECTED, _HOW["parted"].format(settings=settings))
-
-
-def _separation(
-    recording: MarkerRecording, box: np.ndarray, settings: EventSettings, lift_off: float
-) -> int | None:
-    """Index at which the wrists leave the box; None if they stay, or are not seen where they grip it."""
-    wrists = wrist_centre(recording)
-    if wrists is None:
-        return None
-    return _grip_ends(recording, np.linalg.norm(wrists - box, axis=1), settings, lift_off, closing=False)
 
 
 def _hands_part(recording: MarkerRecording, settings: EventSettings, lift_off: float) -> int | None:
@@ -377,11 +370,11 @@ def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: floa
             starts[name] = float(recording.time[first])
         if np.isnan(foot[searched]).any():
             unseen.append(name)
-    rule = f"toe faster than {threshold:g} m/s for at least {lasting:g} s between lift-off and release"
+    words = {"settings": settings, "toes": ", ".join(toes), "fastest": fastest}
     gaps = f"; not seen all the time: {', '.join(unseen)}" if unseen else ""
+    rule = _HOW["toe_off"].format(**words)
     if not starts:
-        near = f", but than {fastest:.2f} m/s (lifting.events.toe_speed_m_s)"
-        return Event(None, ABSENT, f"no toe-off: no {rule} ({', '.join(toes)}){near}{gaps}")
+        return Event(None, ABSENT, f"{_HOW['no_toe_off'].format(**words, rule=rule)}{gaps}")
     first_toe = min(starts, key=starts.__getitem__)
     return Event(starts[first_toe], DETECTED, f"{first_toe} first: {rule}{gaps}")
 

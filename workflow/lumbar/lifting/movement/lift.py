@@ -91,16 +91,18 @@ def analyse_lift(
         Naming the file and what is wrong with it: neither an event nor a centre of mass can be had from it, events set by
         hand contradict it, or with ``gaps.longer: error`` a gap that matters stays open.
     """
-    cleaned = clean(recording, settings)
-    smooth, complete = within_window(cleaned.smooth, trial, settings), cleaned.complete
-    gaps = [*filled, *_gapswithin_window(cleaned.gaps, trial)]
+    smooth, complete, found = clean(recording, settings)
+    smooth, window = within_window(smooth, trial, settings), trial.window_s
+    gaps = [*filled, *(gap for gap in found if window is None or within(gap, *window))]
     events = find_events(smooth, settings.events, trial.events)
     table = segment_table(settings.segments, subject.sex)
     points = _points(smooth, subject, settings)
     missing = absent_segments(points, table)
     _refuse_nothing(smooth, events, missing)
-    if settings.gaps.longer == "error":
-        _refuse_gaps(smooth, gaps, points, table, settings, events)
+    times = [event.time_s for event in events.values() if event.time_s is not None]
+    if settings.gaps.longer == "error" and times:
+        needed = _needed(points, table.ends, settings.pivot)
+        refuse_open_gaps(smooth, gaps, settings.gaps.maximum_s, needed, min(times), max(times))
     angle, without_frame = _frame_angle(smooth, settings.frame, events)
     if angle:
         smooth, complete = _turned(smooth, angle), _turned(complete, angle)
@@ -209,14 +211,7 @@ def within_window(
             f"{smooth.source}: window_s {start:g} to {stop:g} s holds {inside.sum()} frames of the recording, which runs "
             f"from {smooth.time[0]:g} to {smooth.time[-1]:g} s; more than {shortest} are needed"
         )
-    positions = {name: points[inside] for name, points in smooth.positions.items()}
-    return replace(smooth, time=smooth.time[inside], positions=positions)
-
-
-def _gapswithin_window(gaps: list[Gap], trial: TrialSettings) -> list[Gap]:
-    if trial.window_s is None:
-        return gaps
-    return [gap for gap in gaps if within(gap, *trial.window_s)]
+    return smooth.at(inside)
 
 
 def _refuse_nothing(recording: MarkerRecording, events: dict[str, Event], missing: dict[str, str]) -> None:
@@ -241,20 +236,6 @@ def recognised_unaliased(recording: MarkerRecording) -> str:
         one for one in landmarks(x for x in recording.unused if x not in THIGH) if one in recording.absent
     ]
     return f"{NEW_STUDY} writes aliases for those that are recognised: {', '.join(known)}" if known else ""
-
-
-def _refuse_gaps(
-    recording: MarkerRecording,
-    gaps: list[Gap],
-    points: TrunkPoints,
-    table: SegmentTable,
-    settings: LiftingSettings,
-    events: dict[str, Event],
-) -> None:
-    times = [event.time_s for event in events.values() if event.time_s is not None]
-    needed = _needed(points, table.ends, settings.pivot)
-    if times:
-        refuse_open_gaps(recording, gaps, settings.gaps.maximum_s, needed, min(times), max(times))
 
 
 def _needed(points: TrunkPoints, ends: Sequence[str], pivot: str) -> list[str]:

@@ -125,10 +125,7 @@ def _filtered(lift: AnalysedLift, names: set[str], settings: FilterSettings) -> 
     few = replace(complete, positions={name: complete.positions[name] for name in sorted(names)})
     smooth, _, _ = filter_without_islands(few, settings)
     first = int(np.searchsorted(complete.time, lift.recording.time[0]))
-    kept = slice(first, first + len(lift.recording))
-    return replace(
-        smooth, time=smooth.time[kept], positions={k: v[kept] for k, v in smooth.positions.items()}
-    )
+    return smooth.at(slice(first, first + len(lift.recording)))
 
 
 def _motion(

@@ -15,6 +15,7 @@ import numpy as np
 from lumbar.base.errors import InputError, NumericalError, Problems
 from lumbar.lifting.movement.joint_centres import MID_HIP, TrunkPoints
 from lumbar.records.markers import MarkerRecording
+from lumbar.records.stretches import runs
 from lumbar.settings.lifting import LiftingSettings
 
 Chosen = TypeVar("Chosen")
@@ -186,11 +187,7 @@ def _unbroken(time: np.ndarray, relative: np.ndarray, start: float, stop: float,
         raise InputError(
             f"{what}: the deposit from {start:g} to {stop:g} s has {within.sum()} samples; 4 are needed"
         )
-    inside = np.flatnonzero(within)
-    before, after = np.flatnonzero(~seen[: inside[0]]), np.flatnonzero(~seen[inside[-1] :])
-    first = int(before[-1]) + 1 if before.size else 0
-    last = int(inside[-1] + after[0]) if after.size else len(time)
-    return slice(first, last)
+    return next(run for run in runs(seen) if run.start <= within.argmax() < run.stop)
 
 
 def planar_states(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,17 +44,9 @@ OTHER_RATE = 1.25
 _ROUNDS = 5
 OFF_MM, ELSEWHERE_MM = 60.0, 300.0
 """Mean distance of centre of pressure and centre of mass that says the centre is off, or the plates lie elsewhere."""
-_TEN = "a unit is wrong by ten, or one of both is in kilograms and the other in newtons"
-_FACTORS = {
-    2.2046: "one of both is in pounds",
-    1 / 2.2046: "one of both is in pounds",
-    9.9: _TEN,
-    1 / 9.9: _TEN,
-    1000.0: "a unit is wrong by a thousand",
-    0.001: "a unit is wrong by a thousand",
-}
-"""What a ratio of both weights within 5 % of these means."""
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+_SAID: dict[str, Any] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+_FACTORS: dict[float, str] = _SAID["factors"]
+"""What a ratio of both weights within 5 % of these, or of their inverses, means."""
 
 
 @dataclass(frozen=True)
@@ -279,7 +271,8 @@ def _findings(
     """Yield what does not fit, with what that means."""
     ratio = plates_kg / declared_kg
     if abs(ratio - 1) > MASS_TOLERANCE:
-        known = [text for factor, text in _FACTORS.items() if abs(ratio / factor - 1) < 0.05]
+        both = ((item, text) for factor, text in _FACTORS.items() for item in (factor, 1 / factor))
+        known = [text for factor, text in both if abs(ratio / factor - 1) < 0.05]
         meaning = known[0] if known else _SAID["weight_unknown"]
         yield _SAID["weight"].format(plates_kg=plates_kg, declared_kg=declared_kg, meaning=meaning)
     if correlation is not None and correlation < FOLLOWS:

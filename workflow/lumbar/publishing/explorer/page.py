@@ -252,30 +252,6 @@ _MANY = 6
 """Parameters from which on a card folds their table."""
 
 
-@dataclass(frozen=True)
-class Card:
-    """One candidate."""
-
-    key: str
-    """See `lumbar.publishing.explorer.shown.model_key`."""
-    title: str
-    role: str
-    error: str
-    mechanism: str
-    settles: str
-    """`title`, `role`, `error`, `mechanism`, `settles`: role: selected, tied with it, runner-up, or nothing; `settles`:
-    the experiment that would."""
-    effects: list[str]
-    forms: list[Markup]
-    """Equations."""
-    parameters: Markup | str
-    """Table of the effects' parameters; empty where they have none."""
-    long: bool
-    """Whether they are many."""
-    signature: Markup | str
-    """Picture of the effect on a standard motion; empty where none can be drawn."""
-
-
 def how_sure(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     """Sentences on chance, on what explains the records as well, and on what would settle it."""
     lines = [_chance(diagnosis)]
@@ -306,13 +282,13 @@ def _next_best(diagnosis: Verdict) -> str:
     return f"The next best, {effects_text(second.effects)}, leaves {other} {unit} on unseen records instead of {own} {unit}."
 
 
-def cards(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Card]:
-    """One card per ranked candidate, the best first."""
+def cards(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[dict[str, Any]]:
+    """What the template shows of every ranked candidate, the best first."""
     pictures: dict[str, Markup | str] = {}
     return [_card(item, diagnosis, catalogue, pictures) for item in diagnosis.ranking]
 
 
-def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictures: dict) -> Card:
+def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictures: dict) -> dict:
     candidate = item.candidate
     effects = list(candidate.effects)
     tied = [set(other.effects) for other in diagnosis.tied_with]
@@ -320,19 +296,21 @@ def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictur
     unit, system = diagnosis.experiment.output_unit, candidate.fit.structure.base.system
     before, after = distinguishing_digits([diagnosis.base.test_rms, candidate.test_rms], 3)
     new = [name for name in effects if name not in diagnosis.selected] or effects
-    return Card(
-        key=model_key(effects),
-        title=effects_text(effects).capitalize(),
-        role=role_of(item, diagnosis),
-        error=f"Error on unseen records: {before} → {after} {unit}; {probability(item.p_value)}.",
-        mechanism=" ".join(f"{catalogue[name].mechanism} {catalogue[name].sensors}".rstrip() for name in new),
-        settles="; ".join(catalogue[name].experiment for name in new) if set(effects) in tied else "",
-        effects=effects,
-        forms=[equation(form.latex) for form in forms],
-        parameters=_parameters(item),
-        long=sum(bool(found.effect) for found in item.estimates) > _MANY,
-        signature=_signature(catalogue[new[-1]], system, pictures),
-    )
+    return {
+        "key": model_key(effects),
+        "title": effects_text(effects).capitalize(),
+        "role": role_of(item, diagnosis),
+        "error": f"Error on unseen records: {before} → {after} {unit}; {probability(item.p_value)}.",
+        "mechanism": " ".join(
+            f"{catalogue[name].mechanism} {catalogue[name].sensors}".rstrip() for name in new
+        ),
+        "settles": "; ".join(catalogue[name].experiment for name in new) if set(effects) in tied else "",
+        "effects": effects,
+        "forms": [equation(form.latex) for form in forms],
+        "parameters": _parameters(item),
+        "long": sum(bool(found.effect) for found in item.estimates) > _MANY,
+        "signature": _signature(catalogue[new[-1]], system, pictures),
+    }
 
 
 def _parameters(item: Ranked) -> Markup | str:

@@ -1,9 +1,8 @@
 """Small pictures of effects for the cards of a page: lines of a few hundred points, drawn without a plotting library."""
 
-from xml.sax.saxutils import escape
-
 import numpy as np
 
+from lumbar.base.templates import template
 from lumbar.publishing.figures.palette import SERIES
 from lumbar.tissue.effects.signature import AXES, pictured_form, signatures
 from lumbar.tissue.models.form import Effect
@@ -25,15 +24,13 @@ def signature_thumbnail(effect: Effect, system: str = "tissue") -> str:
     without, within = (
         np.interp(values, (low, high), (_HEIGHT - _BELOW - _MARGIN, _MARGIN)) for values in (base, force)
     )
-    bottom, middle = _HEIGHT - _BELOW, (_HEIGHT - _BELOW) / 2
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{_WIDTH}" height="{_HEIGHT}" viewBox="0 0 {_WIDTH} {_HEIGHT}" '
-        'fill="none" stroke-width="1.5" font-family="DejaVu Sans, Arial, sans-serif" font-size="11" text-anchor="middle">'
-        f'<path d="M{_LEFT} 0V{bottom}H{_WIDTH}" stroke="#000000" stroke-width="1"/>'
-        f'<path d="{_line(across, without)}" stroke="#999999" stroke-dasharray="5 2"/>'
-        f'<path d="{_line(across, within)}" stroke="{SERIES[3]}"/>'
-        f'<g fill="#000000"><text x="{(_LEFT + _WIDTH) / 2:g}" y="{_HEIGHT - 6}">{escape(moved)}</text>'
-        f'<text transform="translate(13 {middle:g}) rotate(-90)">{escape(response.capitalize())}</text></g></svg>'
+    return template("publishing/explorer/thumbnail.svg.jinja").render(
+        width=_WIDTH, height=_HEIGHT, left=_LEFT, bottom=_HEIGHT - _BELOW, colour=SERIES[3],
+        middle=f"{(_LEFT + _WIDTH) / 2:g}",
+        without=_line(across, without),
+        within=_line(across, within),
+        moved=moved,
+        response=response.capitalize(),
     )
 
 

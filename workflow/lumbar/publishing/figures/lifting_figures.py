@@ -1,6 +1,7 @@
 """Figures of the lifting chapter: events of a lift, the inverted pendulum (4.1), the trunk's segments
 (4.2)."""
 
+from pathlib import Path
 from textwrap import fill
 
 import numpy as np
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from lumbar.base.errors import LumbarError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
 from lumbar.lifting.stability.model.total_body import total_body_pendulum
 from lumbar.lifting.stability.model.trajectories import Trajectory
@@ -25,30 +27,11 @@ from lumbar.publishing.figures.style import (
 )
 from lumbar.settings.stability import PendulumSettings
 
-EVENT_LABELS = {
-    "lift_off": "lift-off",
-    "toe_off": "first toe-off",
-    "deposit_start": "start of deposit",
-    "release": "release",
-}
-_BODY = (
-    *(("C7", "T12"), ("T12", "L5"), ("L5", "MID_HIP"), ("L_SHOULDER", "R_SHOULDER"), ("L_HIP", "R_HIP")),
-    *(("L_SHOULDER", "L_WRIST"), ("R_SHOULDER", "R_WRIST"), ("L_HIP", "L_ANKLE"), ("R_HIP", "R_ANKLE")),
-    *(("L_HEEL", "L_TOE"), ("R_HEEL", "R_TOE"), ("L_ANKLE", "L_HEEL"), ("R_ANKLE", "R_HEEL")),
+_SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+EVENT_LABELS: dict[str, str] = _SAID["events"]
+_BODY, _FRONT, _BACK, _BESIDE, _PLACES = (
+    _SAID[name] for name in ("body", "front", "back", "beside", "places")
 )
-"""Lines of the stick figure; limbs without a marker at knee or elbow are straight."""
-_FRONT = ("L_SHOULDER", "R_SHOULDER", "MANUBRIUM", "XIPHOID", "L_HIP", "R_HIP")
-_BACK = ("L_SHOULDER", "R_SHOULDER", "C7", "T12", "L5", "SACRUM", "L_HIP", "R_HIP")
-"""Markers of the torso that are seen from either side."""
-_BESIDE = {"SHOULDER": "above", "HIP": "below", "C7": "over", "T12": "over", "L5": "over"}
-"""Where names of markers stand from the front and the back; others to the right."""
-_PLACES = {
-    "left": ((-5, 0), "right", "center"),
-    "right": ((5, 0), "left", "center"),
-    "over": ((4, 1), "left", "bottom"),
-    "above": ((0, 4), "center", "bottom"),
-    "below": ((0, -4), "center", "top"),
-}
 _WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8}
 _MARKS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}
 _DASHED, _DOTTED = (0, (4, 1.5)), (0, (1, 1))

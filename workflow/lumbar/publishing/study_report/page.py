@@ -32,24 +32,8 @@ class Trouble:
     sentence: str
 
 
-@dataclass(frozen=True)
-class Recording:
-    """One recording of the study and how good it is."""
-
-    chapter: str
-    name: str
-    rate_Hz: float | None
-    duration_s: float | None
-    """`rate_Hz`, `duration_s`: none where the recording has no time."""
-    channels: str
-    """What it holds."""
-    missing_percent: float | None = None
-    """Share of all samples of all markers that were not seen; None for others."""
-    findings: tuple[str, ...] = ()
-
-
-def recordings(results: Path) -> list[Recording]:
-    """Return every recording that was checked, with the quality of those of markers."""
+def recordings(results: Path) -> list[dict]:
+    """Return what the page shows of every recording that was checked, with the quality of those of markers."""
     sheets = {
         Path(sheet["file"]).name: sheet
         for sheet in map(read_json, sorted(results.glob("lifting/*/quality.json")))
@@ -59,17 +43,14 @@ def recordings(results: Path) -> list[Recording]:
         for entry in read_json(path)["recordings"]:
             sheet = sheets.get(entry["file"].rpartition("/")[2], {})
             missing = sheet.get("missing_share")
-            found.append(
-                Recording(
-                    path.stem,
-                    entry.get("name") or entry["file"],
-                    entry.get("rate_Hz"),
-                    entry.get("duration_s"),
-                    _channels(entry),
-                    None if missing is None else 100 * missing,
-                    tuple(map(_finding, sheet.get("findings", ()))),
-                )
-            )
+            own = {
+                "chapter": path.stem,
+                "name": entry.get("name") or entry["file"],
+                "channels": _channels(entry),
+                "missing_percent": None if missing is None else 100 * missing,
+                "findings": tuple(map(_finding, sheet.get("findings", ()))),
+            }
+            found.append(own | {key: entry.get(key) for key in ("rate_Hz", "duration_s")})
     return found
 
 
@@ -107,8 +88,8 @@ def troubles(results: Path) -> list[Trouble]:
 
 def _of_recordings(results: Path) -> Iterator[Trouble]:
     for item in recordings(results):
-        for finding in item.findings:
-            yield Trouble(FAILS if "(error)" in finding else WARNS, _words(item.name), finding)
+        for finding in item["findings"]:
+            yield Trouble(FAILS if "(error)" in finding else WARNS, _words(item["name"]), finding)
 
 
 def _of_lifts(results: Path) -> Iterator[Trouble]:

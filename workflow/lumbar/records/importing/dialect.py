@@ -119,12 +119,15 @@ class Dialect:
         """Whether a line is a row of the table: every cell that should hold a number does, or says it has none."""
         if self._all_numbers.fullmatch(line):
             return True
-        cells = _padded(self.split(line), self.width)
+        cells = self.split(line)
+        if len(cells) == self.width + 1 and not cells[-1]:  # what a delimiter at the end of a row makes
+            cells = cells[:-1]
         if len(cells) != self.width:
             return False
         numbers = [cell for column, cell in enumerate(cells) if column not in self.text_columns]
-        return all(_fits(cell, self.decimal) for cell in numbers) and any(
-            _is_number(cell, self.decimal) for cell in numbers
+        told = [_is_number(cell, self.decimal) for cell in numbers]
+        return any(told) and all(
+            known or cell.casefold() in MISSING for known, cell in zip(told, numbers, strict=True)
         )
 
     def is_torn_row(self, line: str) -> bool:
@@ -148,17 +151,8 @@ def _split(line: str, delimiter: str | None) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def _padded(cells: list[str], width: int) -> list[str]:
-    """Cells without those that a delimiter at the end of a row makes."""
-    return cells[:-1] if len(cells) == width + 1 and not cells[-1] else cells
-
-
 def _is_number(cell: str, decimal: str) -> bool:
     return bool(_NUMBER[decimal].fullmatch(cell) or CLOCK.match(cell))
-
-
-def _fits(cell: str, decimal: str) -> bool:
-    return _is_number(cell, decimal) or cell.casefold() in MISSING
 
 
 def find_dialect(lines: list[str]) -> Dialect | None:

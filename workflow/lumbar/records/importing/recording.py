@@ -31,7 +31,7 @@ from lumbar.records.record import (
     place_of,
     samples_between,
 )
-from lumbar.records.stretches import check_clipping
+from lumbar.records.stretches import check_clipping, runs
 
 _MOST_PARTS = 200
 _OTHERS = "_.-"
@@ -328,11 +328,9 @@ def _check_complete(record: Record, lines: Sequence[int] | None) -> None:
                 place_of(int(large.argmax()), lines), found, f"at most {LARGEST:g} in size is computed with"
             )
     if missing.any():
-        edges = np.flatnonzero(np.diff(np.concatenate([[True], missing, [True]]).astype(int)))
-        parts = [int(edge) for edge in edges]
-        if parts:
+        edges = [edge for part in runs(~missing) for edge in (part.start, part.stop)]
+        if edges:
             step = float(np.median(np.diff(record.time)))
-            best = max(range(0, len(parts), 2), key=lambda item: parts[item + 1] - parts[item])
-            advice = longest(record.time, parts[best : best + 2], step)
-            problems.add("", "a record has no gaps", advice)
+            best = max(range(0, len(edges), 2), key=lambda item: edges[item + 1] - edges[item])
+            problems.add("", "a record has no gaps", longest(record.time, edges[best : best + 2], step))
     problems.raise_if_any()

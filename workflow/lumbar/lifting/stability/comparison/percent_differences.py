@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.stability.model.trajectories import (
     COMS,
     PLANES,
@@ -17,6 +19,7 @@ from lumbar.lifting.stability.model.trajectories import (
 from lumbar.settings.plain import plain
 from lumbar.settings.stability import GROUPS, StabilitySettings
 
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_name("table_4_1.yaml"))
 LIGHTER_BOX = "decrease_in_mass_"
 """What the comparisons of one lifter's lightest box with the heaviest begin with."""
 
@@ -194,16 +197,11 @@ def headline_words(settings: StabilitySettings) -> str:
 def regulator_sentence(settings: StabilitySettings) -> str:
     """Say what regulator all basins have."""
     regulator, pendulum = settings.regulator, settings.pendulum
-    return (
-        f"Regulator of all basins: Q = {plain(regulator.state_weight)}, R = {regulator.control_weight:g}, "
-        f"Qf = {plain(regulator.terminal_weight)}; b = {pendulum.damping_N_m_s:g} N·m·s/rad; it is assumed, the same for all"
-    )
+    weights = {"state": plain(regulator.state_weight), "terminal": plain(regulator.terminal_weight)}
+    return _SAID["regulator"].format(regulator=regulator, damping=pendulum.damping_N_m_s, **weights)
 
 
 def comparison_definition(settings: StabilitySettings) -> str:
     """Say what the comparisons are."""
     first, second = settings.compare.groups
-    return (
-        f"{first}_vs_{second}: 100(A_{first} − A_{second})/A_{second} with the heaviest box of both; decrease_in_mass_…: "
-        "100(A_light − A_heavy)/A_heavy with that lifter's heaviest and lightest box; A = (1/T)∫πρ/√det S dt in rad²/s"
-    )
+    return _SAID["comparison"].format(first=first, second=second)

@@ -9,11 +9,13 @@ person; one that was pushed on the way does not, as no funnel covers disturbance
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.movement.cleaning import clean
 from lumbar.lifting.movement.gaps import refuse_open_gaps
 from lumbar.lifting.movement.pendulum_states import pendulum_states
@@ -28,6 +30,7 @@ from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 PHASE_POINTS = 401
 GROUPS = ("unperturbed", "perturbed")
 FEWEST_UNPERTURBED = 3
@@ -83,9 +86,9 @@ def cleaned_trial(
     recording: MarkerRecording, markers: Iterable[str], lifting: LiftingSettings
 ) -> MarkerRecording:
     """Return a trial cleaned as a lift is; a gap that stays open in one of `markers` is an error that names it."""
-    cleaned = clean(recording, lifting)
-    refuse_open_gaps(recording, cleaned.gaps, lifting.gaps.maximum_s, set(markers), remedy=FILL_OR_RAISE)
-    return cleaned.smooth
+    smooth, _, gaps = clean(recording, lifting)
+    refuse_open_gaps(recording, gaps, lifting.gaps.maximum_s, set(markers), remedy=FILL_OR_RAISE)
+    return smooth
 
 
 def mean_trajectory(trials: list[Trial], settings: PerturbationsSettings) -> Trajectory:
@@ -239,12 +242,8 @@ def trials_table(
         for group in GROUPS
     ]
     notes += [_by_weight(by_weight, sign) for sign in signs_of(stability)]
-    notes.append(feedback)
-    notes.append(
-        f"Pendulum: {settings.mass_share:g} of an assumed {settings.body_mass_kg:g} kg at "
-        f"{settings.centre_share:g} of the way from {' + '.join(settings.pivot)} to "
-        f"{' + '.join(settings.top)}; the regulator is the study's, not the person's"
-    )
+    ends = {name: " + ".join(getattr(settings, name)) for name in ("pivot", "top")}
+    notes += [feedback, _SAID["pendulum"].format(settings=settings, **ends)]
     return described(__file__, "perturbed_trials", frame, data, notes=tuple(notes))
 
 
@@ -261,10 +260,10 @@ def _by_weight(frame: pd.DataFrame, sign: str) -> str:
 
 def _finding(frame: pd.DataFrame, group: str) -> str:
     rows = frame[frame["group"] == group]
-    whole, start = int((rows["whole_inside"] == "yes").sum()), int((rows["start_value"] <= 1).sum())
-    left = int((rows["departures"] > 0).sum())
-    return (
-        f"{group.capitalize()}: {whole} of {len(rows)} trials lie inside the basin throughout, {start} start inside, "
-        f"{left} go from inside to outside; inside for {100 * rows['share_inside'].mean():.0f} % of the movement on "
-        "average"
-    )
+    counts = {
+        "whole": int((rows["whole_inside"] == "yes").sum()),
+        "start": int((rows["start_value"] <= 1).sum()),
+        "left": int((rows["departures"] > 0).sum()),
+    }
+    share = 100 * rows["share_inside"].mean()
+    return _SAID["finding"].format(group=group.capitalize(), trials=len(rows), share=share, **counts)

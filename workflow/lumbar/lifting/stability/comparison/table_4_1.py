@@ -122,7 +122,12 @@ def _first_table(
             published_sentence(study.published),
             regulator_sentence(settings),
             *_measured_notes(study.measured, frame),
-            *_missing_notes(missing),
+            # The basins with limited torque are none of this table's.
+            *(
+                _SAID["missing"].format(row=row)
+                for row in missing.itertuples()
+                if not row.basin.startswith(TORQUE_LIMITED)
+            ),
         ),
         first=tuple(name for name in shown if not name.endswith("thesis_method_percent")),
     )
@@ -144,15 +149,6 @@ def _measured_notes(measured: pd.DataFrame | None, table: pd.DataFrame) -> list[
     cells = ", ".join(none["comparison"] + " " + none["com"])
     said = _SAID["measured"].format(lost=100 * max(measured["no_basin_share"], default=0.0))
     return [said, *([_SAID["not_measured"].format(cells=cells)] if cells else [])]
-
-
-def _missing_notes(missing: pd.DataFrame) -> tuple[str, ...]:
-    """Name what is missing here: the basins with limited torque are none of this table's."""
-    return tuple(
-        _SAID["missing"].format(row=row)
-        for row in missing.itertuples()
-        if not row.basin.startswith(TORQUE_LIMITED)
-    )
 
 
 DECIMALS = 1
@@ -198,21 +194,12 @@ def jumps_sentence(areas: pd.DataFrame) -> str:
     moved = areas[areas["jumped_knots"] > 0]
     if moved.empty:
         return _SAID["no_jumps"].format(basins=len(areas))
-    each = "; ".join(_jump(row) for row in moved.itertuples())
-    return _SAID["jumps"].format(moved=len(moved), basins=len(areas), each=each)
-
-
-def _jump(row) -> str:
-    percent = 100 * (row.mean_area / row.mean_area_after_1 - 1)
-    return _SAID["jump"].format(
-        row=row, plane=row.plane.replace("_", " "), where=_where(row), percent=percent
-    )
-
-
-def _where(row) -> str:
-    if row.jumped_knots == 1:
-        return f"1 knot at {row.first_jump:.3f} T"
-    return f"{row.jumped_knots} knots from {row.first_jump:.3f} T to {row.last_jump:.3f} T"
+    each = []
+    for row in moved.itertuples():
+        percent, plane = 100 * (row.mean_area / row.mean_area_after_1 - 1), row.plane.replace("_", " ")
+        where = _SAID["one_knot" if row.jumped_knots == 1 else "knots"].format(row=row)
+        each.append(_SAID["jump"].format(row=row, plane=plane, where=where, percent=percent))
+    return _SAID["jumps"].format(moved=len(moved), basins=len(areas), each="; ".join(each))
 
 
 def digits_sentence(areas: pd.DataFrame) -> str:
