@@ -72,7 +72,7 @@ def test_the_loads_on_both_hands_bring_up_the_moment_of_the_box(exported):
 def test_long_recordings_and_many_markers_come_back(tmp_path, shape):
     points = np.random.default_rng(3).normal(0, 700, shape).astype("f4")
     labels = [f"M{number}" for number in range(shape[1])]
-    write_c3d(tmp_path / "long.c3d", points, labels, 120.0, "mm", first_frame=241)
+    write_c3d(tmp_path / "long.c3d", points, labels, 120.0, first_frame=241)
     own, other = read_c3d(tmp_path / "long.c3d"), ezc3d.c3d(str(tmp_path / "long.c3d"))
     assert (len(own.time), own.time[0], list(own.positions), own.notes) == (shape[0], 2.0, labels, ())
     for found in (np.stack(list(own.positions.values()), axis=1), other["data"]["points"][:3].T):

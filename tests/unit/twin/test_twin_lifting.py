@@ -130,7 +130,7 @@ def test_written_file_holds_the_same_for_every_reader(tmp_path):
     points = np.random.default_rng(3).normal(0, 700, (50, 3, 3))
     points[7:9, 1] = np.nan
     path = tmp_path / "lift.c3d"
-    write_c3d(path, points, LABELS, 120.0, "mm")
+    write_c3d(path, points, LABELS, 120.0)
     own = read_c3d(path)
     assert (own.rate, own.unit, list(own.positions), own.notes) == (120, "mm", LABELS, ())
     np.testing.assert_array_equal(own.positions["ann:SACRUM"], points[:, 1].astype("f4"))

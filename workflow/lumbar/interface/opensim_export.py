@@ -44,9 +44,7 @@ def export_opensim(lift: Lift, folder: Path, gravity: float) -> list[str]:
         1e3 * np.stack(list(smooth.positions.values()), axis=1),
         round(smooth.time[0] * smooth.rate),
     )
-    write_c3d(
-        stem.with_name(f"{lift.name}.c3d"), points, list(smooth.positions), smooth.rate, "mm", first + 1
-    )
+    write_c3d(stem.with_name(f"{lift.name}.c3d"), points, list(smooth.positions), smooth.rate, first + 1)
     _write_trc(stem.with_name(f"{lift.name}.trc"), smooth.time, smooth.rate, list(smooth.positions), points)
     told = f"{stem}.trc, .c3d: {len(smooth.positions)} markers, cleaned, {len(smooth)} frames"
     columns = _loads(lift, gravity)

@@ -15,17 +15,12 @@ _MOST_FRAMES, _MOST_LABELS = 65534, 255
 
 
 def write_c3d(
-    path: str | os.PathLike,
-    points: np.ndarray,
-    labels: Sequence[str],
-    rate: float,
-    unit: str,
-    first_frame: int = 1,
+    path: str | os.PathLike, points: np.ndarray, labels: Sequence[str], rate: float, first_frame: int = 1
 ) -> None:
     """Write trajectories as a C3D file, whole or not at all.
 
-    `points` have shape (n_frames, n_points, 3), NaN where one was not seen; `rate` is in hertz, `unit` that of the coordinates,
-    `first_frame` the number of the first frame on the clock of the recording, from 1.
+    `points` have shape (n_frames, n_points, 3), in millimetres, NaN where one was not seen; `rate` is in hertz, `first_frame` the
+    number of the first frame on the clock of the recording, from 1.
     """
     n_frames, n_points = points.shape[:2]
     missing = np.isnan(points).any(axis=2)
@@ -34,9 +29,9 @@ def write_c3d(
     quads[..., 3] = np.where(missing, -1, 0)
     frames = first_frame, first_frame + n_frames - 1
     # The block at which the data start stands in the section whose length decides it.
-    section = _section(n_points, frames, labels, rate, unit, data_block=0)
+    section = _section(n_points, frames, labels, rate, data_block=0)
     blocks = math.ceil(len(section) / 512)
-    section = _section(n_points, frames, labels, rate, unit, data_block=2 + blocks)
+    section = _section(n_points, frames, labels, rate, data_block=2 + blocks)
     counts = (2, 0x50, n_points, 0, *(min(frame, _MOST_FRAMES + 1) for frame in frames), 10)
     header = struct.pack("<BB5HfHHf", *counts, -1.0, 2 + blocks, 1, rate)
     with replacing(path) as temporary:
@@ -44,7 +39,7 @@ def write_c3d(
 
 
 def _section(
-    n_points: int, frames: tuple[int, int], labels: Sequence[str], rate: float, unit: str, data_block: int
+    n_points: int, frames: tuple[int, int], labels: Sequence[str], rate: float, data_block: int
 ) -> bytes:
     """Parameter section: the groups POINT and ANALOG, and TRIAL where the header cannot hold the frames' numbers."""
     n_frames = frames[1] - frames[0] + 1
@@ -55,7 +50,7 @@ def _section(
     content += _parameter(b"DATA_START", 1, _INTEGER, (), struct.pack("<H", data_block))
     content += _parameter(b"SCALE", 1, _REAL, (), struct.pack("<f", -1.0))
     content += _parameter(b"RATE", 1, _REAL, (), struct.pack("<f", rate))
-    content += _parameter(b"UNITS", 1, _TEXT, (len(unit),), unit.encode("ascii"))
+    content += _parameter(b"UNITS", 1, _TEXT, (2,), b"mm")
     for number, start in enumerate(range(0, n_points, _MOST_LABELS), 1):
         texts = [label.encode() for label in labels[start : start + _MOST_LABELS]]
         width = max(map(len, texts))

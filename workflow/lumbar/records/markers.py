@@ -165,18 +165,11 @@ def read_markers(
     )
     if layout.check_axes:
         check_axes(resolved.positions, layout, file.source)
+    shared = ("time", "rate", "source", "dropped", "events", "notes")
     return MarkerRecording(
         name=name or stem_of(path),
-        time=file.time,
-        rate=file.rate,
-        positions=resolved.positions,
-        source=file.source,
-        dropped=file.dropped,
-        derived=resolved.derived,
-        absent=resolved.absent,
-        unused=resolved.unused,
-        events=file.events,
-        notes=file.notes,
+        **{part: getattr(file, part) for part in shared},
+        **vars(resolved),
         subjects=() if layout.subject_prefix == KEEP else labelled.subjects,
         joints=file.joints if layout.points == "file" else layout.points == "joint_centres",
     )

@@ -94,7 +94,7 @@ def write_markers(path: str | os.PathLike, markers: dict[str, np.ndarray], rate:
     Labels have the subject's prefix, those of the box ``box:``.
     """
     labels = [f"{'box' if name.startswith('BOX_') else subject}:{name}" for name in markers]
-    write_c3d(path, 1e3 * np.stack(list(markers.values()), axis=1), labels, float(rate), "mm")
+    write_c3d(path, 1e3 * np.stack(list(markers.values()), axis=1), labels, float(rate))
 
 
 def trial_moment(

@@ -25,7 +25,11 @@ def signature_thumbnail(effect: Effect, system: str = "tissue") -> str:
         np.interp(values, (low, high), (_HEIGHT - _BELOW - _MARGIN, _MARGIN)) for values in (base, force)
     )
     return template("publishing/explorer/thumbnail.svg.jinja").render(
-        width=_WIDTH, height=_HEIGHT, left=_LEFT, bottom=_HEIGHT - _BELOW, colour=SERIES[3],
+        width=_WIDTH,
+        height=_HEIGHT,
+        left=_LEFT,
+        bottom=_HEIGHT - _BELOW,
+        colour=SERIES[3],
         middle=f"{(_LEFT + _WIDTH) / 2:g}",
         without=_line(across, without),
         within=_line(across, within),

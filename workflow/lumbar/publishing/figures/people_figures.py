@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.measures.registry import measure_in_words
 from lumbar.lifting.stability.comparison.table_4_1_grid import CHOICES, comparison_cells
 from lumbar.lifting.stability.model.trajectories import THESIS
@@ -21,17 +23,7 @@ if TYPE_CHECKING:
 
 MARKERS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}
 PLANES = {"lateral_bending": "lateral", "flexion_extension": "flexion"}
-_WORDS = {
-    "mid_ankle": "ankle",
-    "with_box": "box",
-    "without_box": "no box",
-    "real": "real time",
-    "unit": "1 s",
-    "inner": "",
-    "descent": "",
-    "wrist_minimum": "wrists",
-}
-"""Of the ends of segments and the start of the deposit only the thesis's are named: the labels are long enough."""
+_WORDS: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 @house_style
