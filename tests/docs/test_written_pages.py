@@ -12,7 +12,7 @@ PROJECT = DOCS.parent
 GENERATED = {"api.md", "gallery.md", "thesis.md", "tissue/effects.md", "tissue/pendulum_effects.md"}
 """Made by ``make docs`` or from docstrings, as all of ``config/``."""
 MADE_PARTS = re.compile(
-    r'(?s)<!-- (?:rooms: by "make docs"|real records|hard effects|calibration|own feedback|pushes needed|'
+    r'(?s)<!-- (?:rooms: by "make docs"|real records|hard effects|calibration|own feedback|pushes needed|areas covered|slow faults|'
     r"what a hand tells) -->.*?<!-- end.*?-->"
 )
 FENCE = re.compile(r"^[ >]*```.*?^[ >]*```", re.M | re.S)

@@ -77,6 +77,7 @@ def refine(
     KB: 0.2299 N in training, 0.2247 unseen
     + coulomb_friction: 0.00989 N in training, 0.009904 unseen (-96 %)
     Noise floor: 0.0101 N (0.00961 to 0.0106) from 5 periods of 4 s.
+    A hand just feels 0.072 N (0.0445 to 0.136): no hand feels what is left.
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
