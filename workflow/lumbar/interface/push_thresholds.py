@@ -111,15 +111,10 @@ class PushThresholds(Result):
         }
 
     def _doubts(self, drift: float, bend: float) -> list[str]:
-        more = "more frequent" if drift > 0 else "rarer"
-        found = {
-            f"steps become {more} within sessions than steady thresholds allow (z = {drift:.1f}): people learn or tire, and the "
-            "intervals are those of no one moment": abs(drift) > DOUBTED,
-            f"phase does not act as a line (z = {bend:.1f}): push at one phase, or name early and late pushes as directions of "
-            "their own": abs(bend) > DOUBTED,
-            "rows stand twice: pushes given again, or entered twice": self.sheet.duplicated().any(),
-        }
-        return [words for words, true in found.items() if true]
+        words = {"more": "more frequent" if drift > 0 else "rarer", "drift": drift, "bend": bend}
+        twice = self.sheet.duplicated().any()
+        found = {"drift": abs(drift) > DOUBTED, "bend": abs(bend) > DOUBTED, "twice": twice}
+        return [made.SAID[name].format(**words) for name, true in found.items() if true]
 
     def next_push(self, person: str, step: float = 1.5) -> NextPush:
         """Return the push after which this person's thresholds are expected to be known best.

@@ -28,20 +28,12 @@ from lumbar.settings.pushes import PushesSettings
 
 STANDS, FALLS, UNSTEADY = "stands", "falls", "unsteady"
 """Outcomes of a push; the last at an instant at which the body would fall without it."""
-COLUMNS = {
-    "subject": "who is pushed",
-    "lift": "during which lift",
-    "time_s": "when, on the clock of the lift",
-    "direction": "forward or backward",
-    "impulse_N_s": "size of the push in N·s, drawn at random",
-    "outcome": "what the simulated body does: it stands to the end, or falls",
-    "steps": "whether the simulated person must step: falls",
-    "equal_impulse_N_s": "size in N·s of the push at the same instant in the contest of equal pushes, as declared",
-    "equal_steps": "whether the person must step after that push",
-    "shift_m_per_N_s": "1/(m·ω0): how far a push moves the extrapolated centre of mass",
-    **{f"level_{name}": predictor.meaning for name, predictor in PREDICTORS.items()},
-}
-"""Columns of ``pushes.csv``: everything that the ROC is made of."""
+COLUMNS = (
+    *("subject", "lift", "time_s", "direction", "impulse_N_s", "outcome", "steps"),
+    *("equal_impulse_N_s", "equal_steps", "shift_m_per_N_s", *(f"level_{name}" for name in PREDICTORS)),
+)
+"""Columns of ``pushes.csv``, all that the ROC is made of: of those called equal, the push at the same instant in the contest of
+equal pushes; the shift is 1/(m·ω0), how far a push moves the extrapolated centre of mass."""
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,12 @@ states as a line, since both are the noise's.
 """
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.population.contrast import jackknife_interval
 from lumbar.lifting.stability.comparison.perturbed_trials import PHASE_POINTS, Trial, mean_trajectory
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather, remainder
@@ -29,11 +31,8 @@ from lumbar.settings.pushes import OutcomeSettings, PerturbationsSettings
 from lumbar.settings.stability import StabilitySettings
 
 FEWEST_TRIALS, FEWEST_DIFFERENT = 8, 3
-NOT_RECORDED = (
-    "The person's own feedback cannot be told, and the regulator stays assumed: without recorded forces nobody can tell the "
-    f"feedback from the noise that goes round its loop. At least {FEWEST_TRIALS} trials would be needed, some without a push and "
-    "some with one forward or backward at different times, the force named in perturbations.pushes"
-)
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+NOT_RECORDED = _SAID["not_recorded"].format(fewest=FEWEST_TRIALS)
 LONGEST_DELAY_S, LARGEST_SHIFT_S, DELAY_TOLERANCE_S = 0.35, 0.05, 1e-4
 """Of the delay: the most, the most of one step and below 0, and the last step."""
 PASSES, SETTLED = 60, 2
@@ -197,23 +196,15 @@ def identify_feedback(pendulum: Pendulums, angle: np.ndarray, push: np.ndarray) 
             p_even = _p_even(left, regressors[..., :4], newest[..., :4], own, falling, trials.step)
             p_linear = min(1.0, 3 * min(p_always, p_even))
             return _feedback(pendulum, trials.gains(every), delay - shift + every[:, 4], p_linear)
-    raise NumericalError(
-        f"feedback: no linear feedback with a delay of up to {LONGEST_DELAY_S:g} s explains how {len(push)} trials answer their "
-        "pushes; record more trials or larger pushes, and see that forces and markers share one clock"
-    )
+    raise NumericalError(_SAID["no_delay"].format(longest=LONGEST_DELAY_S, trials=len(push)))
 
 
 def _trials(pendulum: Pendulums, angle: np.ndarray, push: np.ndarray) -> _Trials:
     if len(angle) < FEWEST_TRIALS:
-        raise InputError(
-            f"feedback: {len(angle)} trials; at least {FEWEST_TRIALS} are needed for gains, delay and their intervals"
-        )
+        raise InputError(_SAID["few_trials"].format(trials=len(angle), fewest=FEWEST_TRIALS))
     other = np.abs(push - np.median(push, axis=0)).max(axis=1) > 1e-6 * np.abs(push).max()
     if (differ := int(other.sum())) < FEWEST_DIFFERENT:
-        raise InputError(
-            f"feedback: the push differs from the others' in {differ} trials, at least {FEWEST_DIFFERENT} are needed; record "
-            "trials with and without a push, forward and backward, at different times"
-        )
+        raise InputError(_SAID["alike"].format(differ=differ, fewest=FEWEST_DIFFERENT))
     step = float(pendulum.duration[0]) / (angle.shape[1] - 1)
     rate = np.gradient(angle, step, axis=1, edge_order=2)
     acceleration = np.zeros_like(angle)
@@ -303,24 +294,17 @@ def _feedback(pendulum: Pendulums, gains: np.ndarray, delay: np.ndarray, p_linea
         share = (high - low) / (2 * abs(values[0]))
         if share > WIDEST:
             times = (share / WIDEST) ** 2
-            unknown.append(
-                f"{name} is known to ±{100 * share:.0f} %, ±{100 * WIDEST:.0f} % are needed: {np.ceil(times * trials):.0f} such "
-                f"trials would do, or pushes {np.sqrt(times):.1f} times as large"
-            )
+            needed = {"trials": np.ceil(times * trials), "times": np.sqrt(times)}
+            unknown.append(_SAID["wide"].format(name=name, share=100 * share, widest=100 * WIDEST, **needed))
     # What is left of stiffness, and of damping to the first order of the delay.
     net = (
         first + pendulum.gravity_torque * np.cos(pendulum.angle[middle]),
         second + pendulum.damping - delay * first,
     )
     if min(interval_of(values)[0] for values in net) <= 0:
-        unknown.append(
-            "the intervals hold a loop that does not return, with which nobody moves: record more trials or larger pushes"
-        )
+        unknown.append(_SAID["not_returning"])
     if p_linear < SIGNIFICANCE:
-        unknown.append(
-            f"a linear feedback that always acts does not explain the answers (p = {p_linear:.2g}): pushes of three sizes at one "
-            "instant would tell from which size on the person acts, pushes of one size at instants 50 ms apart, when"
-        )
+        unknown.append(_SAID["not_linear"].format(p=p_linear))
     return Feedback(gains, delay, p_linear, tuple(unknown))
 
 
@@ -403,21 +387,14 @@ def feedback_sentence(
         pendulum, angle, push = trials_at_equal_time(trials, torques, settings, stability)
         found = identify_feedback(pendulum, angle, push)
     except (InputError, NumericalError) as error:
-        return f"The person's own feedback cannot be told, and the regulator stays assumed: {error}"
+        return _SAID["cannot"].format(error=error)
     first, second = (interval_of(values) for values in found.gains[:, PHASE_POINTS // 2].T)
     delay = [1000 * max(end, 0.0) for end in interval_of(found.delay)]
-    words = (
-        f"The person's own feedback at half the movement (inverted pendulum, 95 %, jackknife over {len(trials)} trials): K1 "
-        f"{first[0]:.0f} to {first[1]:.0f} N·m/rad, K2 {second[0]:.0f} to {second[1]:.0f} N·m·s/rad, delay {delay[0]:.0f} to "
-        f"{delay[1]:.0f} ms"
-    )
+    words = _SAID["found"].format(trials=len(trials), first=first, second=second, delay=delay)
     if found.unknown:
-        return f"{words}. It counts as not told, and the regulator stays assumed: {'; '.join(found.unknown)}"
+        return _SAID["not_told"].format(found=words, unknown="; ".join(found.unknown))
     low, high = interval_of(basin_area(pendulum, found.gains, found.delay, stability))
     gains = regulate(pendulum, weights_of(stability)).gains.transpose(1, 0, 2)
-    assumed = basin_area(pendulum, gains, np.zeros(1), stability)
-    return (
-        f"{words}. Starts from which this feedback brings the person back (into the goal set, never further than "
-        f"{FURTHEST_DEG:g}° from the movement) fill {max(low, 0):.2g} to {high:.2g} rad²/s, with the study's regulator "
-        f"{assumed[0]:.2g}"
-    )
+    assumed = basin_area(pendulum, gains, np.zeros(1), stability)[0]
+    areas = {"low": max(low, 0), "high": high, "assumed": assumed}
+    return _SAID["basin"].format(found=words, furthest=FURTHEST_DEG, **areas)

@@ -6,11 +6,13 @@ increment: how much larger the area under the ROC becomes where a measure joins 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from lumbar.base.errors import InputError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.population.contrast import jackknife_interval
 from lumbar.lifting.pushes.chances import ADDED, ALONE, KNOWN, KNOWN_WORDS, chances_of
 from lumbar.lifting.pushes.contest import Contest, contest_of, push_bodies
@@ -41,10 +43,7 @@ VARIED = {
 """Traits of all persons that the table of sensitivities changes, and by which factors. A costly torque makes low gains."""
 FOLLOWED = 360
 """Pushes that are followed for each row of it, about: every so many of the contest's."""
-HOLMES = (
-    "Holmes et al. (2019), backward reachable sets of 11 recorded people standing up: more than 90 % of the failures and more "
-    "than 95 % of the successes"
-)
+_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 NEGLIGIBLE = 0.01
 """Difference of two areas below which one measure is as good as the other."""
 BASIS = "simulated bodies under an assumed controller, not people"
@@ -189,31 +188,23 @@ def verdict_of(contest: Contest, table: pd.DataFrame, told: Mapping, scoring: Sc
 
 def _sentence(found: Verdict, main: pd.DataFrame, ranked: pd.DataFrame, scoring: ScoringSettings) -> str:
     best, persons, points = main.loc[found.measure], int(main["persons"].max()), 100 * found.increment
-    if found.low is None:
-        span = f"no interval: {persons} persons, at least {scoring.fewest_persons} are needed"
-    else:
-        span = (
-            f"95 % interval {100 * found.low:.1f} to {100 * found.high:.1f} over {persons} simulated persons"
-        )
-    adds = f"{found.measure} adds most, {points:+.1f} percentage points ({span})"
+    span = _SAID["few"].format(persons=persons, fewest=scoring.fewest_persons)
+    if found.low is not None:
+        span = _SAID["interval"].format(low=100 * found.low, high=100 * found.high, persons=persons)
+    adds = _SAID["adds"].format(found=found, points=points, span=span)
     if found.low is not None and found.low <= 0:
-        adds = f"no measure is shown to add to that: {adds}"
-    parts = [
-        f"Of all pairs, one who steps and one who stands, {KNOWN_WORDS} order {100 * found.known_auc:.1f} % rightly without any "
-        f"measure; {adds}."
-    ]
+        adds = _SAID["none_adds"].format(adds=adds)
+    parts = [_SAID["pairs"].format(known=KNOWN_WORDS, auc=100 * found.known_auc, adds=adds)]
     if found.tied:
-        parts.append(f"It is not shown to add {100 * NEGLIGIBLE:g} point more than {', '.join(found.tied)}.")
+        parts.append(_SAID["tied"].format(negligible=100 * NEGLIGIBLE, tied=", ".join(found.tied)))
     aucs = "; ".join(f"{name} {100 * main.loc[name, 'auc']:.1f} %" for name in (found.measure, *BASELINES))
-    parts.append(
-        f"Alone and told the direction, they order: {aucs}. By a threshold of other persons {found.measure} is right about "
-        f"{100 * best['failures_right']:.0f} % of those who had to step and {100 * best['successes_right']:.0f} % of those who "
-        f"stood ({HOLMES})."
-    )
-    enough = ranked.iterrows() if found.low is not None else ()  # of a few persons the order is chance
-    for direction, row in enough:
-        parts.append(f"Under equal pushes {direction} {row['measure']} ranks people best ({row['auc']:.3f}).")
-    return " ".join([*parts, f"This rests on {BASIS}."])
+    right = {name: 100 * best[f"{name}_right"] for name in ("failures", "successes")}
+    parts.append(_SAID["alone"].format(found=found, aucs=aucs, **right))
+    for direction, row in (
+        ranked.iterrows() if found.low is not None else ()
+    ):  # of a few persons the order is chance
+        parts.append(_SAID["equal"].format(direction=direction, measure=row["measure"], auc=row["auc"]))
+    return " ".join([*parts, _SAID["basis"].format(basis=BASIS)])
 
 
 def _tied(

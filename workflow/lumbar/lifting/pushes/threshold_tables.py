@@ -5,9 +5,12 @@ Gelfand, Dey & Chang 1992). Increments are those of the contest: added to size, 
 persons (`chances`).
 """
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.pushes.chances import told_by_others
 from lumbar.lifting.pushes.dose_response import Posterior, PushRecords, chance, log_odds
 from lumbar.lifting.pushes.prediction import increment_of
@@ -15,6 +18,7 @@ from lumbar.lifting.pushes.push_sheet import KNOWN
 from lumbar.lifting.pushes.roc import area, groups_of
 from lumbar.settings.pushes import ScoringSettings
 
+SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 NOBODY = "a person not pushed yet"
 ENDS = (0.5, 0.025, 0.975)
 FEWEST_OPEN = 3.0
@@ -45,14 +49,11 @@ def curve_notes(records: PushRecords, posterior: Posterior) -> list[str]:
 
     notes = []
     for way, direction in enumerate(records.directions):
-        note = (
-            f"{direction}: ln thresholds of persons scatter by {span(100 * spread[:, way])} %; a person's chance goes from 1/4 "
-            f"to 3/4 within {span(100 * np.log(9) * posterior.width[:, way])} % of the threshold"
-        )
+        widths = {"scatter": spread[:, way], "width": np.log(9) * posterior.width[:, way]}
+        spans = {name: span(100 * values) for name, values in widths.items()}
+        note = SAID["curve"].format(direction=direction, **spans)
         if len(records.phases) > 1:
-            note += (
-                f"; from begin to end of the movement it grows {span(np.exp(posterior.phase[:, way]))} times"
-            )
+            note = SAID["phase"].format(curve=note, growth=span(np.exp(posterior.phase[:, way])))
         notes.append(note)
     return notes
 
