@@ -36,15 +36,8 @@ from lumbar.settings.layout import MarkerLayout
 Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
 Mend = Callable[[dict[str, np.ndarray], np.ndarray], dict[str, np.ndarray]]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-_UNIT_NAMES = {
-    "m": "m",
-    "meter": "m",
-    "meters": "m",
-    "metres": "m",
-    "cm": "cm",
-    "mm": "mm",
-    "millimeters": "mm",
-}
+_UNIT_NAMES = {unit: unit for unit in METRES} | dict.fromkeys(("meter", "meters", "metres"), "m")
+_UNIT_NAMES["millimeters"] = "mm"
 SPREAD_M = (0.02, 50.0)
 """Plausible size of the cloud of all markers over a recording, in metres: a wrong unit lies far outside."""
 FARTHEST_M = 1e5

@@ -258,8 +258,7 @@ def model_of_lift(
     recording = measured_markers(read_markers(markers, bare), settings.markers.aliases)
     if trial.window_s is not None:
         inside = (recording.time >= trial.window_s[0]) & (recording.time <= trial.window_s[1])
-        positions = {name: points[inside] for name, points in recording.positions.items()}
-        recording = replace(recording, time=recording.time[inside], positions=positions)
+        recording = recording.at(inside)
     time, nodes = at_nodes(recording, how.rate_Hz)
     found = fit(build(time, nodes, subject.height_m, subject.sex, held_frames(time, lift.events)))
     conditions = Conditions(

@@ -175,14 +175,11 @@ def _row(item: Comparison) -> dict:
     contrast, known = item.contrast, not item.contrast.remark
     return {
         **_keys(item),
-        "first": contrast.first,
-        "second": contrast.second,
-        "difference": contrast.difference,
+        **{name: getattr(contrast, name) for name in ("first", "second", "difference", "percent")},
         "low": contrast.interval.low,
         "high": contrast.interval.high,
         "df": contrast.freedom if known else None,
         "p": contrast.p_value,
-        "percent": contrast.percent,
         "percent_low": contrast.percent_interval.low,
         "percent_high": contrast.percent_interval.high,
         "safer": item.verdict,

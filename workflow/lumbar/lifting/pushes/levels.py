@@ -169,19 +169,15 @@ def _whole_body(lifter: Lifter, motion: DepositMotion) -> Trajectory | None:
     relative = centre - (points["L_ANKLE"] + points["R_ANKLE"]) / 2
     moving = relative, *(derivative(relative, lifter.rate, order) for order in (1, 2))
     states = planar_states(motion.time, *(part[here, 1:] for part in moving), lifter.facts["lift"])
-    trajectory = Trajectory(
+    trajectory = Trajectory.of_states(
+        states,
         subject=lifter.facts["subject"],
         experience=lifter.facts.get("experience", ""),
         box_mass_kg=float(box),
         com="whole body",
         plane="flexion_extension",
         pivot="mid_ankle",
-        time=motion.time,
-        angle=states.angle,
-        angular_velocity=states.angular_velocity,
-        angular_acceleration=states.angular_acceleration,
         mass_kg=float(body + box),
-        length_m=float(states.length.mean()),
     )
     return None if find_problems(trajectory).entries else trajectory
 

@@ -191,9 +191,7 @@ def _pushed(
     constants = {
         "mass": item.mass_kg,
         "length": item.length_m,
-        "inertia": pendulums.inertia[index],
-        "damping": pendulums.damping[index],
-        "gravity_torque": pendulums.gravity_torque[index],
+        **{name: getattr(pendulums, name)[index] for name in ("inertia", "damping", "gravity_torque")},
         "control_weight": loops.weights.control,
         "duration": item.duration,
         "lowest": lowest,

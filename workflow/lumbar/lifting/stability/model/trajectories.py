@@ -21,6 +21,7 @@ from lumbar.lifting.movement.pendulum_states import THESIS_CHOICE, PendulumChoic
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lumbar.lifting.movement.pendulum_states import PendulumStates
     from lumbar.settings.stability import StabilitySettings
 
 COMS = ("thorax", "abdomen", "pelvis")
@@ -61,6 +62,13 @@ class Trajectory:
     segment_ends: str = "inner"
     deposit_start: str = "descent"
     """`segment_ends`, `deposit_start`: as the keys of `lumbar.settings.lifting`."""
+
+    @classmethod
+    def of_states(cls, states: PendulumStates, **others) -> Trajectory:
+        """Return that of a pendulum's states, of their mean length, with the `others` of its attributes."""
+        names = ("time", "angle", "angular_velocity", "angular_acceleration")
+        motion = {name: getattr(states, name) for name in names}
+        return cls(**others, **motion, length_m=float(states.length.mean()))
 
     @property
     def label(self) -> str:
