@@ -259,56 +259,34 @@ def _of_processor(
     order = ">" if processor == MIPS else "<"
     points, analog, first, last, _, _, _, data_block, per_frame = struct.unpack(order + "9H", content[2:20])
     notes: list[str] = []
-    header = {
-        "n_points": points,
-        "n_analog": analog,
-        "per_frame": per_frame,
-        "first": first,
-        "last": last,
-        "data_block": data_block,
-        "scale": real(content[12:16], processor),
-        "rate": real(content[20:24], processor),
-    }
-    within = start < _data_start(header) < len(content)
-    end = _data_start(header) if within else min(start + content[start + 2] * BLOCK, len(content))
+    scale, rate = real(content[12:16], processor), real(content[20:24], processor)
+    sizes = points, last - first + 1, first, analog, per_frame
+    header = C3dStructure(processor, *sizes, rate, {}, (data_block - 1) * BLOCK, scale)
+    within = start < header.data_start < len(content)
+    end = header.data_start if within else min(start + content[start + 2] * BLOCK, len(content))
     parameters = read_parameters(path, content, start + 4, end, processor, notes)
     _check_types(path, parameters)
-    _complete(header, parameters, notes)
-    _settle(header, parameters, len(content), start, notes)
-    data_start = _data_start(header)
-    if not start < data_start < len(content):
+    header = _complete(header, parameters, notes)
+    header = _settled(header, parameters, len(content), start, notes)
+    if not start < header.data_start < len(content):
         raise InputError(
-            f"{path}: the data should start at byte {data_start}, after the parameters at {start} and before "
+            f"{path}: the data should start at byte {header.data_start}, after the parameters at {start} and before "
             f"the end of the file at {len(content)}; the file is cut short or its header is corrupt"
         )
-    if points_needed and not header["n_points"] and analog:
+    if points_needed and not header.n_points and analog:
         raise InputError(
             f"{path}: no points, only analog channels, as a force plate writes them; give the recording of the markers"
         )
-    if points_needed or header["n_points"]:
+    if points_needed or header.n_points:
         _check_agreement(path, header, parameters)
     _check_header(path, header, points_needed)
-    start_field = parameters.get("TRIAL:ACTUAL_START_FIELD")
-    structure = C3dStructure(
-        processor=processor,
-        n_points=header["n_points"],
-        n_frames=_frame_count(path, header, parameters, len(content), notes),
-        first_frame=long_integer(start_field) if start_field else first,
-        n_analog=analog,
-        analog_per_frame=per_frame,
-        rate=header["rate"],
-        parameters=parameters,
-        data_start=data_start,
-        scale=header["scale"],
-    )
-    available = len(content) - data_start
+    frames, field = _frame_count(path, header, parameters, len(content), notes), "TRIAL:ACTUAL_START_FIELD"
+    first = long_integer(parameters[field]) if parameters.get(field) else first
+    structure = replace(header, n_frames=frames, first_frame=first, parameters=parameters)
+    available = len(content) - header.data_start
     _check_analog(path, available, structure, notes)
     _check_size(path, available, structure)
     return replace(structure, notes=tuple(notes))
-
-
-def _data_start(header: dict) -> int:
-    return (header["data_block"] - 1) * BLOCK
 
 
 def _fits(size: int, start: int, data: int) -> bool:
@@ -316,41 +294,37 @@ def _fits(size: int, start: int, data: int) -> bool:
     return 0 <= size - start - data < BLOCK
 
 
-def _frame_bytes(header: dict) -> int:
-    return (4 * header["n_points"] + header["n_analog"]) * (4 if header["scale"] < 0 else 2)
-
-
-def _settle(header: dict, parameters: dict[str, list], size: int, start: int, notes: list[str]) -> None:
+def _settled(
+    header: C3dStructure, parameters: dict[str, list], size: int, start: int, notes: list[str]
+) -> C3dStructure:
     """Where header and parameters differ in what the size of the file decides, take the ones of both that fit it."""
-    names = {"n_points": "POINT:USED", "data_block": "POINT:DATA_START"}
-    stated = {key: int((parameters.get(name) or [0])[0]) % 65536 for key, name in names.items()}
-    choices = [{header[key], stated[key] or header[key]} for key in names]
+    own = {"POINT:USED": header.n_points, "POINT:DATA_START": header.data_start // BLOCK + 1}
+    stated = {name: int((parameters.get(name) or [0])[0]) % 65536 for name in own}
     fitting = []
-    for pair in product(*choices):
-        one = header | dict(zip(names, pair, strict=True))
-        data = (frames * _frame_bytes(one) for frames in _stated_frames(header, parameters).values())
-        if _data_start(one) > start and any(_fits(size, _data_start(one), many) for many in data):
-            fitting.append(one)
+    for points, block in product(*({own[name], stated[name] or own[name]} for name in own)):
+        one = replace(header, n_points=points, data_start=(block - 1) * BLOCK)
+        data = (frames * one.frame_bytes for frames in _stated_frames(header, parameters).values())
+        if one.data_start > start and any(_fits(size, one.data_start, many) for many in data):
+            fitting.append((one, {"POINT:USED": points, "POINT:DATA_START": block}))
     if len(fitting) != 1:
-        return
-    for key, name in names.items():
-        if stated[key] not in (0, header[key]):
-            notes.append(
-                f"{name} is {stated[key]}, {header[key]} in the header; {fitting[0][key]} fits the file's size"
-            )
-            parameters[name] = [fitting[0][key]]
-    header |= fitting[0]
+        return header
+    settled, values = fitting[0]
+    for name, value in values.items():
+        if stated[name] not in (0, own[name]):
+            notes.append(f"{name} is {stated[name]}, {own[name]} in the header; {value} fits the file's size")
+            parameters[name] = [value]
+    return settled
 
 
-def _stated_frames(header: dict, parameters: dict[str, list]) -> dict[str, int]:
+def _stated_frames(header: C3dStructure, parameters: dict[str, list]) -> dict[str, int]:
     """Frames of points by every statement in the file that can hold the number."""
-    statements = {}
-    if header["last"] < SATURATED:
-        statements["the header"] = header["last"] - header["first"] + 1
+    statements, last_frame = {}, header.first_frame + header.n_frames - 1
+    if last_frame < SATURATED:
+        statements["the header"] = header.n_frames
     if parameters.get("POINT:FRAMES"):
         frames = int(parameters["POINT:FRAMES"][0])
         frames = frames if frames > SATURATED else frames % 65536
-        if frames != SATURATED and not (frames == 0 and header["last"] >= SATURATED):
+        if frames != SATURATED and not (frames == 0 and last_frame >= SATURATED):
             statements["POINT:FRAMES"] = frames
     if parameters.get("POINT:LONG_FRAMES"):
         words = parameters["POINT:LONG_FRAMES"]
@@ -363,7 +337,9 @@ def _stated_frames(header: dict, parameters: dict[str, list]) -> dict[str, int]:
     return statements
 
 
-def _frame_count(path: Path, header: dict, parameters: dict[str, list], size: int, notes: list[str]) -> int:
+def _frame_count(
+    path: Path, header: C3dStructure, parameters: dict[str, list], size: int, notes: list[str]
+) -> int:
     """Frames of points; all statements must agree but for one frame, or those must that fit the size of the file."""
     statements = _stated_frames(header, parameters)
     if not statements:
@@ -374,7 +350,7 @@ def _frame_count(path: Path, header: dict, parameters: dict[str, list], size: in
     counts = sorted(statements.values())
     found = ", ".join(f"{frames} in {place}" for place, frames in statements.items())
     if counts[-1] - counts[0] > _FRAME_TOLERANCE:
-        counts = [count for count in counts if _fits(size, _data_start(header), count * _frame_bytes(header))]
+        counts = [count for count in counts if _fits(size, header.data_start, count * header.frame_bytes)]
         if not counts or counts[-1] - counts[0] > _FRAME_TOLERANCE:
             raise InputError(f"{path}: the number of frames is {found}; export the recording again")
     if counts[0] < 1:
@@ -384,20 +360,21 @@ def _frame_count(path: Path, header: dict, parameters: dict[str, list], size: in
     return counts[0]
 
 
-def _complete(header: dict, parameters: dict[str, list], notes: list[str]) -> None:
+def _complete(header: C3dStructure, parameters: dict[str, list], notes: list[str]) -> C3dStructure:
     """Take rate and scale factor from the header where the parameters lack them, or the other way round."""
     for key, name in (("scale", "POINT:SCALE"), ("rate", "POINT:RATE")):
-        stated = parameters.get(name)
-        in_header = np.isfinite(header[key]) and header[key] != 0
+        stated, own = parameters.get(name), getattr(header, key)
+        in_header = np.isfinite(own) and own != 0
         if not stated and in_header:
-            parameters[name] = [header[key]]
-            notes.append(f"{name} is missing; the header's {header[key]:g} was taken")
+            parameters[name] = [own]
+            notes.append(f"{name} is missing; the header's {own:g} was taken")
         elif stated and not in_header and stated[0] != 0:
             notes.append(f"the header has no {key}; {name}, {stated[0]:g}, was taken")
-            header[key] = stated[0]
-        elif key == "scale" and stated and max(stated[0], header[key]) < 0 and stated[0] != header[key]:
+            header = replace(header, **{key: stated[0]})
+        elif key == "scale" and stated and max(stated[0], own) < 0 and stated[0] != own:
             # Its sign alone counts where coordinates are stored as reals.
-            parameters[name] = [header[key]]
+            parameters[name] = [own]
+    return header
 
 
 def _check_types(path: Path, parameters: dict[str, list]) -> None:
@@ -410,7 +387,7 @@ def _check_types(path: Path, parameters: dict[str, list]) -> None:
     problems.raise_if_any()
 
 
-def _check_agreement(path: Path, header: dict, parameters: dict[str, list]) -> None:
+def _check_agreement(path: Path, header: C3dStructure, parameters: dict[str, list]) -> None:
     """Compare header and parameters."""
     problems = Problems(str(path))
     for name in ("USED", "SCALE", "RATE", "LABELS"):
@@ -418,13 +395,13 @@ def _check_agreement(path: Path, header: dict, parameters: dict[str, list]) -> N
             problems.add(f"POINT:{name}", "missing or empty", "a reader cannot do without it")
     problems.raise_if_any()
     stated = {
-        "number of points": (header["n_points"], int(parameters["POINT:USED"][0]) % 65536, "POINT:USED"),
-        "scale factor": (header["scale"], parameters["POINT:SCALE"][0], "POINT:SCALE"),
-        "rate": (header["rate"], parameters["POINT:RATE"][0], "POINT:RATE"),
+        "number of points": (header.n_points, int(parameters["POINT:USED"][0]) % 65536, "POINT:USED"),
+        "scale factor": (header.scale, parameters["POINT:SCALE"][0], "POINT:SCALE"),
+        "rate": (header.rate, parameters["POINT:RATE"][0], "POINT:RATE"),
     }
     start = int((parameters.get("POINT:DATA_START") or [0])[0]) % 65536
     if start:
-        stated["data block"] = (header["data_block"], start, "POINT:DATA_START")
+        stated["data block"] = (header.data_start // BLOCK + 1, start, "POINT:DATA_START")
     for quantity, (in_header, in_parameters, name) in stated.items():
         if not np.isclose(in_header, in_parameters, rtol=_RATE_TOLERANCE, atol=0):
             problems.add(
@@ -433,15 +410,15 @@ def _check_agreement(path: Path, header: dict, parameters: dict[str, list]) -> N
     problems.raise_if_any()
 
 
-def _check_header(path: Path, header: dict, points_needed: bool) -> None:
+def _check_header(path: Path, header: C3dStructure, points_needed: bool) -> None:
     """Numbers without which no frame can be found."""
     problems = Problems(str(path))
-    needed = header["n_points"] if points_needed else header["n_points"] + header["n_analog"]
-    if not needed or not RATES_HZ[0] <= header["rate"] <= RATES_HZ[1]:  # of another processor's it is 1e-42
+    needed = header.n_points if points_needed else header.n_points + header.n_analog
+    if not needed or not RATES_HZ[0] <= header.rate <= RATES_HZ[1]:  # of another processor's it is 1e-42
         allowed = f"both must be positive, the rate {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz"
-        problems.add("header", f"{header['n_points']} points at {header['rate']:g} Hz", allowed)
-    if not np.isfinite(header["scale"]) or header["scale"] == 0:
-        problems.add("header", f"scale factor {header['scale']:g}", "a finite number other than 0 is needed")
+        problems.add("header", f"{header.n_points} points at {header.rate:g} Hz", allowed)
+    if not np.isfinite(header.scale) or header.scale == 0:
+        problems.add("header", f"scale factor {header.scale:g}", "a finite number other than 0 is needed")
     problems.raise_if_any()
 
 
