@@ -204,10 +204,15 @@ class _Search:
         return float(self.whole.time[-1]) if time is None else time
 
     def _lift_off(self) -> Event:
-        if self.what == "box":
-            return _lift_off(self.part, self.points, self.settings)
-        low, _ = self._hands()
-        return _rise(self.part, self.points, low, self.settings)
+        """Last instant before the box rises for good; of a box that is only taken down, the first movement."""
+        if self.what != "box":
+            return self._rise(self._hands()[0])
+        moved, height = self._first_movement(), self.points[:, 2]
+        if (height[moved:] >= height[moved] + self.settings.rise_m).any():
+            return self._rise(moved)
+        return Event(
+            float(self.part.time[moved]), DETECTED, _HOW["never_rises"].format(settings=self.settings)
+        )
 
     def _hands(self) -> tuple[int, int]:
         rises = great_swings(self.points[:, 2], self.settings.hands_rise_m, 1)
@@ -216,18 +221,182 @@ class _Search:
             raise NotFound(_HOW["hands_low"].format(settings=self.settings, most=most))
         return rises[0]
 
+    def _rise(self, moved: int) -> Event:
+        """Last instant before what moves from the frame `moved` on rises by `rise_m`, which it does."""
+        height, climb = self.points[:, 2], derivative(self.points, self.part.rate)[:, 2]
+        high = moved + int(np.flatnonzero(height[moved:] >= height[moved] + self.settings.rise_m)[0])
+        still = np.flatnonzero(climb[moved:high] <= self.settings.box_rest_m_s)
+        onset = moved + int(still[-1]) if still.size else moved
+        before = np.flatnonzero(climb[: onset + 1] <= 0)
+        rise = height[high] - height[onset]
+        latest = onset + int(np.flatnonzero(height[onset:] >= height[onset] + ONSET * rise)[0])
+        slid = self.part.time[onset] - self.part.time[moved]
+        how = _HOW["rises"].format(settings=self.settings, moved=self.part.time[moved])
+        how += ", sliding at first" if slid > 0.1 else ""
+        times = self.part.time[[onset, before[-1] if before.size else 0, latest]]
+        return Event(float(times[0]), DETECTED, how, earliest_s=float(times[1]), latest_s=float(times[2]))
+
+    def _first_movement(self) -> int:
+        """Index of the last rest of the box before it first moves."""
+        threshold, lasting = self.settings.box_speed_m_s, self.settings.box_sustained_s
+        moving = speed(self.points, self.part.rate)
+        first = _first_run(moving > threshold, max(1, round(lasting * self.part.rate)))
+        if first is None:
+            kept = _kept(moving, max(1, round(lasting * self.part.rate)))
+            raise NotFound(_HOW["box_still"].format(settings=self.settings, kept=kept))
+        if first == 0:
+            raise NotFound("the box moves from the first frame: its lift-off is not there")
+        rest = np.flatnonzero(moving[:first] <= self.settings.box_rest_m_s)
+        return int(rest[-1]) + 1 if rest.size else first
+
     def _release(self) -> Event:
-        if self.what == "box":
-            return _release(self.part, self.points, self.settings, self.begin)
+        if self.what != "box":
+            return self._hands_release()
+        time, threshold = self.part.time, self.settings.box_speed_m_s
+        separation, wrists = None, wrist_centre(self.part)
+        if wrists is not None:  # they part from the box, where they are seen to grip it
+            apart = np.linalg.norm(wrists - self.points, axis=1)
+            separation = self._grip_ends(apart, closing=False)
+        end = len(time) - 1 if separation is None else separation
+        pace = speed(self.points, self.part.rate)
+        moving = np.flatnonzero((pace > threshold) & (time >= self.begin) & (np.arange(len(time)) <= end))
+        if moving.size == 0:
+            raise NotFound(f"the box does not move after {self.begin:.2f} s")
+        parted = "" if separation is None else f"; the wrists part from it at {time[separation]:.2f} s"
+        if moving[-1] < end:
+            # Slow placing goes on below the threshold of movement; it ends at rest, or when the hands leave.
+            rest = np.flatnonzero(pace[moving[-1] : end + 1] <= self.settings.box_rest_m_s)
+            stop = int(moving[-1] + rest[0]) if rest.size else end
+            return Event(
+                float(time[stop]), DETECTED, _HOW["rests"].format(settings=self.settings, parted=parted)
+            )
+        if separation is None:
+            raise NotFound(f"the box still moves at the last frame looked at, {time[-1]:.2f} s")
+        return Event(float(time[separation]), DETECTED, _HOW["parted"].format(settings=self.settings))
+
+    def _hands_part(self) -> int | None:
+        """Index at which the hands leave what they hold together: their distance is no longer that of the grip."""
+        if not all(name in self.part for name in WRISTS):
+            return None
+        apart = np.linalg.norm(self.part["L_WRIST"] - self.part["R_WRIST"], axis=1)
+        return self._grip_ends(apart, closing=True)
+
+    def _grip_ends(self, distance: np.ndarray, closing: bool) -> int | None:
+        """Index from which a distance is larger than in the grip after the lift-off, or with `closing` smaller; None if never."""
+        after = self.part.time >= self.begin
+        grip = distance[after & (self.part.time <= self.begin + self.settings.grip_s)]
+        if not np.isfinite(grip).any():
+            return None
+        change = distance - np.nanmedian(grip)
+        left = after & ((np.abs(change) if closing else change) > self.settings.separation_m)
+        return _first_run(left, max(1, round(self.settings.box_sustained_s * self.part.rate)))
+
+    def _hands_release(self) -> Event:
+        """End of the last descent of the hands before they part; of the last great one where it is not seen that they do."""
         if self.found["lift_off"].method == ABSENT:
             self._hands()
-        parted = _hands_part(self.part, self.settings, self.begin)
-        return _hands_release(self.part, self.points, self.settings, self.begin, parted)
+        time, hands, settings = self.part.time, self.points, self.settings
+        climb, parted = derivative(hands, self.part.rate)[:, 2], self._hands_part()
+        first = int(np.searchsorted(time, self.begin))
+        held = (
+            None
+            if parted is None
+            else last_hand_descent(hands[first : parted + 1, 2], settings, greatest=False)
+        )
+        # Hands that part before they have gone down were not holding yet, or never together.
+        lowered = held or last_hand_descent(hands[first:, 2], settings, greatest=True)
+        if lowered is None:
+            most = greatest_rise(-hands[first:, 2])
+            raise NotFound(_HOW["hands_high"].format(settings=settings, lift_off=self.begin, most=most))
+        top, bottom = (first + index for index in lowered)
+        falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
+        stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
+        if stop >= len(time) - 1:
+            raise NotFound(f"the hands still go down at the last frame looked at, {time[-1]:.2f} s")
+        words = {"settings": settings, "way": hands[top, 2] - hands[bottom, 2]}
+        if held is None:
+            return Event(float(time[stop]), DETECTED, _HOW["hands_last"].format(**words))
+        return Event(float(time[stop]), DETECTED, _HOW["hands_part"].format(**words, parted=time[parted]))
 
     def _deposit_start(self) -> Event:
-        toe_off = self.found["toe_off"].time_s
-        start = self.begin if toe_off is None else toe_off
-        return _deposit_start(self.part, self.points, self.what, self.settings, start, self.end)
+        """Last instant before what is carried goes down for good, or the wrists' last least speed before that."""
+        what, settings, toe_off = self.what, self.settings, self.found["toe_off"].time_s
+        start, release = self.begin if toe_off is None else toe_off, self.end
+        goes = "goes" if what == "box" else "go"
+        searched = np.flatnonzero((self.part.time > start) & (self.part.time <= release))
+        if searched.size < 3:
+            raise NotFound(
+                f"the {what} {'is' if what == 'box' else 'are'} not seen from {start:.2f} to {release:.2f} s"
+            )
+        height, climb = self.points[searched, 2], derivative(self.points, self.part.rate)[searched, 2]
+        time, (last, needed) = self.part.time[searched], _descents(height, settings)
+        onset = self._last_stop(height, climb, settings.descent_m)
+        if onset is None:
+            onset = self._last_stop(height, climb, needed, least=needed)
+        if onset is None:
+            lower = np.arange(int(1e3 * last), 4, -1) / 1e3
+            stops = ((way, self._last_stop(height, climb, way, least=way)) for way in lower)
+            told = [_HOW["would_find"].format(way=way, at=time[at]) for way, at in stops if at is not None]
+            words = {"what": what, "goes": goes, "way": height.max() - height[-1], "until": time[-1]}
+            raise NotFound(_HOW["no_deposit"].format(**words, needed=needed, decides="".join(told[:1])))
+        starts = {
+            "descent_s": float(time[onset]),
+            "thesis_s": self._slowest_wrists(searched, onset),
+        }
+        if settings.deposit_start == "wrist_minimum":
+            words = {
+                "what": what,
+                "begin": "begins" if what == "box" else "begin",
+                "down": starts["descent_s"],
+            }
+            if starts["thesis_s"] is None:
+                raise NotFound(_HOW["no_wrist_minimum"].format(**words, settings=settings))
+            return Event(starts["thesis_s"], DETECTED, _HOW["wrist_minimum"].format(**words), **starts)
+        left = float(height[onset] - height[-1])
+        not_down = np.flatnonzero(climb[: onset + 1] >= 0)
+        latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET * left)[0])
+        how = _HOW["goes_down"].format(what=what, goes=goes, settings=settings, left=left)
+        earliest = time[not_down[-1] if not_down.size else 0]
+        return Event(
+            starts["descent_s"],
+            DETECTED,
+            how,
+            earliest_s=float(earliest),
+            latest_s=float(time[latest]),
+            **starts,
+        )
+
+    def _last_stop(self, height, climb, way: float, least: float = 0.0) -> int | None:
+        """Index of the last rest in the last rise or stay from which there is `way`, in metres, to go down.
+
+        Slowing down, or a small rise on the way, is none: a stay lasts, and a rise is a lift of its own. Two speeds tell
+        them, so that noise neither cuts a stay nor makes one. A descent may be too slow to be told from a stay by them:
+        rests with less than `least` below them, in metres, are none.
+        """
+        rests = (climb >= -self.settings.box_rest_m_s) & (height - height[-1] >= least)
+        stops = []
+        for run in runs(climb >= -self.settings.box_speed_m_s):
+            lasts = (
+                run.stop - run.start >= self.settings.stay_s * self.part.rate or np.ptp(height[run]) >= way
+            )
+            resting = run.start + np.flatnonzero(rests[run])
+            if lasts and resting.size and height[resting[-1]] - height[-1] >= way:
+                stops.append(int(resting[-1]))
+        return stops[-1] if stops else None
+
+    def _slowest_wrists(self, searched: np.ndarray, onset: int) -> float | None:
+        """Time of the last local minimum of the wrists' speed before the descent: the thesis's start of the deposit."""
+        from scipy.signal import find_peaks
+
+        wrists = wrist_centre(self.part)
+        if wrists is None:
+            return None
+        slow = speed(wrists, self.part.rate)[searched]
+        if not np.isfinite(slow).all():
+            return None
+        minima, _ = find_peaks(-slow, prominence=self.settings.prominence_m_s)
+        minima = minima[minima <= onset]
+        return float(self.part.time[searched[minima[-1]]]) if minima.size else None
 
 
 def _first_run(flags: np.ndarray, samples: int) -> int | None:
@@ -241,116 +410,6 @@ def _kept(values: np.ndarray, samples: int) -> float:
         return 0.0
     least = np.lib.stride_tricks.sliding_window_view(values, samples).min(axis=1)
     return float(np.nanmax(least, initial=0.0))
-
-
-def _lift_off(recording: MarkerRecording, box: np.ndarray, settings: EventSettings) -> Event:
-    """Last instant before the box rises for good; of a box that is only taken down, the first movement."""
-    moved = _first_movement(recording, box, settings)
-    if (box[moved:, 2] >= box[moved, 2] + settings.rise_m).any():
-        return _rise(recording, box, moved, settings)
-    return Event(float(recording.time[moved]), DETECTED, _HOW["never_rises"].format(settings=settings))
-
-
-def _rise(recording: MarkerRecording, points: np.ndarray, moved: int, settings: EventSettings) -> Event:
-    """Last instant before what moves from the frame `moved` on rises by `rise_m`, which it does."""
-    height, climb = points[:, 2], derivative(points, recording.rate)[:, 2]
-    high = moved + int(np.flatnonzero(height[moved:] >= height[moved] + settings.rise_m)[0])
-    still = np.flatnonzero(climb[moved:high] <= settings.box_rest_m_s)
-    onset = moved + int(still[-1]) if still.size else moved
-    before = np.flatnonzero(climb[: onset + 1] <= 0)
-    rise = height[high] - height[onset]
-    latest = onset + int(np.flatnonzero(height[onset:] >= height[onset] + ONSET * rise)[0])
-    slid = recording.time[onset] - recording.time[moved]
-    how = _HOW["rises"].format(settings=settings, moved=recording.time[moved])
-    how += ", sliding at first" if slid > 0.1 else ""
-    times = recording.time[[onset, before[-1] if before.size else 0, latest]]
-    return Event(float(times[0]), DETECTED, how, earliest_s=float(times[1]), latest_s=float(times[2]))
-
-
-def _first_movement(recording: MarkerRecording, box: np.ndarray, settings: EventSettings) -> int:
-    """Index of the last rest of the box before it first moves."""
-    threshold, lasting = settings.box_speed_m_s, settings.box_sustained_s
-    moving = speed(box, recording.rate)
-    first = _first_run(moving > threshold, max(1, round(lasting * recording.rate)))
-    if first is None:
-        kept = _kept(moving, max(1, round(lasting * recording.rate)))
-        raise NotFound(_HOW["box_still"].format(settings=settings, kept=kept))
-    if first == 0:
-        raise NotFound("the box moves from the first frame: its lift-off is not there")
-    rest = np.flatnonzero(moving[:first] <= settings.box_rest_m_s)
-    return int(rest[-1]) + 1 if rest.size else first
-
-
-def _release(recording: MarkerRecording, box: np.ndarray, settings: EventSettings, lift_off: float) -> Event:
-    time, threshold = recording.time, settings.box_speed_m_s
-    separation, wrists = None, wrist_centre(recording)
-    if wrists is not None:  # they part from the box, where they are seen to grip it
-        apart = np.linalg.norm(wrists - box, axis=1)
-        separation = _grip_ends(recording, apart, settings, lift_off, closing=False)
-    end = len(time) - 1 if separation is None else separation
-    pace = speed(box, recording.rate)
-    moving = np.flatnonzero((pace > threshold) & (time >= lift_off) & (np.arange(len(time)) <= end))
-    if moving.size == 0:
-        raise NotFound(f"the box does not move after {lift_off:.2f} s")
-    parted = "" if separation is None else f"; the wrists part from it at {time[separation]:.2f} s"
-    if moving[-1] < end:
-        # Slow placing goes on below the threshold of movement; it ends at rest, or when the hands leave.
-        rest = np.flatnonzero(pace[moving[-1] : end + 1] <= settings.box_rest_m_s)
-        stop = int(moving[-1] + rest[0]) if rest.size else end
-        return Event(float(time[stop]), DETECTED, _HOW["rests"].format(settings=settings, parted=parted))
-    if separation is None:
-        raise NotFound(f"the box still moves at the last frame looked at, {time[-1]:.2f} s")
-    return Event(float(time[separation]), DETECTED, _HOW["parted"].format(settings=settings))
-
-
-def _hands_part(recording: MarkerRecording, settings: EventSettings, lift_off: float) -> int | None:
-    """Index at which the hands leave what they hold together: their distance is no longer that of the grip."""
-    if not all(name in recording for name in WRISTS):
-        return None
-    apart = np.linalg.norm(recording["L_WRIST"] - recording["R_WRIST"], axis=1)
-    return _grip_ends(recording, apart, settings, lift_off, closing=True)
-
-
-def _grip_ends(
-    recording: MarkerRecording, distance: np.ndarray, settings: EventSettings, lift_off: float, closing: bool
-) -> int | None:
-    """Index from which a distance is larger than in the grip after the lift-off, or with `closing` smaller; None if never."""
-    after = recording.time >= lift_off
-    grip = distance[after & (recording.time <= lift_off + settings.grip_s)]
-    if not np.isfinite(grip).any():
-        return None
-    change = distance - np.nanmedian(grip)
-    left = after & ((np.abs(change) if closing else change) > settings.separation_m)
-    return _first_run(left, max(1, round(settings.box_sustained_s * recording.rate)))
-
-
-def _hands_release(
-    recording: MarkerRecording,
-    hands: np.ndarray,
-    settings: EventSettings,
-    lift_off: float,
-    parted: int | None,
-) -> Event:
-    """End of the last descent of the hands before they part; of the last great one where it is not seen that they do."""
-    time, climb = recording.time, derivative(hands, recording.rate)[:, 2]
-    first = int(np.searchsorted(time, lift_off))
-    held = (
-        None if parted is None else last_hand_descent(hands[first : parted + 1, 2], settings, greatest=False)
-    )
-    # Hands that part before they have gone down were not holding yet, or never together.
-    lowered = held or last_hand_descent(hands[first:, 2], settings, greatest=True)
-    if lowered is None:
-        most = greatest_rise(-hands[first:, 2])
-        raise NotFound(_HOW["hands_high"].format(settings=settings, lift_off=lift_off, most=most))
-    top, bottom = (first + index for index in lowered)
-    falling = np.flatnonzero(climb[top : bottom + 1] < -settings.box_rest_m_s)
-    stop = min(top + int(falling[-1]) + 1, bottom) if falling.size else bottom
-    if stop >= len(time) - 1:
-        raise NotFound(f"the hands still go down at the last frame looked at, {time[-1]:.2f} s")
-    words = {"settings": settings, "way": hands[top, 2] - hands[bottom, 2]}
-    if held is None:
-        return Event(float(time[stop]), DETECTED, _HOW["hands_last"].format(**words))
-    return Event(float(time[stop]), DETECTED, _HOW["hands_part"].format(**words, parted=time[parted]))
 
 
 def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: float, release: float) -> Event:
@@ -379,108 +438,9 @@ def _toe_off(recording: MarkerRecording, settings: EventSettings, lift_off: floa
     return Event(starts[first_toe], DETECTED, f"{first_toe} first: {rule}{gaps}")
 
 
-def _deposit_start(
-    recording: MarkerRecording,
-    carried: np.ndarray,
-    what: str,
-    settings: EventSettings,
-    start: float,
-    release: float,
-) -> Event:
-    """Last instant before what is carried goes down for good, or the wrists' last least speed before that."""
-    goes = "goes" if what == "box" else "go"
-    searched = np.flatnonzero((recording.time > start) & (recording.time <= release))
-    if searched.size < 3:
-        raise NotFound(
-            f"the {what} {'is' if what == 'box' else 'are'} not seen from {start:.2f} to {release:.2f} s"
-        )
-    height, climb = carried[searched, 2], derivative(carried, recording.rate)[searched, 2]
-    time, (last, needed) = recording.time[searched], _descents(height, settings)
-    onset = _last_stop(height, climb, settings, recording.rate)
-    if onset is None:
-        onset = _stop_before(needed, height, climb, settings, recording.rate)
-    if onset is None:
-        lower = np.arange(int(1e3 * last), 4, -1) / 1e3
-        stops = ((way, _stop_before(way, height, climb, settings, recording.rate)) for way in lower)
-        told = [_HOW["would_find"].format(way=way, at=time[at]) for way, at in stops if at is not None]
-        words = {"what": what, "goes": goes, "way": height.max() - height[-1], "until": time[-1]}
-        raise NotFound(_HOW["no_deposit"].format(**words, needed=needed, decides="".join(told[:1])))
-    starts = {
-        "descent_s": float(time[onset]),
-        "thesis_s": _slowest_wrists(recording, settings, searched, onset),
-    }
-    if settings.deposit_start == "wrist_minimum":
-        return _wrist_minimum(starts, what, settings.prominence_m_s)
-    left = float(height[onset] - height[-1])
-    not_down = np.flatnonzero(climb[: onset + 1] >= 0)
-    latest = onset + int(np.flatnonzero(height[onset:] <= height[onset] - ONSET * left)[0])
-    how = _HOW["goes_down"].format(what=what, goes=goes, settings=settings, left=left)
-    earliest = time[not_down[-1] if not_down.size else 0]
-    return Event(
-        starts["descent_s"],
-        DETECTED,
-        how,
-        earliest_s=float(earliest),
-        latest_s=float(time[latest]),
-        **starts,
-    )
-
-
 def _descents(height: np.ndarray, settings: EventSettings) -> tuple[float, float]:
     """The last descent, and that which is a deposit: `descent_m`, or less where what is carried hardly goes down otherwise."""
     least = LEAST_SHARE * settings.descent_m
     falls = [high - low for high, low in pairwise(height[turning_points(height, least / 2)]) if high > low]
     others = STANDS_OUT * max(falls[:-1], default=0.0)
     return (falls or [0.0])[-1], float(np.clip(others, least, settings.descent_m))
-
-
-def _wrist_minimum(starts: dict[str, float | None], what: str, prominence: float) -> Event:
-    """The thesis's start of the deposit, from both starts as `Event` has them."""
-    before = (
-        f"before the {what} begin{'s' if what == 'box' else ''} to go down at {starts['descent_s']:.2f} s"
-    )
-    if starts["thesis_s"] is None:
-        raise NotFound(
-            f"the wrists' speed is not known or has no minimum {prominence:g} m/s deep (lifting.events.prominence_m_s) {before}"
-        )
-    return Event(starts["thesis_s"], DETECTED, f"last local minimum of the wrists' speed {before}", **starts)
-
-
-def _last_stop(
-    height: np.ndarray, climb: np.ndarray, settings: EventSettings, rate: float, least: float = 0.0
-) -> int | None:
-    """Index of the last rest in the last rise or stay from which there is a deposit's way to go down.
-
-    Slowing down, or a small rise on the way, is none: a stay lasts, and a rise is a lift of its own. Two speeds tell
-    them, so that noise neither cuts a stay nor makes one. Rests with less than `least` below them, in metres, are none.
-    """
-    rests = (climb >= -settings.box_rest_m_s) & (height - height[-1] >= least)
-    stops = []
-    for run in runs(climb >= -settings.box_speed_m_s):
-        lasts = run.stop - run.start >= settings.stay_s * rate or np.ptp(height[run]) >= settings.descent_m
-        resting = run.start + np.flatnonzero(rests[run])
-        if lasts and resting.size and height[resting[-1]] - height[-1] >= settings.descent_m:
-            stops.append(int(resting[-1]))
-    return stops[-1] if stops else None
-
-
-def _stop_before(way: float, height, climb, settings: EventSettings, rate: float) -> int | None:
-    """Return the stop before a descent of that way, which may be too slow to be told from a stay by its speed."""
-    return _last_stop(height, climb, replace(settings, descent_m=float(way)), rate, least=way)
-
-
-def _slowest_wrists(
-    recording: MarkerRecording, settings: EventSettings, searched: np.ndarray, onset: int
-) -> float | None:
-    """Time of the last local minimum of the wrists' speed before the descent: the thesis's start of the deposit."""
-    from scipy.signal import find_peaks
-
-    wrists = wrist_centre(recording)
-    if wrists is None:
-        return None
-    slow = speed(wrists, recording.rate)[searched]
-    if not np.isfinite(slow).all():
-        return None
-    minima, _ = find_peaks(-slow, prominence=settings.prominence_m_s)
-    minima = minima[minima <= onset]
-    return float(recording.time[searched[minima[-1]]]) if minima.size else None
