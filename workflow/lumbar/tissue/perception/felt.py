@@ -123,10 +123,9 @@ class Difference:
         chance = float(np.mean(local[counts]))
         local = np.sqrt(local * (whole / chance if chance > 0 else 0.0))
         strokes = self.strokes
-        kept = np.unique(strokes[counts])
-        highest = np.zeros(strokes[-1] + 1)
-        np.maximum.at(highest, strokes[counts], local[counts])
-        told = float(np.mean(ndtr(highest[kept] / np.sqrt(2))))
+        starts = np.flatnonzero(np.diff(strokes, prepend=-1))
+        highest = np.maximum.reduceat(np.where(counts, local, -1.0), starts)
+        told = float(np.mean(ndtr(highest[highest >= 0] / np.sqrt(2))))
         share = float(np.mean(local[counts] >= 1.0))
         return np.sqrt(whole), np.sqrt(kinds[0]), np.sqrt(kinds[1]), 100 * share, 100 * told
 
@@ -159,7 +158,8 @@ class Difference:
     @cached_property
     def strokes(self) -> np.ndarray:
         """Number of the stroke that each sample lies in, from 0 on; shape (samples,)."""
-        turns = turning_points(self.position, _TURN * float(np.ptp(self.position)))
+        within = max(self._samples(self.hands.usual) // 4, 1)
+        turns = turning_points(self.position, _TURN * float(np.ptp(self.position)), within)
         return np.searchsorted(turns, np.arange(len(self.position)), side="right")
 
     def phase(self, name: str) -> np.ndarray:
@@ -267,15 +267,19 @@ def noise_in_bands(frequency: np.ndarray, density: np.ndarray) -> tuple[float, f
     return slow, fast
 
 
-def turning_points(position: np.ndarray, least: float) -> np.ndarray:
-    """Samples at which a motion turns, between ways of at least this length."""
-    slope = np.sign(np.diff(position))
-    places = [0, *(np.flatnonzero(np.diff(slope)) + 1), len(position) - 1]
-    kept = [places[0]]
-    for place in places[1:]:
+def turning_points(position: np.ndarray, least: float, within: int = 1) -> np.ndarray:
+    """Samples at which a motion turns, between ways of at least this length; of each `within` samples the outermost count."""
+    starts = np.arange(0, len(position), within)
+    ends = [
+        start + extreme(position[start : start + within])
+        for start in starts
+        for extreme in (np.argmin, np.argmax)
+    ]
+    kept = [0]
+    for place in sorted({*ends, len(position) - 1}):
         way = position[place] - position[kept[-1]]
         if len(kept) > 1 and way * (position[kept[-1]] - position[kept[-2]]) >= 0:
             kept[-1] = place
-        elif abs(way) >= least:
+        elif abs(way) >= least and place:
             kept.append(place)
     return np.array(kept[1:-1], dtype=int)
