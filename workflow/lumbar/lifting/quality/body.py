@@ -255,7 +255,8 @@ def rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[dic
     sides, depths = {}, {}
     for pair in side_pairs(points, named):
         across = points[pair[1]] - points[pair[0]]
-        sides[pair] = across - _along(across, up(*pair))
+        along = up(*pair)
+        sides[pair] = across - (across * along).sum(axis=1, keepdims=True) * along
     for pair in _front_and_back(named):
         depths[pair] = np.cross(points[pair[0]] - points[pair[1]], up(*pair))
     return (
@@ -283,10 +284,6 @@ def _behind(front: str, back: str) -> bool:
         return False
     sides = {front[:2], back[:2]}
     return abs(level(front) - level(back)) < 0.2 and sides != {"L_", "R_"}
-
-
-def _along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    return (vectors * axis).sum(axis=1, keepdims=True) * axis
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -87,7 +87,8 @@ def displacements(
             untold += [
                 leap
                 for leap, side in zip(inside, sides, strict=True)
-                if side is None and not any(_bounds(leap, frames) for frames in certain)
+                if side is None
+                and not any(leap.first == frames.start or leap.last + 1 == frames.stop for frames in certain)
             ]
     return _united(found, len(seen)), untold
 
@@ -246,10 +247,6 @@ def _away_and_back(section: slice, leaps: list[Leap], seen: np.ndarray) -> list[
         for index in range(1, len(frames) - 1)
         if not right[index] and right[:index].any() and right[index:].any()
     ]
-
-
-def _bounds(leap: Leap, frames: slice) -> bool:
-    return leap.first == frames.start or leap.last + 1 == frames.stop
 
 
 def _united(found: list[Displacement], n_frames: int) -> list[Displacement]:

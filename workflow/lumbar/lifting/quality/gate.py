@@ -90,7 +90,8 @@ def examine(
         points = mask_findings(points, found)
     found, points = _leaps(points, named, clock)
     findings += found
-    findings += _rigid_parts(points, clock)
+    for label, stretch, evidence in off_its_part(points, clock.rate):
+        findings.append(clock.finding("off its part", (label,), stretch, evidence=evidence))
     partly = {label for finding in findings if finding.outcome != NOTED for label in finding.markers}
     found = drifts({label: points[label] for label in points if label not in partly}, named, clock)
     findings += found
@@ -349,13 +350,6 @@ def _jump(points, label: str, stretch: Displacement, clock: Clock) -> Finding:
 def _untold(label: str, leap: Leap, clock: Clock) -> Finding:
     frames = slice(leap.last, leap.first + 1)
     return clock.finding("untold jump", (label,), frames, size=leap.size * 1e3, at=clock.time[leap.first])
-
-
-def _rigid_parts(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
-    return [
-        clock.finding("off its part", (label,), stretch, evidence=evidence)
-        for label, stretch, evidence in off_its_part(points, clock.rate)
-    ]
 
 
 def _stature(
