@@ -70,11 +70,12 @@ update-reference: results ## take the default study's numbers as the new referen
 	PYTHONPATH=docs python -m generate.thesis_items
 
 benchmark: environment ## accuracy of the diagnosis over hundreds of experiments; timings and memory, printed
-	snakemake --cores $(CORES) lifting tissue
+	snakemake --cores $(CORES) lifting tissue table_4_1_parts
 	python benchmarks/timings.py
 	python benchmarks/growth.py
 	python benchmarks/stability.py
 	python benchmarks/alternation.py
+	python benchmarks/table_4_1_parts.py --markdown docs/lifting/basins.md
 	python benchmarks/population.py
 	python benchmarks/feedback.py --markdown docs/lifting/pushes.md
 	python benchmarks/push_thresholds.py --markdown docs/lifting/push_experiment.md

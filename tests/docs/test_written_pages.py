@@ -11,10 +11,20 @@ from lumbar.settings.lifting import ALIASES
 PROJECT = DOCS.parent
 GENERATED = {"api.md", "gallery.md", "thesis.md", "tissue/effects.md", "tissue/pendulum_effects.md"}
 """Made by ``make docs`` or from docstrings, as all of ``config/``."""
-MADE_PARTS = re.compile(
-    r'(?s)<!-- (?:rooms: by "make docs"|real records|hard effects|calibration|own feedback|pushes needed|areas covered|slow faults|'
-    r"what a hand tells) -->.*?<!-- end.*?-->"
+MADE = (
+    'rooms: by "make docs"',
+    "real records",
+    "hard effects",
+    "calibration",
+    "own feedback",
+    "pushes needed",
+    "thresholds covered",
+    "areas covered",
+    "slow faults",
+    "parts of Table 4.1",
+    "what a hand tells",
 )
+MADE_PARTS = re.compile(f"(?s)<!-- (?:{'|'.join(map(re.escape, MADE))}) -->.*?<!-- end.*?-->")
 FENCE = re.compile(r"^[ >]*```.*?^[ >]*```", re.M | re.S)
 
 
