@@ -9,7 +9,7 @@ reversed, and noted.
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -36,6 +36,10 @@ _CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Analog channels by type of plate."""
 _FORCE_UNITS = {"n": 1.0, "nt": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "lb": 4.4482216152605}
 _MOMENT_UNITS = {"nmm": 1e-3, "ntmm": 1e-3, "ncm": 1e-2, "nm": 1.0, "ntm": 1.0, "newtonmeters": 1.0}
+_QUANTITIES = {1: "FFFLLM", 2: "FFFMMM", 3: "FFFFFFFF"}
+"""Force, length or moment, by type of plate and channel."""
+_Wrench = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Force (n, 3), centre of pressure from the middle of the surface (n, 2) and free moment (n,) in a plate's axes."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,7 @@ class _Plate:
     channels: tuple[int, ...]
     calibration: np.ndarray | None
     metres: float
+    notes: list[str] = field(default_factory=list)
 
     @property
     def axes(self) -> np.ndarray:
@@ -58,14 +63,77 @@ class _Plate:
         columns = [x, np.cross(z, x), z]
         return np.transpose([column / np.linalg.norm(column) for column in columns])
 
+    def signals(self, path: Path, structure: C3dStructure, channels: AnalogChannels) -> np.ndarray:
+        """Channels of the plate in N, N·m and (type 1) m, less the baseline; shape (n, 6 or 8)."""
+        values = read_analog(path, structure, channels, self.channels)
+        if self.calibration is not None:
+            values = values @ self.calibration.T
+            factors = [1.0] * 3 + [self.metres] * 3
+            self.notes.append(
+                "moments are in newtons times the file's unit of length, as FORCE_PLATFORM:CAL_MATRIX has it"
+            )
+        else:
+            each = enumerate(zip(self.channels, _QUANTITIES[self.kind], strict=True), 1)
+            factors = [self._factor(channel, what, channels.units[at]) for channel, (at, what) in each]
+        return self._without_baseline(values * factors, structure, channels)
 
-@dataclass(frozen=True)
-class _Wrench:
-    """Force (n, 3), centre of pressure from the middle of the surface (n, 2) and free moment (n,) in a plate's axes."""
+    def _factor(self, channel: int, quantity: str, unit: str) -> float:
+        """Factor to N, m or N·m."""
+        word = re.sub(r"[\s.*·-]", "", unit).lower()
+        if quantity == "L":
+            # The user guide has no unit of its own for these two: systems write that of the forces beside them.
+            return METRES.get(word, self.metres)
+        known = _FORCE_UNITS if quantity == "F" else _MOMENT_UNITS
+        if word in known:
+            return known[word]
+        if not word or (quantity == "M" and self.kind == 1):
+            taken = "newtons" if quantity == "F" else "newtons times the file's unit of length"
+            self.notes.append(f"channel {channel} states the unit {unit!r}; {taken} were taken")
+            return 1.0 if quantity == "F" else self.metres
+        raise InputError(
+            f"{self.place}: channel {channel} is in {unit!r}; allowed are {', '.join(known)}: export scaled forces"
+        )
 
-    force: np.ndarray
-    centre: np.ndarray
-    free_moment: np.ndarray
+    def _without_baseline(
+        self, signals: np.ndarray, structure: C3dStructure, channels: AnalogChannels
+    ) -> np.ndarray:
+        """Subtract the mean over the frames of FORCE_PLATFORM:ZERO, where the plate was unloaded in them."""
+        zero = structure.parameters.get("FORCE_PLATFORM:ZERO", [])
+        if self.kind == 1 or len(zero) < 2 or not 1 <= zero[0] < zero[1] <= structure.n_frames:
+            return signals
+        stretch = signals[(int(zero[0]) - 1) * channels.per_frame : int(zero[1]) * channels.per_frame]
+        vertical = stretch[:, 2] if self.kind != 3 else stretch[:, 4:].sum(axis=1)
+        baseline = float(np.median(vertical))
+        where = f"over frames {int(zero[0])} to {int(zero[1])} (FORCE_PLATFORM:ZERO)"
+        if np.abs(vertical).max() > 2 * UNLOADED_N:
+            self.notes.append(f"no baseline was subtracted: {abs(baseline):.0f} N stand on the plate {where}")
+            return signals
+        self.notes.append(f"the mean {where}, {abs(baseline):.1f} N, was subtracted")
+        return signals - stretch.mean(axis=0)
+
+    def turned(self, wrench: _Wrench, rotation: np.ndarray) -> _Wrench:
+        """Force, centre of pressure and free moment in the axes of the markers, where the ground pushes."""
+        (force, beside, free), axes = wrench, rotation @ self.axes
+        if axes[2, 2] > -_LEVEL:
+            raise InputError(
+                f"{self.place}: z of the plate, by the order of its corners, does not point down but along "
+                f"{tuple(np.round(axes[:, 2], 2).tolist())} (right, forward, up); check up and forward of the layout, or "
+                "list the corners in the order of the C3D user guide"
+            )
+        force, free = force @ axes.T, free * axes[2, 2]
+        loaded = np.abs(force[:, 2]) >= UNLOADED_N
+        if np.abs(force[:, 2]).max(initial=0) >= _CLEARLY_LOADED_N and np.median(force[loaded, 2]) < 0:
+            force, free = -force, -free
+            self.notes.append("the file holds the force on the plate; that on the person was taken")
+        centre = rotation @ self.corners.mean(axis=0) + beside @ axes[:, :2].T
+        sides = np.linalg.norm(self.corners[0] - self.corners[[1, 3]], axis=1)
+        outside = np.abs(beside[loaded]) > 0.5 * sides
+        if outside.any():
+            share = outside.any(axis=1).mean()
+            self.notes.append(
+                f"the centre of pressure lies beside the plate in {share:.1%} of the loaded samples"
+            )
+        return force, np.where(loaded[:, None], centre, np.nan), np.where(loaded, free, np.nan)
 
 
 def read_force_plates(path: str | os.PathLike, layout: MarkerLayout | None = None) -> list[ForcePlate]:
@@ -115,13 +183,9 @@ def read_c3d_plates(path: Path, layout: MarkerLayout) -> list[ForcePlate]:
     plates = []
     for number in range(used):
         plate = _plate(path, structure.parameters, number, used, metres)
-        own = list(notes)
-        signals = _signals(path, structure, channels, plate, own)
-        wrench = _WRENCHES[plate.kind](signals, plate)
-        turned = _turned(plate, wrench, rotation, own)
-        plates.append(
-            ForcePlate(f"plate {number + 1}", time, *turned, rate, plate.corners @ rotation.T, tuple(own))
-        )
+        wrench = _WRENCHES[plate.kind](plate.signals(path, structure, channels), plate)
+        turned, corners = plate.turned(wrench, rotation), plate.corners @ rotation.T
+        plates.append(ForcePlate(f"plate {number + 1}", time, *turned, rate, corners, (*notes, *plate.notes)))
     return plates
 
 
@@ -135,11 +199,8 @@ def _plate(path: Path, parameters: dict[str, list], number: int, used: int, metr
             f"{place} is of type {kind}; types {allowed} are read: export ground reaction forces"
         )
     corners = _share(place, parameters, "CORNERS", number, used, 12).reshape(4, 3) * metres
-    x, y, gap = (
-        corners[0] - corners[1],
-        corners[0] - corners[3],
-        corners[0] - corners[1] + corners[2] - corners[3],
-    )
+    x, y = corners[0] - corners[[1, 3]]
+    gap = x + corners[2] - corners[3]
     area = np.linalg.norm(x) * np.linalg.norm(y)
     square = area > 0 and max(abs(x @ y), gap @ gap) <= _SQUARENESS * area
     if not square:
@@ -177,67 +238,6 @@ def _share(
     return np.array(mine, dtype=float)
 
 
-def _signals(
-    path: Path, structure: C3dStructure, channels: AnalogChannels, plate: _Plate, notes: list[str]
-) -> np.ndarray:
-    """Channels of a plate in N, N·m and (type 1) m, less the baseline; shape (n, 6 or 8)."""
-    values = read_analog(path, structure, channels, plate.channels)
-    if plate.calibration is not None:
-        values = values @ plate.calibration.T
-        factors = [1.0] * 3 + [plate.metres] * 3
-        notes.append(
-            "moments are in newtons times the file's unit of length, as FORCE_PLATFORM:CAL_MATRIX has it"
-        )
-    else:
-        factors = [
-            _factor(plate, channel, quantity, channels.units[number], notes)
-            for channel, (number, quantity) in enumerate(
-                zip(plate.channels, _QUANTITIES[plate.kind], strict=True), 1
-            )
-        ]
-    return _without_baseline(values * factors, structure, channels, plate, notes)
-
-
-_QUANTITIES = {1: "FFFLLM", 2: "FFFMMM", 3: "FFFFFFFF"}
-"""Force, length or moment, by type of plate and channel."""
-
-
-def _factor(plate: _Plate, channel: int, quantity: str, unit: str, notes: list[str]) -> float:
-    """Factor to N, m or N·m."""
-    word = re.sub(r"[\s.*·-]", "", unit).lower()
-    if quantity == "L":
-        # The user guide has no unit of its own for these two: systems write that of the forces beside them.
-        return METRES.get(word, plate.metres)
-    known = _FORCE_UNITS if quantity == "F" else _MOMENT_UNITS
-    if word in known:
-        return known[word]
-    if not word or (quantity == "M" and plate.kind == 1):
-        taken = "newtons" if quantity == "F" else "newtons times the file's unit of length"
-        notes.append(f"channel {channel} states the unit {unit!r}; {taken} were taken")
-        return 1.0 if quantity == "F" else plate.metres
-    raise InputError(
-        f"{plate.place}: channel {channel} is in {unit!r}; allowed are {', '.join(known)}: export scaled forces"
-    )
-
-
-def _without_baseline(
-    signals: np.ndarray, structure: C3dStructure, channels: AnalogChannels, plate: _Plate, notes: list[str]
-) -> np.ndarray:
-    """Subtract the mean over the frames of FORCE_PLATFORM:ZERO, where the plate was unloaded in them."""
-    zero = structure.parameters.get("FORCE_PLATFORM:ZERO", [])
-    if plate.kind == 1 or len(zero) < 2 or not 1 <= zero[0] < zero[1] <= structure.n_frames:
-        return signals
-    stretch = signals[(int(zero[0]) - 1) * channels.per_frame : int(zero[1]) * channels.per_frame]
-    vertical = stretch[:, 2] if plate.kind != 3 else stretch[:, 4:].sum(axis=1)
-    baseline = float(np.median(vertical))
-    where = f"over frames {int(zero[0])} to {int(zero[1])} (FORCE_PLATFORM:ZERO)"
-    if np.abs(vertical).max() > 2 * UNLOADED_N:
-        notes.append(f"no baseline was subtracted: {abs(baseline):.0f} N stand on the plate {where}")
-        return signals
-    notes.append(f"the mean {where}, {abs(baseline):.1f} N, was subtracted")
-    return signals - stretch.mean(axis=0)
-
-
 def _type_2(signals: np.ndarray, plate: _Plate) -> _Wrench:
     """Force, and moment about an origin below the surface; `plate.origin` leads from there to its middle.
 
@@ -267,39 +267,12 @@ def _at_the_surface(force: np.ndarray, moment: np.ndarray) -> _Wrench:
     vertical = np.where(force[:, 2:] == 0, np.nan, force[:, 2:])
     centre = np.transpose([-moment[:, 1], moment[:, 0]]) / vertical
     free = moment[:, 2] - (centre[:, 0] * force[:, 1] - centre[:, 1] * force[:, 0])
-    return _Wrench(force, centre, free)
+    return force, centre, free
 
 
 _WRENCHES: dict[int, Callable[[np.ndarray, _Plate], _Wrench]] = {
-    1: lambda signals, plate: _Wrench(signals[:, :3], signals[:, 3:5], signals[:, 5]),  # as it states them
+    1: lambda signals, plate: (signals[:, :3], signals[:, 3:5], signals[:, 5]),  # as it states them
     2: _type_2,
     3: _type_3,
     4: _type_2,
 }
-
-
-def _turned(
-    plate: _Plate, wrench: _Wrench, rotation: np.ndarray, notes: list[str]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Force, centre of pressure and free moment in the axes of the markers, where the ground pushes."""
-    axes = rotation @ plate.axes
-    if axes[2, 2] > -_LEVEL:
-        raise InputError(
-            f"{plate.place}: z of the plate, by the order of its corners, does not point down but along "
-            f"{tuple(np.round(axes[:, 2], 2).tolist())} (right, forward, up); check up and forward of the layout, or "
-            "list the corners in the order of the C3D user guide"
-        )
-    force = wrench.force @ axes.T
-    free = wrench.free_moment * axes[2, 2]
-    loaded = np.abs(force[:, 2]) >= UNLOADED_N
-    if np.abs(force[:, 2]).max(initial=0) >= _CLEARLY_LOADED_N and np.median(force[loaded, 2]) < 0:
-        force, free = -force, -free
-        notes.append("the file holds the force on the plate; that on the person was taken")
-    centre = rotation @ plate.corners.mean(axis=0) + wrench.centre @ axes[:, :2].T
-    outside = np.abs(wrench.centre[loaded]) > 0.5 * np.linalg.norm(
-        plate.corners[[0, 0]] - plate.corners[[1, 3]], axis=1
-    )
-    if outside.any():
-        share = outside.any(axis=1).mean()
-        notes.append(f"the centre of pressure lies beside the plate in {share:.1%} of the loaded samples")
-    return force, np.where(loaded[:, None], centre, np.nan), np.where(loaded, free, np.nan)
