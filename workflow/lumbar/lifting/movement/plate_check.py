@@ -18,7 +18,7 @@ from lumbar.lifting.movement.joint_centres import unit
 from lumbar.lifting.movement.pendulum_states import turn
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from lumbar.lifting.movement.lift import AnalysedLift
     from lumbar.records.ground_forces import ForcePlate
@@ -167,24 +167,21 @@ def _compared(lift, plates, subject, trial, settings, notes) -> PlateCheck:
     share, rate_factor = _rate_factor(weight[stands] - still, force[stands], still) if moves else (None, None)
     if rate_factor is None or not _other_rate(rate_factor):
         share = force[stands].mean() / weight[stands].mean()
-    result = {
-        "plates_kg": float(mass[stands].mean() * share),
-        "declared_kg": float(mass[stands].mean()),
-        "correlation": float(np.corrcoef(force[stands], weight[stands])[0, 1]) if moves else None,
-        "rmse_N": float(np.sqrt(np.mean((force - weight)[stands] ** 2))),
-        "rate_factor": rate_factor,
-        "forward_mm": float(np.nanmean(ahead)),
-        "right_mm": float(np.nanmean(aside)),
-        "sway_mm": float(np.sqrt(np.nanvar(ahead) + np.nanvar(aside))),
-    }
-    return PlateCheck(
+    check = PlateCheck(
         len(plates),
         seconds,
-        **result,
-        findings=tuple(_findings(**result, rate_Hz=recording.rate)),
+        plates_kg=float(mass[stands].mean() * share),
+        declared_kg=float(mass[stands].mean()),
+        correlation=float(np.corrcoef(force[stands], weight[stands])[0, 1]) if moves else None,
+        rmse_N=float(np.sqrt(np.mean((force - weight)[stands] ** 2))),
+        rate_factor=rate_factor,
+        forward_mm=float(np.nanmean(ahead)),
+        right_mm=float(np.nanmean(aside)),
+        sway_mm=float(np.sqrt(np.nanvar(ahead) + np.nanvar(aside))),
         notes=notes,
         ground=np.where(stands[:, None], ground, np.nan),
     )
+    return replace(check, findings=tuple(_findings(check, recording.rate)))
 
 
 def _turned(plate: ForcePlate, angle: float) -> ForcePlate:
@@ -265,24 +262,19 @@ def _above(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.all((points[:, :2] >= low) & (points[:, :2] <= high), axis=1)
 
 
-def _findings(
-    plates_kg, declared_kg, correlation, rmse_N, rate_factor, forward_mm, right_mm, sway_mm, rate_Hz
-):
-    """Yield what does not fit, with what that means."""
-    ratio = plates_kg / declared_kg
+def _findings(check: PlateCheck, rate_Hz: float) -> Iterator[str]:
+    """What does not fit, with what that means."""
+    ratio = check.plates_kg / check.declared_kg
     if abs(ratio - 1) > MASS_TOLERANCE:
         both = ((item, text) for factor, text in _FACTORS.items() for item in (factor, 1 / factor))
-        known = [text for factor, text in both if abs(ratio / factor - 1) < 0.05]
-        meaning = known[0] if known else _SAID["weight_unknown"]
-        yield _SAID["weight"].format(plates_kg=plates_kg, declared_kg=declared_kg, meaning=meaning)
-    if correlation is not None and correlation < FOLLOWS:
-        yield _SAID["other_trial"].format(correlation=correlation)
-    if rate_factor is not None and _other_rate(rate_factor):
-        large = rate_factor > 1
-        times = f"{(rate_factor if large else 1 / rate_factor) ** 2:.2g} times too {'large' if large else 'small'}"
-        yield _SAID["other_rate"].format(rate_Hz=rate_Hz, times=times, told_Hz=rate_Hz / rate_factor)
-    distance = float(np.hypot(forward_mm, right_mm))
-    if distance > ELSEWHERE_MM:
-        yield _SAID["elsewhere"].format(distance=distance)
-    elif distance > OFF_MM:
-        yield _SAID["beside"].format(distance=distance)
+        known = (text for factor, text in both if abs(ratio / factor - 1) < 0.05)
+        yield _SAID["weight"].format(check=check, meaning=next(known, _SAID["weight_unknown"]))
+    if check.correlation is not None and check.correlation < FOLLOWS:
+        yield _SAID["other_trial"].format(check=check)
+    factor = check.rate_factor
+    if factor is not None and _other_rate(factor):
+        times = f"{max(factor, 1 / factor) ** 2:.2g} times too {'large' if factor > 1 else 'small'}"
+        yield _SAID["other_rate"].format(rate_Hz=rate_Hz, times=times, told_Hz=rate_Hz / factor)
+    distance = float(np.hypot(check.forward_mm, check.right_mm))
+    if distance > OFF_MM:
+        yield _SAID["elsewhere" if distance > ELSEWHERE_MM else "beside"].format(distance=distance)
