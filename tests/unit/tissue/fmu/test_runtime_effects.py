@@ -2,6 +2,7 @@
 
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -166,34 +167,7 @@ def test_forces_are_those_of_the_catalogue(key):
     assert error <= ACCURACY.get(key, 1e-9) * share, (error, share)
 
 
-WRITTEN = """
-import numpy as np
-from scipy.signal import lfilter
-from lumbar.tissue.models.equation import CStep
-from lumbar.tissue.models.form import LinearParameter, Effect, Form, HandWritten, Place, NonlinearParameter
-
-
-def smoothed(motion, nonlinear):
-    pole = np.exp(-motion.sampling_time / nonlinear[0])
-    start = [pole * motion.position[0]]
-    return motion.with_position(lfilter([1 - pole], [1, -pole], motion.position, zi=start)[0])
-
-
-LAG = Effect("lag", "The mount is soft.", (Form("first_order", r"T \\dot z + z", Place.INPUT,
-    nonlinear=(NonlinearParameter("lag_time", "s", "time", 0.01, 1.0, 3),), hand_written=HandWritten(
-    input_transform=smoothed,
-    c_step=CStep("next[0]", "next[0] = first ? position : pole * memory[0] + (1.0 - pole) * position;", memory=1,
-        constants=lambda given, T: {"pole": float(np.exp(-T / given["lag_time"]))}))),), "own")
-CREEP = Effect("creep", "Force follows the mean position.", (Form("mean", "c m", Place.PARALLEL,
-    (LinearParameter("creep_stiffness", "{y}/{x}"),),
-    hand_written=HandWritten(
-    columns=lambda motion, _: [np.cumsum(motion.position) / np.arange(1, len(motion) + 1)],
-    c_step=CStep("creep_stiffness * (next[1] / next[0])",
-        "next[0] = memory[0] + 1.0;\\nnext[1] = memory[1] + position;", memory=2))),), "own")
-RECTIFIED = Effect("rectified", "The sensor shows no sign.", (Form("size", "|F| */ ??/\\n|F|", Place.OUTPUT,
-    hand_written=HandWritten(
-    output_transform=lambda force, motion, _: np.abs(force), c_step=CStep("fabs(force)"))),), "own")
-"""
+WRITTEN = Path(__file__).with_name("written_effects.txt").read_text(encoding="utf-8")
 """Effects at all three places, with memory and constants; one equation that would end the comment it stands in."""
 
 
