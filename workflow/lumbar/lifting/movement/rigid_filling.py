@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.lifting.movement.gaps import FILLED, Gap
-from lumbar.lifting.quality.sheet import Clock, Finding
+from lumbar.lifting.quality.sheet import Finding, Legend
 from lumbar.records.marker_aliases import labels_of
 from lumbar.records.stretches import runs
 from lumbar.settings.lifting import LiftingSettings
@@ -181,7 +181,7 @@ class BodyFilling:
             labels = [label for label in dict.fromkeys(named) if label in points]
             if not any(_long_gaps(points[label], rate, self.rules.maximum_s) for label in labels):
                 continue
-            shape = self._static_shape(body, labels, points, Clock(time, rate))
+            shape = self._static_shape(body, labels, points, Legend(time, rate))
             shape = shape or body_shape(points, labels, "this recording")
             if shape is None or shape.residual_m > self.rules.rigid_tolerance_m:
                 continue
@@ -190,14 +190,14 @@ class BodyFilling:
         return points
 
     def _static_shape(
-        self, body: str, labels: list[str], points: Mapping[str, np.ndarray], clock: Clock
+        self, body: str, labels: list[str], points: Mapping[str, np.ndarray], legend: Legend
     ) -> BodyShape | None:
         """Shape of a body in the static trial; None where the recording shows another one."""
         shape = body_shape(self.static, labels, "the static trial")
         misfit = None if shape is None else _misfit(shape, points)
         if misfit is None or misfit <= OTHER_BODY_M:
             return shape
-        self.findings.append(clock.finding("static", tuple(labels), body=body, misfit=1e3 * misfit))
+        self.findings.append(legend.finding("static", tuple(labels), body=body, misfit=1e3 * misfit))
         return None
 
 

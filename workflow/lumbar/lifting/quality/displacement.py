@@ -15,6 +15,7 @@ import numpy as np
 
 from lumbar.lifting.quality.body import asymmetry
 from lumbar.lifting.quality.leaps import LONGEST_GAP_S, Leap
+from lumbar.lifting.quality.sheet import Legend
 from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.stretches import runs
 
@@ -46,11 +47,7 @@ class _Sides:
 
 
 def displacements(
-    points: dict[str, np.ndarray],
-    label: str,
-    leaps: dict[str, list[Leap]],
-    rate: float,
-    named: dict[str, str],
+    points: dict[str, np.ndarray], label: str, leaps: dict[str, list[Leap]], legend: Legend
 ) -> tuple[list[Displacement], list[Leap]]:
     """Return the frames in which a marker is displaced, and the leaps of which it cannot be told which side is right.
 
@@ -58,7 +55,7 @@ def displacements(
     displaced. A gap of more than half a second ends what can be compared. Points in metres, shape (n_frames, 3), and leaps
     are those of all markers, by label.
     """
-    seen = np.isfinite(points[label][:, 0])
+    seen, rate = np.isfinite(points[label][:, 0]), legend.rate
 
     @cache
     def distance(other: str) -> np.ndarray:
@@ -70,7 +67,7 @@ def displacements(
     for section in _sections(seen, rate):
         inside = [leap for leap in leaps[label] if section.start < leap.first < section.stop]
         beside = max(_AT.back_frames, round(_AT.beside_s * rate))
-        better = [_better_side(points, label, leap, beside, named) for leap in inside]
+        better = [_better_side(points, label, leap, beside, legend.named) for leap in inside]
         sides = [
             _sides(distance, others, leap, _leaping(leaps, leap), rate, side)
             for leap, side in zip(inside, better, strict=True)

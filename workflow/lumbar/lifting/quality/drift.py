@@ -9,22 +9,22 @@ import numpy as np
 
 from lumbar.lifting.quality.displacement import percentiles
 from lumbar.lifting.quality.landmarks import level
-from lumbar.lifting.quality.sheet import Clock, Finding
+from lumbar.lifting.quality.sheet import Finding, Legend
 from lumbar.lifting.quality.thresholds import thresholds
 
 _AT = thresholds("drift")
 
 
-def drifts(points: dict[str, np.ndarray], named: dict[str, str], clock: Clock) -> list[Finding]:
+def drifts(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
     """Markers on the trunk that drift, the clearest first; each is looked at without those found before."""
     found: list[Finding] = []
-    every = np.linspace(0, len(clock.time) - 1, min(_AT.samples, len(clock.time))).astype(int)
+    every = np.linspace(0, len(legend.time) - 1, min(_AT.samples, len(legend.time))).astype(int)
     sample = {label: positions[every] for label, positions in points.items()}
-    while len(found) < _AT.most and len(clock.time) >= _AT.shortest_s * clock.rate:
+    while len(found) < _AT.most and len(legend.time) >= _AT.shortest_s * legend.rate:
         trunk = [
-            label for label, landmark in named.items() if level(landmark) is not None and label in sample
+            label for label in legend.named if label in sample and level(legend.named[label]) is not None
         ]
-        each = [drift for label in trunk if (drift := _drift(sample, label, named[label], clock))]
+        each = [drift for label in trunk if (drift := _drift(sample, label, legend))]
         clear, finding = max(each, key=lambda one: one[0], default=(0, None))
         if finding is None or clear < 1:
             break
@@ -33,9 +33,7 @@ def drifts(points: dict[str, np.ndarray], named: dict[str, str], clock: Clock) -
     return found
 
 
-def _drift(
-    sample: dict[str, np.ndarray], label: str, landmark: str, clock: Clock
-) -> tuple[float, Finding] | None:
+def _drift(sample: dict[str, np.ndarray], label: str, legend: Legend) -> tuple[float, Finding] | None:
     """The ramp that explains most of what posture leaves of a marker's place, after its size by that from which it counts.
 
     None where its neighbours do not tell.
@@ -56,12 +54,12 @@ def _drift(
     best = int(np.argmax(explained))
     if explained[best] < _AT.share * (place * own).sum():
         return None
-    smallest = _AT.smallest_m * (_AT.shoulder if landmark.endswith("SHOULDER") else 1)
+    smallest = _AT.smallest_m * (_AT.shoulder if legend.named[label].endswith("SHOULDER") else 1)
     size = float(np.linalg.norm(steps[best]))
-    start, stop = (round(share * (len(clock.time) - 1)) for share in edges[best])
+    start, stop = (round(share * (len(legend.time) - 1)) for share in edges[best])
     words = {"size": size * 1e3, "mates": ", ".join(mates[: _AT.fewest_mates])}
-    words |= {"start": clock.time[start], "stop": clock.time[stop]}
-    finding = clock.finding("drift", (label,), slice(start, len(clock.time)), **words)
+    words |= {"start": legend.time[start], "stop": legend.time[stop]}
+    finding = legend.finding("drift", (label,), slice(start, len(legend.time)), **words)
     return size * float(np.sqrt(free[best])) / smallest, finding
 
 

@@ -1,7 +1,5 @@
 """The gate before anything is computed from a marker recording: whether its points can be a person's body."""
 
-from functools import partial
-
 import numpy as np
 
 from lumbar.lifting.quality.body import (
@@ -24,7 +22,7 @@ from lumbar.lifting.quality.leaps import (
     step_sizes,
     take_exchanges,
 )
-from lumbar.lifting.quality.sheet import ERROR, FINE_RATE, LEFT_OUT, NOTED, PROPOSED, Clock, Finding
+from lumbar.lifting.quality.sheet import ERROR, FINE_RATE, LEFT_OUT, NOTED, PROPOSED, Finding, Legend
 from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.lifting.quality.trajectories import (
     HIGHEST_HZ,
@@ -71,35 +69,29 @@ def examine(
     meant : dict of str to str, optional
         Landmark to label, where labels mean something else than usual.
     """
-    clock = Clock(time, rate)
     if not points:
         return []
-    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
-    wrong = _unit(points, named, clock, height_m)
+    legend = Legend(time, rate, {label: landmark for landmark, label in landmarks(points, meant).items()})
+    wrong = _unit(points, legend, height_m)
     if wrong:
         return wrong
-    findings, stepping = held_samples(points, clock)
-    for check in (
-        beyond_laboratory,
-        frozen_stretches,
-        clipped_stretches,
-        partial(copied_stretches, named=named),
-    ):
-        found = check(points, clock)
+    findings, stepping = held_samples(points, legend)
+    for check in (beyond_laboratory, frozen_stretches, clipped_stretches, copied_stretches):
+        found = check(points, legend)
         findings += found
         points = mask_findings(points, found)
-    found, points = _leaps(points, named, clock)
+    found, points = _leaps(points, legend)
     findings += found
-    for label, stretch, evidence in off_its_part(points, clock.rate):
-        findings.append(clock.finding("off its part", (label,), stretch, evidence=evidence))
+    for label, stretch, evidence in off_its_part(points, legend.rate):
+        findings.append(legend.finding("off its part", (label,), stretch, evidence=evidence))
     partly = {label for finding in findings if finding.outcome != NOTED for label in finding.markers}
-    found = drifts({label: points[label] for label in points if label not in partly}, named, clock)
+    found = drifts({label: points[label] for label in points if label not in partly}, legend)
     findings += found
     points = mask_findings(points, found)
-    findings += _stature(points, named, clock, height_m)
-    findings += _jitter({label: points[label] for label in points if label not in stepping}, clock)
+    findings += _stature(points, legend, height_m)
+    findings += _jitter({label: points[label] for label in points if label not in stepping}, legend)
     if not any(finding.outcome == ERROR for finding in findings):
-        findings += _tempo(points, clock) or walking_findings(points, named, clock)
+        findings += _tempo(points, legend) or walking_findings(points, legend)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
 
@@ -162,15 +154,13 @@ def _sampled(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {label: positions[::every] for label, positions in points.items()}
 
 
-def _unit(
-    points: dict[str, np.ndarray], named: dict[str, str], clock: Clock, height_m: float | None
-) -> list[Finding]:
+def _unit(points: dict[str, np.ndarray], legend: Legend, height_m: float | None) -> list[Finding]:
     """An error where the body is far too large or too small for a person."""
     sampled = _sampled(points)
     far = np.concatenate([np.abs(places[np.isfinite(places)]).ravel() for places in sampled.values()])
-    stature, count = stature_found(sampled, named)
+    stature, count = stature_found(sampled, legend.named)
     if np.median(far) > LABORATORY_M and not 0 < stature < LABORATORY_M:
-        return [clock.finding("unit of no laboratory", far=np.median(far))]
+        return [legend.finding("unit of no laboratory", far=np.median(far))]
     if count >= 2:
         low, high = (height_m / _AT.wrong_unit, height_m * _AT.wrong_unit) if height_m else _STATURES_M
         size, expected = stature, height_m or _AT.person_m
@@ -183,7 +173,7 @@ def _unit(
         evidence = f"the markers of one frame fill {size:.3g} m"
     if not np.isfinite(size) or low <= size <= high:
         return []
-    return [clock.finding("unit", evidence=evidence, cause=_which_unit(size / expected))]
+    return [legend.finding("unit", evidence=evidence, cause=_which_unit(size / expected))]
 
 
 def _cloud(points: dict[str, np.ndarray]) -> float:
@@ -208,25 +198,24 @@ def _which_unit(factor: float) -> str:
     return f"{factor:.2g} times a person's size: set markers.scale, or the subject's height_m"
 
 
-def _leaps(
-    points: dict[str, np.ndarray], named: dict[str, str], clock: Clock
-) -> tuple[list[Finding], dict[str, np.ndarray]]:
+def _leaps(points: dict[str, np.ndarray], legend: Legend) -> tuple[list[Finding], dict[str, np.ndarray]]:
     """Exchanged labels, leaps and spikes; the points with exchanges undone and leaps left out, for the checks that follow."""
     leaps, spikes = {}, {}
     for label, positions in points.items():
-        leaps[label], spikes[label] = find_leaps(positions, clock.rate)
-    missing, leaps = _missing_frames(points, leaps, clock)
+        leaps[label], spikes[label] = find_leaps(positions, legend.rate)
+    missing, leaps = _missing_frames(points, leaps, legend)
     exchanges, remaining = take_exchanges(leaps)
-    n_frames = len(clock.time)
+    n_frames = len(legend.time)
     straight = points
     for exchange in exchanges:
         shorter, _ = exchange.stretches(n_frames)
         straight = _exchanged(straight, (exchange.first, exchange.second), shorter)
-    findings = missing + _displaced(straight, remaining, spikes, clock, named)
+    findings = missing + _displaced(straight, remaining, spikes, legend)
     straight = mask_findings(straight, findings)
-    whole, mirrored = _whole_exchanges(straight, named)
+    whole, mirrored = _whole_exchanges(straight, legend.named)
     reversed_pairs = {frozenset(pair) for pair, _ in whole}
-    flipped = _flipped(exchanges, reversed_pairs, points, named)
+    sides = {frozenset(pair) for pair in side_pairs(points, legend.named)}
+    flipped = _flipped(exchanges, reversed_pairs, sides)
     for pair in {*reversed_pairs, *(one.pair for one in flipped)}:
         straight = _exchanged(straight, tuple(pair), [slice(0, n_frames)])
     changing = frozenset().union(*(one.pair for one in exchanges))
@@ -235,20 +224,20 @@ def _leaps(
         if exchange in flipped:
             whole = [item for item in whole if frozenset(item[0]) != exchange.pair]
         wrong = longer if exchange in flipped else shorter
-        findings += _exchange_findings(points, straight, exchange, wrong, changing, clock)
-    findings += [clock.finding("exchanged", pair, evidence=evidence, pair=pair) for pair, evidence in whole]
+        findings += _exchange_findings(points, straight, exchange, wrong, changing, legend)
+    findings += [legend.finding("exchanged", pair, evidence=evidence, pair=pair) for pair, evidence in whole]
     if mirrored:
-        findings.append(clock.finding("mirrored", evidence=mirrored))
+        findings.append(legend.finding("mirrored", evidence=mirrored))
     return findings, straight
 
 
 def _missing_frames(
-    points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], clock: Clock
+    points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], legend: Legend
 ) -> tuple[list[Finding], dict[str, list[Leap]]]:
     """Frames between which most markers leap, not counting exchanges; without any, the leaps as they are."""
     _, others = take_exchanges(leaps)
-    findings, _ = missing_frames(points, others, clock)
-    return (findings, missing_frames(points, leaps, clock)[1]) if findings else ([], leaps)
+    findings, _ = missing_frames(points, others, legend)
+    return (findings, missing_frames(points, leaps, legend)[1]) if findings else ([], leaps)
 
 
 def _whole_exchanges(
@@ -264,16 +253,12 @@ def _whole_exchanges(
 
 
 def _flipped(
-    exchanges: list[Exchange],
-    reversed_pairs: set[frozenset[str]],
-    points: dict[str, np.ndarray],
-    named: dict[str, str],
+    exchanges: list[Exchange], reversed_pairs: set[frozenset[str]], sides: set[frozenset[str]]
 ) -> list[Exchange]:
     """Exchanges whose other stretches are the wrong ones: labels that still stand wrongly once the shorter ones are exchanged.
 
     Left and right of several markers that change places at once, as of both legs, are wrong together.
     """
-    sides = {frozenset(pair) for pair in side_pairs(points, named)}
     flipped = [exchange for exchange in exchanges if exchange.pair in reversed_pairs]
     at_once = {exchange.frames for exchange in flipped if exchange.pair in sides}
     return [
@@ -291,7 +276,7 @@ def _exchanged(points, pair: tuple[str, str], stretches: list[slice]) -> dict[st
 
 
 def _exchange_findings(
-    points, straight, exchange: Exchange, stretches: list[slice], changing: frozenset[str], clock: Clock
+    points, straight, exchange: Exchange, stretches: list[slice], changing: frozenset[str], legend: Legend
 ) -> list[Finding]:
     """One finding per stretch, with the lengths to a third marker, which changes no place, as they are and as they would be."""
     pair = (exchange.first, exchange.second)
@@ -307,31 +292,31 @@ def _exchange_findings(
             mended = length(points, exchange.second, mate, stretch) * 1e3
             evidence += f"; {exchange.first} is {usual:.0f} mm from {mate}, here {there:.0f} mm"
             evidence += f", with labels exchanged {mended:.0f} mm"
-        findings.append(clock.finding("exchanged here", pair, stretch, evidence=evidence))
+        findings.append(legend.finding("exchanged here", pair, stretch, evidence=evidence))
     return findings
 
 
 def _displaced(
-    points,
-    leaps: dict[str, list[Leap]],
-    spikes: dict[str, list[slice]],
-    clock: Clock,
-    named: dict[str, str],
+    points, leaps: dict[str, list[Leap]], spikes: dict[str, list[slice]], legend: Legend
 ) -> list[Finding]:
     """Stretches after leaps that no exchange explains, and spikes; of a marker with many of them one finding."""
     findings = []
-    most = max(_AT.restless_leaps, _AT.restless_share * len(clock.time))
+    most = max(_AT.restless_leaps, _AT.restless_share * len(legend.time))
     for label, positions in points.items():
         count = len(leaps[label]) + len(spikes[label])
         if count > most:
-            findings.append(clock.finding("restless", (label,), count=count))
+            findings.append(legend.finding("restless", (label,), count=count))
             continue
-        stretches, untold = displacements(points, label, leaps, clock.rate, named)
-        findings += [_jump(points, label, stretch, clock) for stretch in stretches]
-        findings += [_untold(label, leap, clock) for leap in untold]
+        stretches, untold = displacements(points, label, leaps, legend)
+        findings += [_jump(points, label, stretch, legend) for stretch in stretches]
+        for leap in untold:
+            frames, words = slice(leap.last, leap.first + 1), {"size": leap.size * 1e3}
+            findings.append(
+                legend.finding("untold jump", (label,), frames, **words, at=legend.time[leap.first])
+            )
         for spike in spikes[label]:
             off = _off_way(positions, spike) * 1e3
-            findings.append(clock.finding("spike", (label,), spike, off=off))
+            findings.append(legend.finding("spike", (label,), spike, off=off))
     return findings
 
 
@@ -340,45 +325,38 @@ def _off_way(positions: np.ndarray, spike: slice) -> float:
     return float(np.nanmax(np.linalg.norm(positions[spike] - ends.mean(axis=0), axis=1)))
 
 
-def _jump(points, label: str, stretch: Displacement, clock: Clock) -> Finding:
+def _jump(points, label: str, stretch: Displacement, legend: Legend) -> Finding:
     leap = stretch.leap
     other = lands_on(leap, label, points)
-    words = {"size": leap.size * 1e3, "at": clock.time[leap.first], "seen": stretch.seen, "other": other}
-    return clock.finding("jump onto another" if other else "jump", (label,), stretch.frames, **words)
+    words = {"size": leap.size * 1e3, "at": legend.time[leap.first], "seen": stretch.seen, "other": other}
+    return legend.finding("jump onto another" if other else "jump", (label,), stretch.frames, **words)
 
 
-def _untold(label: str, leap: Leap, clock: Clock) -> Finding:
-    frames = slice(leap.last, leap.first + 1)
-    return clock.finding("untold jump", (label,), frames, size=leap.size * 1e3, at=clock.time[leap.first])
-
-
-def _stature(
-    points: dict[str, np.ndarray], named: dict[str, str], clock: Clock, height_m: float | None
-) -> list[Finding]:
-    stature, count = stature_found(_sampled(points), named)
+def _stature(points: dict[str, np.ndarray], legend: Legend, height_m: float | None) -> list[Finding]:
+    stature, count = stature_found(_sampled(points), legend.named)
     if not height_m or count < 2 or 1 / _AT.other_stature < stature / height_m < _AT.other_stature:
         return []
-    return [clock.finding("stature", count=count, stature=stature, height_m=height_m)]
+    return [legend.finding("stature", count=count, stature=stature, height_m=height_m)]
 
 
-def _tempo(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
-    found = frequency_scale(points, clock.rate)
+def _tempo(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
+    found = frequency_scale(points, legend.rate)
     if found is None or LOWEST_HZ <= found <= HIGHEST_HZ:
         return []
     outcome = ERROR if max(found / HIGHEST_HZ, LOWEST_HZ / found) > _AT.impossible_tempo else NOTED
-    words = {"rate": clock.rate, "factor": found / USUAL_HZ, "seconds": len(clock.time) / clock.rate}
-    return [clock.finding("rate", outcome=outcome, found=found, **words)]
+    words = {"rate": legend.rate, "factor": found / USUAL_HZ, "seconds": len(legend.time) / legend.rate}
+    return [legend.finding("rate", outcome=outcome, found=found, **words)]
 
 
-def _jitter(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+def _jitter(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
     """Markers with noise; where most have it, one finding of all."""
     noisy = {}
     for label, positions in points.items():
         size = step_sizes(positions)
         usual = float(np.nanmedian(size)) if np.isfinite(size).any() else 0.0
-        if usual > max(_AT.jitter_m, _AT.jerk_m_s3 / clock.rate**3):
+        if usual > max(_AT.jitter_m, _AT.jerk_m_s3 / legend.rate**3):
             noisy[label] = _AT.rms_of_steps * usual * 1e3
     if len(noisy) > _AT.fewest_together and 2 * len(noisy) > len(points):
         words = {"least": min(noisy.values()), "most": max(noisy.values()), "count": len(noisy)}
-        return [clock.finding("jitter of most", of=len(points), **words)]
-    return [clock.finding("jitter", (label,), noise=noise) for label, noise in noisy.items()]
+        return [legend.finding("jitter of most", of=len(points), **words)]
+    return [legend.finding("jitter", (label,), noise=noise) for label, noise in noisy.items()]

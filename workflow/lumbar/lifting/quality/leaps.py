@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lumbar.lifting.quality.sheet import Clock, Finding
+from lumbar.lifting.quality.sheet import Finding, Legend
 from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.stretches import runs
 
@@ -227,7 +227,7 @@ def lands_on(leap: Leap, label: str, points: dict[str, np.ndarray]) -> str | Non
 
 
 def missing_frames(
-    points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], clock: Clock
+    points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], legend: Legend
 ) -> tuple[list[Finding], dict[str, list[Leap]]]:
     """Find the frames between which most markers leap, and return the other leaps by label.
 
@@ -245,7 +245,7 @@ def missing_frames(
         leaping, seen = _count_leaping(steps, frame)
         if leaping >= max(_AT.least_leaps, _AT.together * seen):
             taken.append(frame)
-            findings.append(_finding(frame, leaping, seen, clock))
+            findings.append(_finding(frame, leaping, seen, legend))
     remaining = {
         label: [leap for leap in found if all(abs(leap.first - frame) > _AT.same_frame for frame in taken)]
         for label, found in leaps.items()
@@ -263,7 +263,7 @@ def _count_leaping(steps: list[tuple[np.ndarray, np.ndarray]], frame: int) -> tu
     return leaping, seen
 
 
-def _finding(frame: int, leaping: int, seen: int, clock: Clock) -> Finding:
+def _finding(frame: int, leaping: int, seen: int, legend: Legend) -> Finding:
     others = "; the others hardly move" if leaping < seen else ""
-    words = {"at": clock.time[frame], "leaping": leaping, "seen": seen, "others": others}
-    return clock.finding("missing frames", (), slice(frame - 1, frame + 1), **words)
+    words = {"at": legend.time[frame], "leaping": leaping, "seen": seen, "others": others}
+    return legend.finding("missing frames", (), slice(frame - 1, frame + 1), **words)

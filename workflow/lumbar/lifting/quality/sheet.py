@@ -41,7 +41,7 @@ class Finding:
     n_frames: int
     """`first_frame`, `n_frames`: frames count from 0."""
     start_s: float
-    """Time of the first frame, on the recording's clock."""
+    """Time of the first frame, on the recording's legend."""
     length_s: float
     """Frames divided by the rate."""
     evidence: str
@@ -69,13 +69,15 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Clock:
-    """Frames of a recording in seconds: makes findings."""
+class Legend:
+    """Frames of a recording in seconds, and what its labels stand for: makes findings."""
 
     time: np.ndarray
     """Shape (n_frames,)."""
     rate: float
     """Frames per second."""
+    named: dict[str, str] = field(default_factory=dict)
+    """Landmark by label."""
 
     def finding(
         self, name: str, markers: tuple[str, ...] = (), frames: slice | None = None, **words

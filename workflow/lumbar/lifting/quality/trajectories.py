@@ -11,7 +11,7 @@ import numpy as np
 
 from lumbar.lifting.quality.body import levels_found
 from lumbar.lifting.quality.landmarks import level
-from lumbar.lifting.quality.sheet import Clock, Finding
+from lumbar.lifting.quality.sheet import Finding, Legend
 from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.stretches import flat_tops, runs
 
@@ -21,7 +21,7 @@ LABORATORY_M = 100.0
 """Coordinates beyond this distance from the origin lie in no laboratory."""
 
 
-def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+def beyond_laboratory(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
     """Frames in which a marker is farther from the origin than any laboratory is long."""
     findings = []
     for label, positions in points.items():
@@ -30,11 +30,11 @@ def beyond_laboratory(points: dict[str, np.ndarray], clock: Clock) -> list[Findi
             far = largest > LABORATORY_M
         for stretch in runs(far):
             most = largest[stretch].max()
-            findings.append(clock.finding("beyond laboratory", (label,), stretch, most=most))
+            findings.append(legend.finding("beyond laboratory", (label,), stretch, most=most))
     return findings
 
 
-def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+def frozen_stretches(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
     """Stretches in which a marker keeps its coordinates to the last bit while others move.
 
     A file whose numbers are coarse repeats some of them by chance: the share of unchanged steps outside of a run says how
@@ -59,11 +59,11 @@ def frozen_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findin
             if not near or still or (beside.any() and (beside <= coarse).all()):
                 continue
             stretch = slice(run.start, run.stop + 1)
-            findings.append(clock.finding("frozen", (label,), stretch, frames_alike=length + 1))
+            findings.append(legend.finding("frozen", (label,), stretch, frames_alike=length + 1))
     return findings
 
 
-def clipped_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Finding]:
+def clipped_stretches(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
     """Stretches in which a coordinate keeps its largest or smallest value to the last bit, cut off while it was moving."""
     findings = []
     for label, positions in points.items():
@@ -72,7 +72,7 @@ def clipped_stretches(points: dict[str, np.ndarray], clock: Clock) -> list[Findi
             for top in flat_tops(seen) if len(seen) else []:
                 words = {"axis": axis, "level": top.level, "count": top.samples}
                 findings += [
-                    clock.finding("clipped", (label,), run, **words)
+                    legend.finding("clipped", (label,), run, **words)
                     for run in runs(values == top.level)
                     if run.stop - run.start >= _AT.shortest_clip and _cut_off(values, run)
                 ]
@@ -114,7 +114,7 @@ def _nearest(points: dict[str, np.ndarray], index: int, run: slice) -> list[int]
     return order[: _AT.neighbours]
 
 
-def held_samples(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Finding], set[str]]:
+def held_samples(points: dict[str, np.ndarray], legend: Legend) -> tuple[list[Finding], set[str]]:
     """Find markers that move in every second (third, …) frame alone and keep their coordinates to the last bit in between.
 
     Their labels stand second.
@@ -127,9 +127,9 @@ def held_samples(points: dict[str, np.ndarray], clock: Clock) -> tuple[list[Find
     findings = []
     for every, labels in held_in.items():
         words = {"count": len(labels), "of": len(points), "every": every}
-        rates = {"own_rate": clock.rate / every, "rate": clock.rate}
+        rates = {"own_rate": legend.rate / every, "rate": legend.rate}
         named = tuple(labels) if 2 * len(labels) < len(points) else ()
-        findings.append(clock.finding("held", named, **words, **rates))
+        findings.append(legend.finding("held", named, **words, **rates))
     return findings, {label for labels in held_in.values() for label in labels}
 
 
@@ -148,7 +148,7 @@ def _moves_every(positions: np.ndarray) -> int:
     return 0
 
 
-def copied_stretches(points: dict[str, np.ndarray], clock: Clock, named: dict[str, str]) -> list[Finding]:
+def copied_stretches(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
     """Stretches in which two markers are closer than two markers can be: one is a copy of the other.
 
     Which of the two is the copy is told by what lies nearer to its nominal level along the trunk, or by which of them leapt
@@ -162,7 +162,7 @@ def copied_stretches(points: dict[str, np.ndarray], clock: Clock, named: dict[st
             near = np.linalg.norm(a - b, axis=1) < _AT.touching_m
         for stretch in runs(near):
             if stretch.stop - stretch.start >= min(_AT.shortest_copy, len(near)):
-                findings.append(_copy(points, named, (labels[first], labels[second]), stretch, clock))
+                findings.append(_copy(points, (labels[first], labels[second]), stretch, legend))
     return findings
 
 
@@ -189,17 +189,15 @@ def _touching_pairs(points: dict[str, np.ndarray]) -> list[tuple[int, int]]:
     return sorted(pairs)
 
 
-def _copy(
-    points: dict[str, np.ndarray], named: dict[str, str], pair: tuple[str, str], stretch: slice, clock: Clock
-) -> Finding:
+def _copy(points: dict[str, np.ndarray], pair: tuple[str, str], stretch: slice, legend: Legend) -> Finding:
     first, second = pair
     distance = np.linalg.norm(points[first][stretch] - points[second][stretch], axis=1).max() * 1e3
-    copies = _which_leapt(points, pair, stretch) or _which_is_off_level(points, named, pair, stretch)
+    copies = _which_leapt(points, pair, stretch) or _which_is_off_level(points, legend.named, pair, stretch)
     words = {"first": first, "second": second, "distance": distance}
     if not copies:
-        return clock.finding("copied, not seen which", pair, stretch, **words)
+        return legend.finding("copied, not seen which", pair, stretch, **words)
     words |= {"copy": copies[0], "other": second if copies[0] == first else first}
-    return clock.finding("copied", copies, stretch, **words)
+    return legend.finding("copied", copies, stretch, **words)
 
 
 def _which_leapt(points, pair: tuple[str, str], stretch: slice) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.lifting.quality.body import rightward, trunk_axis
-from lumbar.lifting.quality.sheet import Clock, Finding
+from lumbar.lifting.quality.sheet import Finding, Legend
 from lumbar.lifting.quality.thresholds import thresholds
 
 _AT = thresholds("walking")
@@ -68,15 +68,15 @@ def _steps_per_frame(ahead: np.ndarray) -> float:
     return (len(passed) - 1) / (passed[-1] - passed[0]) if len(passed) >= _AT.fewest_steps else np.nan
 
 
-def walking_findings(points: dict[str, np.ndarray], named: dict[str, str], clock: Clock) -> list[Finding]:
+def walking_findings(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
     """Steps that nobody takes at the rate stated, and a walk backwards."""
-    found = walk(points, named)
+    found = walk(points, legend.named)
     if found is None:
         return []
     findings = []
-    if abs(found.times(clock.rate) - 1) > 0:
-        words = {"steps": found.steps * clock.rate, "length": found.step_m, "rate": clock.rate}
-        findings.append(clock.finding("steps", **words, factor=found.times(clock.rate)))
+    if abs(found.times(legend.rate) - 1) > 0:
+        words = {"steps": found.steps * legend.rate, "length": found.step_m, "rate": legend.rate}
+        findings.append(legend.finding("steps", **words, factor=found.times(legend.rate)))
     if found.facing < _AT.backwards:
-        findings.append(clock.finding("backwards", distance=found.distance))
+        findings.append(legend.finding("backwards", distance=found.distance))
     return findings
