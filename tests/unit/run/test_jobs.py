@@ -193,47 +193,13 @@ def test_a_job_ends_with_the_process_that_runs_it(how, tmp_path):
             worker.kill()
 
 
-RUN = f"""
-import os, sys
-sys.path.insert(0, {str(WORKFLOW)!r})
-from run.job_forks import fork_scripts
-import run.jobs
-from run.jobs import end_when_told, lift_limit
-run.jobs.GRACE_S = 10.0  # a busy machine takes some for what takes a moment
-os.environ["PYTHONPATH"] = sys.path[0]
-rule all:
-    input: expand("{{n}}.txt", n=range(4))
-rule one:
-    output: "{{n}}.txt"
-    log: "{{n}}.log"
-    script: "job.py"
-onstart:
-    lift_limit(workflow.scheduler)
-    end_when_told(workflow)
-    fork_scripts(workflow)
-"""
-LONG = f"""
-import signal, sys, time
-sys.path.insert(0, {str(WORKFLOW / "scripts")!r})
-from job import run
-from lumbar.base.files import replacing
-def main(input, output):
-    if output[0] == "0.txt":
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    with replacing(output[0]) as path:
-        path.write_text("half")
-        open(f"{{output[0]}}.begun", "w").close()
-        time.sleep(3600)
-run(main, snakemake)
-"""
-
-
 @pytest.mark.nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems start every script by itself")
 def test_a_run_in_the_background_ends_with_its_jobs_when_it_is_told(tmp_path):
     """Snakemake waits for those that run; a shell's background job, and all that it starts, ignores Ctrl-C."""
-    (tmp_path / "Snakefile").write_text(RUN)
-    (tmp_path / "job.py").write_text(LONG)
+    for kind, name in (("smk", "Snakefile"), ("job", "job.py")):
+        text = Path(__file__).with_name(f"told_to_end.{kind}.txt").read_text(encoding="utf-8")
+        (tmp_path / name).write_text(text.replace("WORKFLOW", str(WORKFLOW)))
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         command = [sys.executable, "-m", "snakemake", "--cores", "4"]

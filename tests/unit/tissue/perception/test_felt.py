@@ -67,22 +67,12 @@ def test_friction_and_delay_of_known_size():
     velocity = np.gradient(POSITION)
     friction = felt(0.3 * np.sign(velocity))
     threshold = np.sqrt(np.mean(np.maximum(0.07 * np.abs(FORCE), 0.04) ** -2.0))
-    assert friction.slow.value == pytest.approx(
-        0.3 * threshold, rel=0.2
-    )  # a step's fast part is the other sense's
+    # A step's fast part is the other sense's.
+    assert friction.slow.value == pytest.approx(0.3 * threshold, rel=0.2)
     assert friction.told_apart_percent.low > 80
-    swing = 0.4 * POSITION
-    late = felt(np.interp(TIME - 0.015, TIME, swing) - swing, swing)
-    omega = 2 * np.pi * 0.7
-    # Where the force passes 0 its change is largest: averaged over the window, against the threshold there.
-    exact = 0.015 * omega * 2 * np.cos(omega * TIME)
-    window = int(0.2 * RATE)
-    means = [
-        np.convolve(np.pad(item**2, window, mode="reflect"), np.ones(window) / window, "same")[window:-window]
-        for item in (exact, swing)
-    ]
-    expected = np.sqrt(np.mean(means[0] / np.maximum(0.07**2 * means[1], 0.04**2)))
-    assert late.jnd.value == pytest.approx(expected, rel=0.03)
+    heavy, omega = 40 + 0.4 * POSITION, 2 * np.pi * 0.7
+    late = felt(40 + 2 * np.sin(omega * (TIME - 0.015)) - heavy, heavy)
+    assert late.jnd.value == pytest.approx(0.015 * omega * 2 / np.sqrt(2) / (0.07 * 40), rel=0.01)
 
 
 def test_noise_of_a_sensor_is_not_felt():
