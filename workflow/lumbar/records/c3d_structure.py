@@ -260,14 +260,13 @@ def _of_processor(
     points, analog, first, last, _, _, _, data_block, per_frame = struct.unpack(order + "9H", content[2:20])
     notes: list[str] = []
     scale, rate = real(content[12:16], processor), real(content[20:24], processor)
-    sizes = points, last - first + 1, first, analog, per_frame
-    header = C3dStructure(processor, *sizes, rate, {}, (data_block - 1) * BLOCK, scale)
-    within = start < header.data_start < len(content)
-    end = header.data_start if within else min(start + content[start + 2] * BLOCK, len(content))
+    sizes, data_start = (points, last - first + 1, first, analog, per_frame), (data_block - 1) * BLOCK
+    within = start < data_start < len(content)
+    end = data_start if within else min(start + content[start + 2] * BLOCK, len(content))
     parameters = read_parameters(path, content, start + 4, end, processor, notes)
     _check_types(path, parameters)
-    header = _complete(header, parameters, notes)
-    header = _settled(header, parameters, len(content), start, notes)
+    header = _complete(C3dStructure(processor, *sizes, rate, parameters, data_start, scale), notes)
+    header = _settled(header, len(content), start, notes)
     if not start < header.data_start < len(content):
         raise InputError(
             f"{path}: the data should start at byte {header.data_start}, after the parameters at {start} and before "
@@ -278,11 +277,11 @@ def _of_processor(
             f"{path}: no points, only analog channels, as a force plate writes them; give the recording of the markers"
         )
     if points_needed or header.n_points:
-        _check_agreement(path, header, parameters)
+        _check_agreement(path, header)
     _check_header(path, header, points_needed)
-    frames, field = _frame_count(path, header, parameters, len(content), notes), "TRIAL:ACTUAL_START_FIELD"
+    frames, field = _frame_count(path, header, len(content), notes), "TRIAL:ACTUAL_START_FIELD"
     first = long_integer(parameters[field]) if parameters.get(field) else first
-    structure = replace(header, n_frames=frames, first_frame=first, parameters=parameters)
+    structure = replace(header, n_frames=frames, first_frame=first)
     available = len(content) - header.data_start
     _check_analog(path, available, structure, notes)
     _check_size(path, available, structure)
@@ -294,16 +293,14 @@ def _fits(size: int, start: int, data: int) -> bool:
     return 0 <= size - start - data < BLOCK
 
 
-def _settled(
-    header: C3dStructure, parameters: dict[str, list], size: int, start: int, notes: list[str]
-) -> C3dStructure:
+def _settled(header: C3dStructure, size: int, start: int, notes: list[str]) -> C3dStructure:
     """Where header and parameters differ in what the size of the file decides, take the ones of both that fit it."""
     own = {"POINT:USED": header.n_points, "POINT:DATA_START": header.data_start // BLOCK + 1}
-    stated = {name: int((parameters.get(name) or [0])[0]) % 65536 for name in own}
+    stated = {name: int((header.parameters.get(name) or [0])[0]) % 65536 for name in own}
     fitting = []
     for points, block in product(*({own[name], stated[name] or own[name]} for name in own)):
         one = replace(header, n_points=points, data_start=(block - 1) * BLOCK)
-        data = (frames * one.frame_bytes for frames in _stated_frames(header, parameters).values())
+        data = (frames * one.frame_bytes for frames in _stated_frames(header).values())
         if one.data_start > start and any(_fits(size, one.data_start, many) for many in data):
             fitting.append((one, {"POINT:USED": points, "POINT:DATA_START": block}))
     if len(fitting) != 1:
@@ -312,13 +309,14 @@ def _settled(
     for name, value in values.items():
         if stated[name] not in (0, own[name]):
             notes.append(f"{name} is {stated[name]}, {own[name]} in the header; {value} fits the file's size")
-            parameters[name] = [value]
+            header.parameters[name] = [value]
     return settled
 
 
-def _stated_frames(header: C3dStructure, parameters: dict[str, list]) -> dict[str, int]:
+def _stated_frames(header: C3dStructure) -> dict[str, int]:
     """Frames of points by every statement in the file that can hold the number."""
-    statements, last_frame = {}, header.first_frame + header.n_frames - 1
+    statements, parameters = {}, header.parameters
+    last_frame = header.first_frame + header.n_frames - 1
     if last_frame < SATURATED:
         statements["the header"] = header.n_frames
     if parameters.get("POINT:FRAMES"):
@@ -329,19 +327,16 @@ def _stated_frames(header: C3dStructure, parameters: dict[str, list]) -> dict[st
     if parameters.get("POINT:LONG_FRAMES"):
         words = parameters["POINT:LONG_FRAMES"]
         statements["POINT:LONG_FRAMES"] = int(words[0]) if len(words) == 1 else long_integer(words)
-    first, last = parameters.get("TRIAL:ACTUAL_START_FIELD"), parameters.get("TRIAL:ACTUAL_END_FIELD")
+    first, last = (parameters.get(f"TRIAL:ACTUAL_{end}_FIELD") for end in ("START", "END"))
     if first and last:
-        statements["TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD"] = (
-            long_integer(last) - long_integer(first) + 1
-        )
+        frames = long_integer(last) - long_integer(first) + 1
+        statements["TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD"] = frames
     return statements
 
 
-def _frame_count(
-    path: Path, header: C3dStructure, parameters: dict[str, list], size: int, notes: list[str]
-) -> int:
+def _frame_count(path: Path, header: C3dStructure, size: int, notes: list[str]) -> int:
     """Frames of points; all statements must agree but for one frame, or those must that fit the size of the file."""
-    statements = _stated_frames(header, parameters)
+    statements = _stated_frames(header)
     if not statements:
         raise InputError(
             f"{path}: 65535 frames or more, and neither POINT:LONG_FRAMES nor "
@@ -360,20 +355,20 @@ def _frame_count(
     return counts[0]
 
 
-def _complete(header: C3dStructure, parameters: dict[str, list], notes: list[str]) -> C3dStructure:
+def _complete(header: C3dStructure, notes: list[str]) -> C3dStructure:
     """Take rate and scale factor from the header where the parameters lack them, or the other way round."""
     for key, name in (("scale", "POINT:SCALE"), ("rate", "POINT:RATE")):
-        stated, own = parameters.get(name), getattr(header, key)
+        stated, own = header.parameters.get(name), getattr(header, key)
         in_header = np.isfinite(own) and own != 0
         if not stated and in_header:
-            parameters[name] = [own]
+            header.parameters[name] = [own]
             notes.append(f"{name} is missing; the header's {own:g} was taken")
         elif stated and not in_header and stated[0] != 0:
             notes.append(f"the header has no {key}; {name}, {stated[0]:g}, was taken")
             header = replace(header, **{key: stated[0]})
         elif key == "scale" and stated and max(stated[0], own) < 0 and stated[0] != own:
             # Its sign alone counts where coordinates are stored as reals.
-            parameters[name] = [own]
+            header.parameters[name] = [own]
     return header
 
 
@@ -387,9 +382,9 @@ def _check_types(path: Path, parameters: dict[str, list]) -> None:
     problems.raise_if_any()
 
 
-def _check_agreement(path: Path, header: C3dStructure, parameters: dict[str, list]) -> None:
+def _check_agreement(path: Path, header: C3dStructure) -> None:
     """Compare header and parameters."""
-    problems = Problems(str(path))
+    problems, parameters = Problems(str(path)), header.parameters
     for name in ("USED", "SCALE", "RATE", "LABELS"):
         if not parameters.get(f"POINT:{name}"):
             problems.add(f"POINT:{name}", "missing or empty", "a reader cannot do without it")
