@@ -248,8 +248,6 @@ class AnkleTorques:
 
 
 ANKLE_SOURCE = "da Fonseca et al., World J. Orthop. 16 (2025) 108858: mean isokinetic peak torques of 69 men and 31 women"
-
-
 _ANKLES = {"male": AnkleTorques(158.1, 53.6, 37.0, 33.4), "female": AnkleTorques(100.4, 37.4, 30.1, 22.3)}
 
 
@@ -294,10 +292,8 @@ def pressure_limits(
     across = np.einsum("nfj,nj->nf", ankles - pivot[:, None, :], right)
     outer = np.where(standing, across, -np.inf).max(axis=1), np.where(standing, -across, -np.inf).max(axis=1)
     outer = tuple(np.where(feet > 0, values, np.nan) for values in outer)
-    sides = (
-        standing[:, 1],
-        standing[:, 0],
-    )  # to the right of a standing right foot is outward, of a lone left foot inward
+    # To the right of a standing right foot is outward, of a lone left foot inward.
+    sides = standing[:, 1], standing[:, 0]
     lateral = [
         np.minimum(
             base.reach(pivot, sign * right),
@@ -309,7 +305,7 @@ def pressure_limits(
         np.minimum(base.reach(pivot, sign * forward), feet * torque / weight)
         for sign, torque in ((1, torques.plantar_flexion), (-1, torques.dorsiflexion))
     ]
-    return {"lateral_bending": (lateral[0], lateral[1]), "flexion_extension": (sagittal[0], sagittal[1])}
+    return {"lateral_bending": tuple(lateral), "flexion_extension": tuple(sagittal)}
 
 
 def middle_of_standing(ankles: np.ndarray, standing: np.ndarray) -> np.ndarray:

@@ -7,10 +7,12 @@ import math
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.movement.pendulum_states import OPTIONS as PENDULUM_OPTIONS
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, reachable_area
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
@@ -25,16 +27,7 @@ from lumbar.settings.stability import PendulumSettings, StabilitySettings
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
 
-CHECK_COLUMNS = {
-    "simulation": ("simulated_starts", "exits", "exits_high", "control_exits"),
-    "thesis_method": (
-        *("violation_share", "unsolved_share", "jumped_knots", "largest_jump", "first_jump", "last_jump"),
-        *("mean_area_after_1", "mean_area_after_4", "euler_error"),
-    ),
-    "sum_of_squares": ("sos_margin_difference", "sos_taylor_difference", "sos_taylor_optimism"),
-    "cvxpy": ("sos_cvxpy_difference",),
-    "proof": ("proved_share", "proved_area_ratio"),
-}
+CHECK_COLUMNS: dict[str, list[str]] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 """Columns that each of ``stability.checks`` fills."""
 
 FUNNEL_COLUMNS = (
@@ -217,9 +210,8 @@ def as_counts(column: pd.Series):
 def _shares(boa: pd.DataFrame) -> list[str]:
     """Say how much of everything that reaches the goal set the exact basins hold: what the choice of V leaves."""
     notes = []
-    for (sign, time, mass), rows in boa[boa["method"] == "exact"].groupby(
-        ["sign", "time", "mass"], sort=False
-    ):
+    exact = boa[boa["method"] == "exact"]
+    for (sign, time, mass), rows in exact.groupby(["sign", "time", "mass"], sort=False):
         share = 100 * rows["initial_area"] / rows["liouville_area"]
         notes.append(
             f"At t = 0 the exact basins ({sign}, {time} time, {mass.replace('_', ' ')}) hold {share.min():.2g} to "
