@@ -49,16 +49,6 @@ class _Choice:
         return settings and self.recording is other.recording
 
 
-@dataclass(frozen=True)
-class _Motion:
-    """The trunk's common centre during the deposit; arrays over frames."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    angle: np.ndarray
-    angular_velocity: np.ndarray
-
-
 def model_spread(lift: AnalysedLift, subject: SubjectSettings, settings: LiftingSettings) -> pd.DataFrame:
     """Compare other choices with the one that the result stands on.
 
@@ -130,7 +120,8 @@ def _filtered(lift: AnalysedLift, names: set[str], settings: FilterSettings) -> 
 
 def _motion(
     choice: _Choice, lift: AnalysedLift, subject: SubjectSettings, settings: LiftingSettings, frames: slice
-) -> _Motion:
+) -> tuple[np.ndarray, ...]:
+    """Place, velocity, angle and angular velocity of the trunk's common centre during the deposit; arrays over frames."""
     recording = choice.recording
     points: TrunkPoints = trunk_points(recording, choice.ends, choice.hips, subject.sex)
     centre = trunk_centre(segment_centres(points, choice.table), choice.table)
@@ -141,17 +132,17 @@ def _motion(
     ahead_rate, above_rate = np.gradient(relative[:, 1:], 1 / rate, axis=0).T
     spin = (ahead_rate * above - ahead * above_rate) / (ahead**2 + above**2)
     values = (centre, np.gradient(centre, 1 / rate, axis=0), np.arctan2(ahead, above), spin)
-    return _Motion(*(value[frames] for value in values))
+    return tuple(value[frames] for value in values)
 
 
-def _differences(reference: _Motion, other: _Motion, forward: np.ndarray) -> dict[str, float | None]:
-    """Differences where both are known; None for what is known at no such instant."""
-    moved = 1e3 * (other.position - reference.position)
+def _differences(reference, other, forward: np.ndarray) -> dict[str, float | None]:
+    """Differences of two motions where both are known; None for what is known at no such instant."""
+    moved, velocity, turned, spin = (there - here for here, there in zip(reference, other, strict=True))
+    moved = 1e3 * moved
     if not np.isfinite(moved).all(axis=1).any():
         raise InputError("it and the result are known at no common instant")
-    turned = np.angle(np.exp(1j * (other.angle - reference.angle)))
-    speed = 1e3 * np.linalg.norm(other.velocity - reference.velocity, axis=1)
-    spin = other.angular_velocity - reference.angular_velocity
+    turned = np.angle(np.exp(1j * turned))
+    speed = 1e3 * np.linalg.norm(velocity, axis=1)
     return {
         "forward_mm": _mean(np.sum(moved * forward, axis=1)),
         "up_mm": _mean(moved[:, 2]),

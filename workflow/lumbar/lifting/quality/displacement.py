@@ -33,19 +33,6 @@ class Displacement:
     """What shows it, in words."""
 
 
-@dataclass(frozen=True)
-class _Sides:
-    """The frames of a marker between both sides of one of its leaps.
-
-    `likeness` is x, shape (n_frames,), NaN where it cannot be told; `right` is 0 where the marker is right before the leap and
-    1 where it is after it; `seen` is what shows it.
-    """
-
-    likeness: np.ndarray
-    right: int
-    seen: str
-
-
 def displacements(
     points: dict[str, np.ndarray], label: str, leaps: dict[str, list[Leap]], legend: Legend
 ) -> tuple[list[Displacement], list[Leap]]:
@@ -74,8 +61,8 @@ def displacements(
         ]
         told = [(leap, side) for leap, side in zip(inside, sides, strict=True) if side is not None]
         found += [
-            Displacement(_wrong_frames(leap, side, section, inside, rate), leap, side.seen)
-            for leap, side in told
+            Displacement(_wrong_frames(leap, likeness, right, section, inside, rate), leap, shown)
+            for leap, (likeness, right, shown) in told
         ]
         if len(told) < len(inside):
             away = _away_and_back(section, inside, seen)
@@ -121,9 +108,11 @@ def _sides(
     without: Collection[str],
     rate: float,
     better: int | None,
-) -> _Sides | None:
+) -> tuple[np.ndarray, int, str] | None:
     """Tell the sides of a leap by the distances, a function of the other label, it changes most; None where they do not tell.
 
+    First comes x, shape (n_frames,), NaN where it cannot be told, then 0 where the marker is right before the leap and 1 where
+    it is after it, then what shows it.
     Right is the side that the body says is `better`; where it says none, the one of most frames.
     """
     mates = []
@@ -159,7 +148,7 @@ def _sides(
     _, mate, distance, before, step = mates[0]
     usual = float(np.nanmedian(distance[np.abs(likeness - right) < _AT.near]))
     there = before if right else before + step
-    return _Sides(likeness, right, f"there {there * 1e3:.0f} mm from {mate}, usually {usual * 1e3:.0f} mm")
+    return likeness, right, f"there {there * 1e3:.0f} mm from {mate}, usually {usual * 1e3:.0f} mm"
 
 
 def _largest(values: np.ndarray) -> float:
@@ -186,16 +175,18 @@ def _likeness(mates: list[tuple[float, str, np.ndarray, float, float]]) -> np.nd
     return np.where(total >= 0.5 * weights.sum(), mean, np.nan)
 
 
-def _wrong_frames(leap: Leap, sides: _Sides, section: slice, leaps: list[Leap], rate: float) -> slice:
+def _wrong_frames(
+    leap: Leap, likeness: np.ndarray, right: int, section: slice, leaps: list[Leap], rate: float
+) -> slice:
     """Frames from a leap on, away from the side that is right, until the distances are what they are usually."""
-    if sides.right:
+    if right:
         edges = [section.start, *(other.first for other in leaps if other.first <= leap.last)]
         frames = np.arange(leap.last, max(edges) - 1, -1)
     else:
         edges = [section.stop, *(other.last + 1 for other in leaps if other.last >= leap.first)]
         frames = np.arange(leap.first, min(edges))
-    likeness = sides.likeness[frames]
-    off = np.abs(likeness - sides.right)
+    likeness = likeness[frames]
+    off = np.abs(likeness - right)
     if np.mean(off[np.isfinite(off)] > _AT.near) > _AT.telling:
         count = len(frames)
     else:
