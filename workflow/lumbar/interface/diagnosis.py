@@ -21,9 +21,6 @@ from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, gather_evidence, write_diagnosis
 from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.law.chain import with_chain
-from lumbar.tissue.diagnosis.law.proposal import Proposal, effect_text, surface_model, with_law
-from lumbar.tissue.diagnosis.law.proposal import propose as propose_law
 from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate, location_table
@@ -32,12 +29,12 @@ from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, details, headline
 from lumbar.tissue.effects.notation import check_name
-from lumbar.tissue.identification.identify_tissue import without_intervals
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 
 if TYPE_CHECKING:
     from lumbar.publishing.explorer.page import ExplorerPage
+    from lumbar.tissue.diagnosis.law.proposal import Proposal
 
 STATIC = "points of a static test, without a clock"
 FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
@@ -105,8 +102,11 @@ def diagnose(
 
 def _beyond_catalogue(verdict: Verdict, proposing: bool) -> tuple[Verdict, Proposal | None]:
     """Look for a chain of a curve and filters, and for a law, in what no effect explains."""
+    from lumbar.tissue.diagnosis.law.chain import with_chain
+    from lumbar.tissue.diagnosis.law.proposal import propose, with_law
+
     verdict = with_chain(verdict)
-    proposal = propose_law(verdict.experiment, verdict.base, verdict.model) if proposing else None
+    proposal = propose(verdict.experiment, verdict.base, verdict.model) if proposing else None
     return with_law(verdict, proposal), proposal
 
 
@@ -186,6 +186,8 @@ class Diagnosis:
         """Models that name no mechanism: linear dynamics of higher order, a surface in the place of a formula."""
         found = [self.verdict.linear]
         if self.proposal is not None and self.proposal.is_surface:
+            from lumbar.tissue.diagnosis.law.proposal import surface_model
+
             found.append(surface_model(self.proposal, self.data))
         return [item for item in found if item is not None]
 
@@ -240,7 +242,9 @@ class Diagnosis:
             raise InputError(
                 f"{STATIC}: laws are proposed for motions; lumbar diagnose fits the catalogue's static laws"
             )
-        proposal = self.proposal or propose_law(verdict.experiment, verdict.base, verdict.model)
+        from lumbar.tissue.diagnosis.law.proposal import propose
+
+        proposal = self.proposal or propose(verdict.experiment, verdict.base, verdict.model)
         return ProposedLaw(proposal, self.candidates, self.data)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
@@ -389,6 +393,8 @@ class ProposedLaw:
         if not self.found:
             raise InputError(f"no effect to write: {self.sentences[0]}")
         check_name(name, self.candidates)
+        from lumbar.tissue.diagnosis.law.proposal import effect_text
+
         return effect_text(self.proposal, name, self.data)
 
     def save(self, path: str | os.PathLike, name: str = "proposed_law") -> None:
@@ -444,6 +450,8 @@ def thesis_models(verdict: Verdict, settings: TissueSettings) -> ThesisModels:
     names = [item.name for item in getattr(experiment.training, "parts", (experiment.training,))]
     training = max((record for record in experiment.records if record.name in names), key=len)
     tests = [record for record in experiment.records if record is not training]
+    from lumbar.tissue.identification.identify_tissue import without_intervals
+
     try:
         found = without_intervals(training, tests, settings)
     except InputError as error:

@@ -334,7 +334,7 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
 @pytest.mark.parametrize("wanted", [True, False])
 def test_the_settings_say_whether_a_law_is_looked_for(monkeypatch, wanted):
     asked = []
-    monkeypatch.setattr("lumbar.interface.diagnosis.propose_law", lambda *_: asked.append(1))
+    monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.propose", lambda *_: asked.append(1))
     monkeypatch.setattr(Verdict, "goes_beyond_catalogue", True)
     lumbar.diagnose(
         records(nothing),

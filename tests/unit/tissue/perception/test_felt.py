@@ -6,18 +6,18 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.stats import norm
 
 from lumbar.base.errors import InputError
+from lumbar.records.importing.raw_table import find_unit
 from lumbar.settings.perception import PerceptionSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.study.load_study import load_settings
 from lumbar.tissue.perception.felt import (
     Difference,
     force_difference,
-    newtons,
     noise_in_bands,
     split_bands,
     turning_points,
 )
-from lumbar.tissue.perception.thresholds import Hands, thresholds_table
+from lumbar.tissue.perception.thresholds import NEWTONS, Hands, thresholds_table
 
 RATE = 1000.0
 TIME = np.arange(0, 20, 1 / RATE)
@@ -43,7 +43,7 @@ def test_a_gain_is_felt_as_its_share_of_the_weber_fraction(gain):
 def test_small_forces_are_told_by_the_floor():
     weak = 0.01 * FORCE
     assert felt(np.full(TIME.size, 0.08), weak).jnd.value == pytest.approx(0.08 / 0.04, rel=0.01)
-    assert newtons("mN") == pytest.approx(1e-3) and newtons("mm") is None
+    assert {unit: find_unit(unit).factor for unit in NEWTONS} == pytest.approx(NEWTONS)
     scaled = force_difference(1e3 * weak, 1e3 * (weak + 0.08), "mN", POSITION, 1 / RATE, HANDS)
     assert scaled.felt.jnd.value == pytest.approx(2, rel=0.01)
     assert force_difference(weak, weak, "mm", POSITION, 1 / RATE, HANDS) is None

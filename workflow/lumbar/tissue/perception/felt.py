@@ -20,8 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lumbar.records.importing.raw_table import find_unit
-from lumbar.tissue.perception.thresholds import FASTEST_HZ, VIBRATION_HZ, Hand, Hands
+from lumbar.tissue.perception.thresholds import FASTEST_HZ, NEWTONS, VIBRATION_HZ, Hand, Hands
 
 PHASES = ("rising", "falling", "holding")
 """Input grows, falls, or hardly moves."""
@@ -222,17 +221,11 @@ def force_difference(
     noise : tuple of numpy.ndarray, optional
         Frequencies (Hz) and one-sided density (unit²/Hz) of the noise in the difference, where it is known.
     """
-    factor = newtons(unit)
+    factor = NEWTONS.get(unit)
     if factor is None:
         return None
     known = (0.0, 0.0) if noise is None else noise_in_bands(noise[0], factor**2 * noise[1])
     return Difference(factor * reference, factor * (other - reference), position, sampling_time, hands, known)
-
-
-def newtons(unit: str) -> float | None:
-    """N of one unit of a force; None for what is no force: no threshold of a hand is known for it."""
-    found = find_unit(unit)
-    return found.factor if found is not None and found.quantity == "force" else None
 
 
 def split_bands(values: np.ndarray, sampling_time: float) -> tuple[np.ndarray, np.ndarray]:

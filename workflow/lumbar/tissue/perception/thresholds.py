@@ -14,6 +14,8 @@ from lumbar.tables.described import described
 from lumbar.tables.table import Table
 
 _SHIPPED = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+NEWTONS: dict[str, float] = _SHIPPED["newtons"]
+"""N of one unit of a force."""
 VIBRATION_HZ = float(_SHIPPED["vibration_from_Hz"])
 """Frequency from which on another sense tells: Pacinian corpuscles (Brisben, Hsiao and Johnson 1999)."""
 FASTEST_HZ = float(_SHIPPED["vibration_to_Hz"])

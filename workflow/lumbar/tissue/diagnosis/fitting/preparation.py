@@ -15,8 +15,8 @@ from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
 from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, ONLY
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.perception.felt import Difference, Reach, newtons
-from lumbar.tissue.perception.thresholds import Hands
+from lumbar.tissue.perception.felt import Difference, Reach
+from lumbar.tissue.perception.thresholds import NEWTONS, Hands
 
 _MOVED_ON = 0.5
 """Of the time scale of a record, in which the tool goes where the next one begins, where the clock tells of no pause."""
@@ -173,7 +173,7 @@ class Experiment:
     def error_just_felt(self) -> Reach | None:
         """RMS of an error of the training records that a hand just feels, in the output's unit, the noise that it does not
         feel included; None where the output is no force."""
-        factor = newtons(self.output_unit)
+        factor = NEWTONS.get(self.output_unit)
         if factor is None or self.points:
             return None
         found = [
