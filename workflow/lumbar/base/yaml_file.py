@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from lumbar.base.errors import InputError, Problems
@@ -219,6 +220,11 @@ def shipped_yaml(path: Path) -> dict[str, Any]:
     import yaml
 
     return yaml.load(path.read_bytes(), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+
+
+def shipped_names(path: Path, section: str) -> SimpleNamespace:
+    """Entries of a section of such a file, as names."""
+    return SimpleNamespace(**shipped_yaml(path)[section])
 
 
 def check_readable(root: Path, names: Iterable[str]) -> None:

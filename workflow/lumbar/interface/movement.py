@@ -19,10 +19,6 @@ from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import MEASURES, WINDOWS
-from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
-from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
-from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import COMS, PLANES, Trajectory, trajectories_of_lift
 from lumbar.settings.lifting import ALIASES, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -202,6 +198,11 @@ def measure_person(
 
 def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.DataFrame:
     """Average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
+    from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
+    from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+    from lumbar.lifting.stability.model.failures import attempts
+    from lumbar.lifting.stability.model.trajectories import Trajectory, trajectories_of_lift
+
     sound: list[tuple[str, Trajectory]] = []
     rows: list[tuple] = []
     for name, found in lifts.items():
@@ -231,6 +232,8 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
 
 def _unmeasured(reason: str) -> pd.DataFrame:
     """Rows of all measures of a lift that could not be analysed."""
+    from lumbar.lifting.stability.model.trajectories import COMS, PLANES
+
     rows = [
         (measure.name, plane, measure.unit, measure.safer, measure.source)
         for measure in MEASURES.values()

@@ -6,16 +6,17 @@
 import os
 from collections.abc import Collection
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.landmarks import LENGTHS, landmarks, level, side_pairs
-from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.marker_axes import check_axes, tells_axes
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import Axis, MarkerLayout
 
-_AT = thresholds("body")
+_AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "body")
 
 TRUNK_SHARE = 0.265
 """Length of the trunk, from the middle of the pelvis's markers to that of the shoulders', as a share of stature."""

@@ -10,16 +10,17 @@ Rigid parts (a box, a plate, a pelvis, a thorax) are found from the recording it
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.body import asymmetry
 from lumbar.lifting.quality.leaps import LONGEST_GAP_S, Leap
 from lumbar.lifting.quality.sheet import Legend
-from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.stretches import runs
 
-_AT = thresholds("displacement")
+_AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "displacement")
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,16 @@ moves. What changes of the body's shape explain of that, by a linear Gaussian pr
 is left. A drift that goes along with the only change of posture of a short trial cannot be told from it.
 """
 
+from pathlib import Path
+
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.displacement import percentiles
 from lumbar.lifting.quality.landmarks import level
 from lumbar.lifting.quality.sheet import Finding, Legend
-from lumbar.lifting.quality.thresholds import thresholds
 
-_AT = thresholds("drift")
+_AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "drift")
 
 
 def drifts(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:

@@ -1,7 +1,10 @@
 """The gate before anything is computed from a marker recording: whether its points can be a person's body."""
 
+from pathlib import Path
+
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.body import (
     leg_exchanges,
     levels_found,
@@ -23,7 +26,6 @@ from lumbar.lifting.quality.leaps import (
     take_exchanges,
 )
 from lumbar.lifting.quality.sheet import ERROR, FINE_RATE, LEFT_OUT, NOTED, PROPOSED, Finding, Legend
-from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.lifting.quality.trajectories import (
     HIGHEST_HZ,
     LABORATORY_M,
@@ -39,7 +41,7 @@ from lumbar.lifting.quality.trajectories import (
 )
 from lumbar.lifting.quality.walking import walk, walking_findings
 
-_AT = thresholds("gate")
+_AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "gate")
 
 _STATURES_M = (0.6, 2.6)
 _CLOUD_M = (0.15, 6.0)

@@ -9,14 +9,15 @@ a gap, most markers leap together.
 from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.sheet import Finding, Legend
-from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.stretches import runs
 
-_AT = thresholds("leaps")
+_AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "leaps")
 
 SMALLEST_M = 0.02
 """Leaps below are not told from the unrest of real markers: untouched recordings have up to 14 mm."""

@@ -9,19 +9,20 @@ import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.body import check_unaliased_axes
 from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties, usable_markers
 from lumbar.lifting.quality.landmarks import landmarks, level
 from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, PROPOSED, Finding, QualitySheet, quality_sheet
-from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint, PointBetween
 
-_AT = thresholds("screening")
+_AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "screening")
 
 
 @dataclass

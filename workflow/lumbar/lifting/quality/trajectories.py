@@ -7,15 +7,17 @@ squats, gait, standing up and picking up (15 recordings of six laboratories) it 
 by four is seen in all of them, one wrong by two in none, and in a recording of a person who stands still no rate is.
 """
 
+from pathlib import Path
+
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.body import levels_found
 from lumbar.lifting.quality.landmarks import level
 from lumbar.lifting.quality.sheet import Finding, Legend
-from lumbar.lifting.quality.thresholds import thresholds
 from lumbar.records.stretches import flat_tops, runs
 
-_AT = thresholds("trajectories")
+_AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "trajectories")
 
 LABORATORY_M = 100.0
 """Coordinates beyond this distance from the origin lie in no laboratory."""

@@ -5,14 +5,15 @@ accelerates downwards by less than gravity, and a movement played backwards obey
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.body import rightward, trunk_axis
 from lumbar.lifting.quality.sheet import Finding, Legend
-from lumbar.lifting.quality.thresholds import thresholds
 
-_AT = thresholds("walking")
+_AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "walking")
 
 
 @dataclass(frozen=True)
