@@ -42,9 +42,10 @@ def main(
     cost = runtime_error_table(exported, training, settings, tissue.settling_s, hands, data)
     cost.write(stem(output.runtime_error))
     tests = [record for record in records if record.name != settings.trained_on]
-    played = list(rates(training, tests, tissue, settings, hands))
-    rates_table(played, training.name, data).write(stem(output.rates))
-    save(rates_figure(played), stem(output.rates_figure), data)
+    played, untrained = rates(training, tests, tissue, settings, hands)
+    rates_table(played, untrained, training, data).write(stem(output.rates))
+    drawn = rates_figure(played) if played else nothing_to_show(untrained)
+    save(drawn, stem(output.rates_figure), data)
     fits = fit_passive_models(models, training, tests, settings, tissue.settling_s)
     fits.table(data).write(stem(output.passive_fits))
     write_json(output.models, models_document(fits.passive, data))

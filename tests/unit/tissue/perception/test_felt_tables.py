@@ -12,7 +12,7 @@ from lumbar.settings.perception import PerceptionSettings
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.haptics.judgement import judge
-from lumbar.tissue.haptics.rates import rates
+from lumbar.tissue.haptics.rates import rates, rates_table
 from lumbar.tissue.identification.static_models import static_laws
 from lumbar.tissue.perception.thresholds import Hands
 from lumbar.tissue.survey.felt_models import felt_pairs, spearman, survey_felt_table, survey_power_table
@@ -79,11 +79,16 @@ def test_an_error_that_is_noise_alone_is_not_felt_and_friction_is_where_it_turns
     assert "Felt most by a hand" in str(locate(records, base.model))
 
 
-def test_other_outputs_than_forces_are_not_felt(records):
-    turned = [
-        replace(item, channels={**item.channels, "output": replace(item.channels["output"], unit="N·m")})
-        for item in records
+def _with_unit(records, unit):
+    outputs = [replace(item.channels["output"], unit=unit) for item in records]
+    return [
+        replace(item, channels={**item.channels, "output": own})
+        for item, own in zip(records, outputs, strict=True)
     ]
+
+
+def test_other_outputs_than_forces_are_not_felt(records):
+    turned = _with_unit(records, "N·m")
     refined = refine(turned, [])
     assert refined.compare()["other"].comparison.felt is None
     assert "hand" not in str(refined) and "hand" not in str(refined.compare())
@@ -99,7 +104,8 @@ def test_the_smallest_effect_that_is_felt_is_felt_just_so(records):
 
 def test_rates_that_hold_a_force_longer_are_felt_more(records, found):
     settings = RuntimeSettings(estimator="output_error")
-    played = list(rates(records[0], records[1:], found.settings, settings, Hands.of()))
+    played, untrained = rates(records[0], records[1:], found.settings, settings, Hands.of())
+    assert not untrained
     own = [
         item
         for item in played
@@ -109,6 +115,25 @@ def test_rates_that_hold_a_force_longer_are_felt_more(records, found):
     assert felt[1000.0] == 0.0 and felt[100.0] > 1 > felt[250.0] > felt[500.0]
     stiffness = {item.played_Hz: item.stable_stiffness for item in own}
     assert stiffness[1000.0] > 5 * stiffness[100.0]
+    short = [
+        replace(
+            item,
+            time=item.time[:130] / 4,
+            channels={
+                role: replace(channel, values=channel.values[:130]) for role, channel in item.channels.items()
+            },
+        )
+        for item in records
+    ]
+    refused = rates(short[0], short[1:], found.settings, settings, Hands.of())[1]
+    assert [reason.partition(": ")[0] for reason in refused] == [
+        "Not trained at 50 Hz",
+        "Not trained at 100 Hz",
+    ]
+    turned = _with_unit(records, "N·m")
+    moments, _ = rates(turned[0], turned[1:], found.settings, settings, Hands.of())
+    frame = rates_table(moments, [], turned[0], "x").frame
+    assert len(frame) > 3 and frame[["stable_stiffness", "felt_jnd"]].isna().all(axis=None)
     (slow, fast), _ = judge([found.get("KB", "output_error")], RuntimeSettings())
     assert slow.felt.jnd.value > 3 > fast.felt.jnd.value
     assert "to a hand rate, average and delay change a push by" in slow.finding

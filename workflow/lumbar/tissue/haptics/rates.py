@@ -20,7 +20,7 @@ from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.haptics.held_force import FINEST_HZ, held_force
 from lumbar.tissue.haptics.judgement import analyse
-from lumbar.tissue.haptics.rendered_model import export_at, render_model
+from lumbar.tissue.haptics.rendered_model import export_at, render_model, renderable
 from lumbar.tissue.identification.identify_tissue import without_intervals
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.tissue_models import HO, KB, MAXWELL
@@ -55,7 +55,7 @@ class Rate:
 
     @property
     def stable_stiffness(self) -> float:
-        """Largest stiffness with which the loop is stable."""
+        """Largest stiffness with which the loop is stable; NaN where no device was asked."""
         return self.stiffness * self.stable_gain
 
 
@@ -65,21 +65,27 @@ def rates(
     tissue: TissueSettings,
     settings: RuntimeSettings,
     hands: Hands,
-) -> Iterator[Rate]:
+) -> tuple[list[Rate], list[str]]:
     """Maxwell, KB and HO by the estimator of the settings: every rate of training at its own rate, the highest at all rates.
 
-    Rates above that of the records train nothing. A model that has no counterpart at a rate is left out there.
+    Rates above that of the records train nothing. Behind the models stands why a rate could not be trained at; a model that has
+    no counterpart at a rate is left out there.
     """
     own = 1.0 / training.sampling_time
-    trained = [rate for rate in RATES_HZ if rate < own * (1 - _WITHIN)]
-    for rate in (*trained, own):
-        records = (
-            [training, *tests] if rate == own else [resample(record, rate) for record in (training, *tests)]
-        )
-        played = [item for item in RATES_HZ if item > own * (1 - _WITHIN)] if rate == own else []
-        for model in without_intervals(records[0], records[1:], tissue):
+    found: list[Rate] = []
+    refused = []
+    for rate in (*(rate for rate in RATES_HZ if rate < own * (1 - _WITHIN)), own):
+        try:
+            records = [record if rate == own else resample(record, rate) for record in (training, *tests)]
+            models = without_intervals(records[0], records[1:], tissue)
+        except InputError as error:
+            refused.append(f"Not trained at {rate:g} Hz: {error}")
+            continue
+        played = {rate} if rate < own else {rate, *(item for item in RATES_HZ if item > own * (1 - _WITHIN))}
+        for model in models:
             if model.name in _MODELS and model.estimator == settings.estimator and model.stable:
-                yield from _played(model, training, rate, {rate, *played}, settings, hands)
+                found += _played(model, training, rate, played, settings, hands)
+    return found, refused
 
 
 def _played(
@@ -105,12 +111,14 @@ def _played(
         met = None
         if finest is not None:
             met = force_difference(finest, force, model.output.unit, position, 1.0 / FINEST_HZ, hands)
-        gain = analyse(render_model(exported, settings.device), settings.device).gain
+        device, gain = settings.device, np.nan
+        if renderable(exported):
+            gain = analyse(render_model(exported, device), device).gain
         yield Rate(model, trained, rate, gain, met and met.felt)
 
 
-def rates_table(found: Sequence[Rate], record: str, data: str) -> Table:
-    """Return the table model × rate."""
+def rates_table(found: Sequence[Rate], refused: Sequence[str], record: Record, data: str) -> Table:
+    """Return the table model × rate of what `rates` found of a training record."""
     rows = [
         {
             "model": item.model.name,
@@ -125,7 +133,5 @@ def rates_table(found: Sequence[Rate], record: str, data: str) -> Table:
             found, key=lambda item: (_MODELS.index(item.model.name), item.trained_Hz, item.played_Hz)
         )
     ]
-    model = found[0].model
-    return described(
-        __file__, "rates", rows, data, {"record": record, "unit": f"{model.output.unit}/{model.input.unit}"}
-    )
+    units = "/".join(record.channels[role].unit for role in ("output", "input"))
+    return described(__file__, "rates", rows, data, {"record": record.name, "unit": units}, notes=refused)
