@@ -16,7 +16,7 @@ from lumbar.tissue.perception.thresholds import Hands
 
 FINEST_HZ = 1000.0
 """Rate at which a hand is taken to meet forces, and that other rates are felt against."""
-_WITHIN = 1e-3
+WITHIN = 1e-3
 """Share of a sample within which an instant counts as reached, as in ``sampled_force.c``."""
 
 
@@ -32,12 +32,18 @@ def held_force(
     delay : float
         Seconds from a sample to its force.
     """
-    rate = 1.0 / model.sampling_time
     instants = np.arange(0.0, time[-1] * (1 + 1e-9), 1.0 / FINEST_HZ)
-    read_at = np.floor((instants - delay) * rate + _WITHIN).astype(int).clip(min=0)
-    own = np.interp(np.arange(read_at[-1] + 1) * model.sampling_time, time, position)
+    own, read_at = held_samples(time, position, model.sampling_time, instants - delay)
     force = model_output(model, own) + model.output.offset
     return force[read_at], np.interp(instants, time, position)
+
+
+def held_samples(
+    time: np.ndarray, position: np.ndarray, sampling_time: float, instants: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions at a file's samples, and the sample whose force is held at each instant, shape (instants,)."""
+    read_at = np.floor(instants / sampling_time + WITHIN).astype(int).clip(min=0)
+    return np.interp(np.arange(read_at[-1] + 1) * sampling_time, time, position), read_at
 
 
 def felt_on_device(

@@ -18,7 +18,7 @@ from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
-from lumbar.tissue.haptics.held_force import FINEST_HZ, held_force
+from lumbar.tissue.haptics.held_force import FINEST_HZ, WITHIN, held_force
 from lumbar.tissue.haptics.judgement import analyse
 from lumbar.tissue.haptics.rendered_model import export_at, render_model, renderable
 from lumbar.tissue.identification.identify_tissue import without_intervals
@@ -29,8 +29,6 @@ from lumbar.tissue.perception.thresholds import Hands
 
 RATES_HZ = (50.0, 100.0, 250.0, 500.0, FINEST_HZ)
 _MODELS = (MAXWELL.name, KB.name, HO.name)
-_WITHIN = 1e-3
-"""Share of a sample within which an instant counts as reached."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +72,14 @@ def rates(
     own = 1.0 / training.sampling_time
     found: list[Rate] = []
     refused = []
-    for rate in (*(rate for rate in RATES_HZ if rate < own * (1 - _WITHIN)), own):
+    for rate in (*(rate for rate in RATES_HZ if rate < own * (1 - WITHIN)), own):
         try:
             records = [record if rate == own else resample(record, rate) for record in (training, *tests)]
             models = without_intervals(records[0], records[1:], tissue)
-        except InputError as error:
+        except (InputError, NumericalError) as error:
             refused.append(f"Not trained at {rate:g} Hz: {error}")
             continue
-        played = {rate} if rate < own else {rate, *(item for item in RATES_HZ if item > own * (1 - _WITHIN))}
+        played = {rate} if rate < own else {rate, *(item for item in RATES_HZ if item > own * (1 - WITHIN))}
         for model in models:
             if model.name in _MODELS and model.estimator == settings.estimator and model.stable:
                 found += _played(model, training, rate, played, settings, hands)

@@ -12,13 +12,12 @@ from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, export_models, settings_of_thesis
 from lumbar.tissue.fmu.build.reference_response import model_output, reference_output
+from lumbar.tissue.haptics.held_force import held_samples
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.perception.felt import felt_columns, force_difference
 from lumbar.tissue.perception.thresholds import Hands
 
-_WITHIN = 1e-3
-"""Share of a sample within which an instant counts as reached, as in ``sampled_force.c``."""
 _DIGITS = 6
 """After the point: less is rounding where a step changes nothing."""
 
@@ -46,7 +45,8 @@ def _row(
     (exported,) = export_models([model], settings)
     prompt = _with_newest(model, exported, settings)
     late = exported.dynamics.delay - prompt.dynamics.delay
-    position, read_at = _positions(record, exported.sampling_time)
+    time = np.arange(len(record)) * record.sampling_time
+    position, read_at = held_samples(time, record["input"], exported.sampling_time, time)
     steps = [
         model.simulate(record),
         *(
@@ -87,11 +87,3 @@ def _with_newest(model: FittedModel, exported: ExportModel, settings: RuntimeSet
         return exported
     plain = replace(model, name=model.name.removesuffix(AS_IN_THESIS))
     return export_models([plain], settings_of_thesis(settings, model))[0]
-
-
-def _positions(record: Record, sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Positions at a file's samples, and the sample whose force is held at each instant of the record."""
-    time = np.arange(len(record["input"])) * record.sampling_time
-    read_at = np.floor(time / sampling_time + _WITHIN).astype(int)
-    own = np.arange(read_at[-1] + 1) * sampling_time
-    return np.interp(own, time, record["input"]), read_at
