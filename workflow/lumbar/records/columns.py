@@ -43,6 +43,7 @@ from lumbar.records.record import (
 from lumbar.records.stretches import check_clipping
 from lumbar.records.text_rows import number, stop_at_many
 from lumbar.records.unpacking import PACKED, read_readable, stem_of
+from lumbar.records.vector_columns import along_axes, column_of
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 LONGEST_GAP = 10
@@ -138,7 +139,7 @@ def read_record(
         study = path.parent / "study.yaml"
         words, file = (_IN_STUDY, study) if study.is_file() else (_ELSEWHERE, path)
         raise InputError(f"{error}\n{words.format(shlex.quote(str(file)))}") from error
-    columns = {role: column for role, column in layout.columns.items() if role in raw}
+    columns = {role: column_of(layout.columns, role) for role in raw}
     with np.errstate(over="ignore"):  # what overflows is refused below, with its place
         scaled = {
             role: raw[role] * float(column.scale) + float(column.offset) for role, column in columns.items()
@@ -149,6 +150,8 @@ def read_record(
     if points := _without_clock(scaled):
         if rate is not None or trim is not None:
             raise InputError(f"{path}: points without a clock have neither a rate nor a part in seconds")
+        if "input_x" in columns or "input_y" in columns:
+            raise InputError(f"{path}: points without a clock have one axis; several need times")
         scaled[TIME] = np.arange(float(len(next(iter(scaled.values())))))
     scaled[TIME] = scaled[TIME] * _SECONDS[time_unit]
     if trim is not None:
@@ -319,6 +322,7 @@ def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str]
     """Zero-based position of each role's column."""
     problems = Problems(str(path))
     positions = {}
+    columns = along_axes(columns, header or (), problems)
     # A table of these two alone has no clock; beside any other column that one might be it, under another name.
     pair = {columns[role].column for role in ("input", "output") if role in columns}
     for role, column in columns.items():
@@ -374,7 +378,7 @@ def _read_mat(path: Path, layout: ColumnLayout, load_matlab: Callable[..., dict]
     problems = Problems(str(path))
     values = {}
     names = [name for name in content if not name.startswith("__")]
-    for role, column in layout.columns.items():
+    for role, column in along_axes(layout.columns, names, problems).items():
         found = content.get(str(column.column))
         if found is None and column.optional:
             continue

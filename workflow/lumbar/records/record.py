@@ -10,6 +10,7 @@ from typing import overload
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.settings.layout import AXES, SIDES
 
 CLOCK_TOLERANCE = 0.25
 """How far a sample may lie from an even clock, as a share of the sampling interval."""
@@ -47,8 +48,8 @@ class Record:
     time: np.ndarray
     """Shape (samples,): seconds."""
     channels: dict[str, Channel]
-    """By role: ``"input"`` and ``"output"`` for a tissue test (position, force) and a joint (angle, moment),
-    ``"position"`` for surgeon motion."""
+    """By role: ``"input"`` and ``"output"`` for a tissue test (position, force) and a joint (angle, moment), ``"input_x"`` and
+    so on for a tissue test of several axes, ``"position"`` for surgeon motion."""
     source: str = ""
     """File it was read from, for messages."""
     period: float | None = None
@@ -74,11 +75,49 @@ class Record:
     @property
     def in_words(self) -> str:
         """Name, samples, clock and channels."""
-        channels = ", ".join(f"{item.quantity} ({item.unit})" for item in self.channels.values())
         if self.points:
-            return f"{self.name}: {len(self)} points without a clock; {channels}"
+            return f"{self.name}: {len(self)} points without a clock; {self.quantities}"
         rate = round(1 / self.sampling_time, 4) if len(self) > 1 else float("nan")
-        return f"{self.name}: {len(self)} samples at {rate:g} Hz, {len(self) / rate:.4g} s; {channels}"
+        return f"{self.name}: {len(self)} samples at {rate:g} Hz, {len(self) / rate:.4g} s; {self.quantities}"
+
+    @property
+    def quantities(self) -> str:
+        """What was measured, with units: ``"position (mm), force (N)"``, ``"position x, y (mm), force x, y (N)"``."""
+        along = {self.roles(side)[0]: "".join(f", {axis}" for axis in self.axes)[1:] for side in SIDES}
+        told_before = {role for side in SIDES for role in self.roles(side)[1:]}
+        return ", ".join(
+            f"{item.quantity}{along.get(role, '')} ({item.unit})"
+            for role, item in self.channels.items()
+            if role not in told_before
+        )
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes of a record of several, ``("x", "y", "z")`` or two of them; empty for one axis."""
+        return tuple(axis for axis in AXES if f"input_{axis}" in self.channels)
+
+    def roles(self, side: str) -> tuple[str, ...]:
+        """Roles of the ``"input"`` or the ``"output"``: one per axis."""
+        return tuple(f"{side}_{axis}" for axis in self.axes) or (side,)
+
+    def stacked(self, side: str) -> np.ndarray:
+        """Values of the ``"input"`` or the ``"output"``, shape (axes, samples); of one axis, shape (1, samples)."""
+        return np.stack([self[role] for role in self.roles(side)])
+
+    def axis(self, name: str) -> Record:
+        """Return the record of one of several axes, with the channels that belong to none.
+
+        Raises
+        ------
+        InputError
+            If it has no such axis.
+        """
+        if name not in self.axes:
+            raise InputError(f"{self.name}: no axis {name!r}; there are {', '.join(self.axes) or 'none'}")
+        along = {side: self.channels[f"{side}_{name}"] for side in SIDES}
+        every = {role for side in SIDES for role in self.roles(side)}
+        beside = {role: channel for role, channel in self.channels.items() if role not in every}
+        return replace(self, channels={**along, **beside})
 
     @property
     def sampling_time(self) -> float:
@@ -142,6 +181,8 @@ def check_record(
 ) -> Record:
     """Return `record` when it can be analysed, else raise with all reasons; channels of the roles `may_rest` may be constant.
 
+    One of several axes may rest, too.
+
     Raises
     ------
     InputError
@@ -163,12 +204,19 @@ def check_record(
                 f"{name} is {values[bad[0]]}",
                 f"every value must be a finite number, of at most {largest:g} {unit}".rstrip() + " in size",
             )
-        elif name != "time" and name not in may_rest and np.ptp(values) == 0:
+        elif name != "time" and name not in may_rest and _rests(record, name):
             problems.add(name, f"constant ({values[0]:g})", "a channel that does not move cannot be analysed")
     problems.raise_if_any()
     _check_clock(record, problems, lines)
     problems.raise_if_any()
     return record
+
+
+def _rests(record: Record, role: str) -> bool:
+    """Whether a channel is constant, and with it those of all other axes."""
+    alike = next((roles for roles in map(record.roles, SIDES) if role in roles), (role,))
+    with np.errstate(invalid="ignore"):  # values that are not finite are refused by themselves
+        return all(np.ptp(record[item]) == 0 for item in alike)
 
 
 def _check_clock(record: Record, problems: Problems, lines: Sequence[int] | None) -> None:
@@ -205,10 +253,17 @@ _MOTIONS, _LOADS = ("position", "displacement", "angle", "velocity"), ("force", 
 
 def forced(record: Record) -> Record:
     """The record of a test that its load drove: the load is the input, wherever it stood in the file."""
-    one, other = record.channels["input"], record.channels["output"]
-    if one.quantity in _MOTIONS and other.quantity in _LOADS:
-        return replace(record, channels={**record.channels, "input": other, "output": one})
-    return record
+    one, other = (record.channels[record.roles(side)[0]] for side in SIDES)
+    return exchanged(record) if one.quantity in _MOTIONS and other.quantity in _LOADS else record
+
+
+def exchanged(record: Record) -> Record:
+    """The record with its output as the input."""
+    one, other = map(record.roles, SIDES)
+    swapped = zip((*one, *other), (*other, *one), strict=True)
+    return replace(
+        record, channels={**record.channels, **{role: record.channels[item] for role, item in swapped}}
+    )
 
 
 def require_clock(records: Iterable[Record]) -> None:
@@ -231,6 +286,11 @@ def same_units(records: list[Record]) -> None:
     problems = Problems("records")
     expected = _quantities(records[0]) if records else {}
     for record in records[1:]:
+        if record.axes != records[0].axes:
+            one, other = (", ".join(item.axes) or "one axis" for item in (record, records[0]))
+            words = f"{one}, but {other} in {records[0].name}"
+            problems.add(record.name, words, "all records of a set need the same axes")
+            continue
         found = _quantities(record)
         for role in sorted(expected.keys() | found.keys()):
             if found.get(role) != expected.get(role):
@@ -301,7 +361,7 @@ class RecordSet(Sequence[Record]):
                 "samples": len(record),
                 "rate (Hz)": None if record.points else round(1 / record.sampling_time, 4),
                 "duration (s)": None if record.points else round(record.duration, 4),
-                "channels": ", ".join(f"{item.quantity} ({item.unit})" for item in record.channels.values()),
+                "channels": record.quantities,
             }
             for record in self._records
         ]

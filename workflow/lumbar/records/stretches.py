@@ -32,9 +32,6 @@ _STEPS = 4
 """Samples over which the speed into a flat top is taken."""
 _TURNED = 4.0
 """Twice the time, in speed over deceleration, after which a motion that was cut off would be back."""
-RESPONSES = ("output", "moment")
-EXCITATIONS = ("input",)
-"""Roles that are looked at; surgeons and people rest where they like."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +94,8 @@ def _is_hold(top: FlatTop, values: np.ndarray) -> bool:
 def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
     """Refuse a record whose force is clipped, or whose position is and does not merely rest there.
 
+    Surgeons and people rest where they like: the channels of others are not looked at.
+
     Raises
     ------
     InputError
@@ -104,10 +103,11 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
     """
     problems = Problems(record.source or record.name)
     for role, channel in record.channels.items():
-        if role not in (*RESPONSES, *EXCITATIONS):
+        excites = role in record.roles("input")
+        if not excites and role not in (*record.roles("output"), "moment"):
             continue
         for top in flat_tops(channel.values):
-            if role in EXCITATIONS and _is_hold(top, channel.values):
+            if excites and _is_hold(top, channel.values):
                 continue
             problems.add(
                 role,

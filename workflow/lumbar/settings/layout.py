@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal, Union
 
 from lumbar.settings.key import UNIQUE, Each, RecordName, key, required, settings
 
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+AXES, SIDES = ("x", "y", "z"), ("input", "output")
+"""Axes of a record of several, and the two sides whose roles have an axis behind them: ``input_x``."""
 
 
 @settings
@@ -36,6 +39,32 @@ class ColumnLayout:
     comment: str | None = key(default=None)
     decimal: Literal[".", ","] = key(default=".")
     clipped: Literal["refuse", "accept"] = key(default="refuse")
+
+    def __post_init__(self):
+        if problems := list(_problems_of_axes(self.columns)):
+            raise ValueError("; ".join(problems))
+
+
+def _problems_of_axes(columns: dict[str, ColumnSettings]) -> Iterator[str]:
+    """What is wrong with the roles of a layout of several axes."""
+    along = {side: [axis for axis in AXES if f"{side}_{axis}" in columns] for side in SIDES}
+    axes = sorted({axis for found in along.values() for axis in found})
+    if not axes:
+        return
+    if len(axes) == 1:
+        yield f"{axes[0]} alone; a record has two or three axes, or one with the roles input and output"
+    for side in SIDES:
+        if side in columns:
+            yield f"columns: {side} beside roles of axes; one axis or several"
+        for axis in (axis for axis in axes if axis not in along[side]):
+            yield f"columns: no {side}_{axis}; input and output need the same axes"
+        kinds = {
+            role: (columns[role].quantity, columns[role].unit)
+            for role in (f"{side}_{a}" for a in along[side])
+        }
+        if len(set(kinds.values())) > 1:
+            told = ", ".join(f"{role} is {quantity} in {unit}" for role, (quantity, unit) in kinds.items())
+            yield f"columns: {told}; one quantity and unit for all axes"
 
 
 @settings

@@ -1,0 +1,103 @@
+"""Records of several axes: from column files and layouts, in parts and at other rates, and what is refused of them."""
+
+import numpy as np
+import pytest
+
+import lumbar
+from case_tables import cases
+from lumbar.base.errors import InputError
+from lumbar.records.record import Channel, Record, exchanged, forced, resample
+from lumbar.settings.layout import ColumnLayout, columns
+from refusing import refusal
+
+TIME = np.arange(400) / 100
+FULL = cases(__file__, "read")[0]["header"]
+
+
+def column(name: str) -> np.ndarray:
+    """Numbers of a column, of which each name has its own."""
+    return TIME if name in ("time_s", "t") else np.sin((3 + sum(map(ord, name)) % 7) * TIME + len(name))
+
+
+def written(tmp_path, header: str, table=None, name="trial.csv"):
+    table = np.column_stack([column(item) for item in header.split(",")]) if table is None else table
+    np.savetxt(tmp_path / name, table, delimiter=",", header=header, comments="", fmt="%.9f")
+    return tmp_path / name
+
+
+@pytest.mark.parametrize("case", cases(__file__, "read"))
+def test_columns_of_axes_are_read_in_any_order(tmp_path, case):
+    [record] = lumbar.read(written(tmp_path, case["header"]))
+    axes = tuple(case["axes"].split())
+    assert record.axes == axes
+    assert list(record.channels) == [f"{side}_{axis}" for side in ("input", "output") for axis in axes]
+    expected = np.stack([column(f"force_{axis}_N") for axis in axes])
+    assert record.stacked("output") == pytest.approx(expected, abs=1e-8)
+    assert f"position {', '.join(axes)} (mm), force {', '.join(axes)} (N)" in record.in_words
+    along = record.axis(axes[-1])
+    assert along.axes == ()
+    assert list(along.channels) == ["input", "output"]
+    assert along.stacked("output") == pytest.approx(expected[-1:], abs=1e-8)
+    with pytest.raises(InputError, match="no axis 'w'"):
+        record.axis("w")
+
+
+@pytest.mark.parametrize("case", cases(__file__, "refused"))
+def test_headers_of_half_a_record_or_two_are_refused(tmp_path, case):
+    told = refusal(lumbar.read, written(tmp_path, case["header"]))
+    assert [words for words in case["words"] if words not in told] == []
+
+
+@pytest.mark.parametrize("case", cases(__file__, "values"))
+def test_axes_are_checked_one_by_one_and_one_may_rest(tmp_path, case):
+    values = [
+        eval(text, {"np": np, "w": np.sin(5 * TIME), "t": TIME}) for text in case["position"] + case["force"]
+    ]
+    path = written(tmp_path, FULL, np.column_stack([TIME, *values]))
+    if not case["words"]:
+        assert lumbar.read(path)[0].stacked("input").shape == (3, len(TIME))
+        return
+    told = refusal(lumbar.read, path)
+    assert [words for words in case["words"] if words not in told] == []
+
+
+@pytest.mark.parametrize("case", cases(__file__, "layouts"))
+def test_a_layout_names_every_axis_of_both_sides_alike(case):
+    words = {"i": ("mm", "position"), "o": ("N", "force")}
+    roles = {
+        role: (role, case["units"].get(role, words[role[0]][0]), words[role[0]][1]) for role in case["roles"]
+    }
+    with pytest.raises(ValueError, match="axes") as caught:
+        ColumnLayout(columns=columns(time=("t", "s", "time"), **roles))
+    assert [words for words in case["words"] if words not in str(caught.value)] == []
+
+
+def test_a_layout_may_name_the_axes(tmp_path):
+    roles = {
+        f"{side}_{axis}": (f"{side[0]}{axis}", "mm", side) for side in ("input", "output") for axis in "xz"
+    }
+    layout = ColumnLayout(columns=columns(time=("t", "s", "time"), **roles))
+    [record] = lumbar.read(written(tmp_path, "t,ox,oz,iz,ix"), layout=layout)
+    assert record.axes == ("x", "z")
+    assert record["input_z"] == pytest.approx(column("iz"), abs=1e-8)
+
+
+def test_axes_are_cut_resampled_and_exchanged_like_one():
+    names = [f"{side}_{axis}" for side in ("position", "force") for axis in "xy"]
+    roles = ("input_x", "input_y", "output_x", "output_y")
+    channels = {
+        role: Channel(column(name), name.split("_")[0], "") for role, name in zip(roles, names, strict=True)
+    }
+    record = Record("trial", TIME, {**channels, "heat": Channel(column("heat"), "heat", "W")})
+    assert record.between(1, 2).stacked("input") == pytest.approx(record.stacked("input")[:, 100:200])
+    slower, alone = resample(record, 50), resample(record.axis("y"), 50)
+    assert slower["output_y"] == pytest.approx(alone["output"], rel=1e-12)
+    assert list(alone.channels) == ["input", "output", "heat"]
+    assert forced(record).stacked("input") == pytest.approx(record.stacked("output"))
+    assert forced(exchanged(record)).stacked("input") == pytest.approx(record.stacked("output"))
+
+
+def test_records_of_one_set_have_the_same_axes(tmp_path):
+    one = written(tmp_path, FULL)
+    other = written(tmp_path, "time_s,position_mm,force_N", name="other.csv")
+    assert "other: one axis, but x, y, z in trial" in refusal(lumbar.read, [one, other])

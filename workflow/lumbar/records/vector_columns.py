@@ -1,0 +1,83 @@
+"""Columns of several axes in a file whose layout names those of one: position_x_mm, … for position_mm."""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+from lumbar.base.errors import Problems
+from lumbar.settings.layout import AXES, SIDES, ColumnSettings
+
+_QUANTITIES = {"position", "force"}
+
+
+def along_axes(
+    columns: dict[str, ColumnSettings], header: Sequence[str], problems: Problems
+) -> dict[str, ColumnSettings]:
+    """Columns by role, those of position and force with an axis each where the header has them; what is wrong goes to `problems`.
+
+    Only names that say quantity and unit, as in the default layout, have an axis between the two.
+    """
+    single = {side: columns[side] for side in SIDES if side in columns}
+    if {column.quantity for column in single.values()} != _QUANTITIES or not all(
+        map(_says_unit, single.values())
+    ):
+        return columns
+    found = {side: _of_axes(column, header) for side, column in single.items()}
+    axes = [axis for axis in AXES if any(axis in names for names in found.values())]
+    if not axes:
+        return columns
+    _check(single, found, axes, header, problems)
+    expanded: dict[str, ColumnSettings] = {}
+    for role, column in columns.items():
+        if role in single:
+            named = {axis: replace(column, column=found[role][axis]) for axis in axes if axis in found[role]}
+            expanded |= {f"{role}_{axis}": own for axis, own in named.items()}
+        else:
+            expanded[role] = column
+    return expanded
+
+
+def column_of(columns: Mapping[str, ColumnSettings], role: str) -> ColumnSettings:
+    """How a role is read: of an axis that the layout does not name, as the layout's one axis."""
+    return columns[role] if role in columns else columns[role[: -len("_x")]]
+
+
+def _says_unit(column: ColumnSettings) -> bool:
+    return column.column == f"{column.quantity}_{column.unit}"
+
+
+def _of_axes(column: ColumnSettings, header: Sequence[str]) -> dict[str, str]:
+    """Names in the header by axis, whatever their unit; the layout's own unit goes first."""
+    named = re.compile(rf"{column.quantity}_([{''.join(AXES)}])_(\S+)")
+    matches = [match for match in map(named.fullmatch, header) if match]
+    matches.sort(key=lambda match: match[2] == column.unit)
+    return {match[1]: match[0] for match in matches}
+
+
+def _check(
+    single: dict[str, ColumnSettings],
+    found: dict[str, dict[str, str]],
+    axes: Sequence[str],
+    header: Collection[str],
+    problems: Problems,
+) -> None:
+    """Note columns of one axis beside those of several, axes of one side alone, one axis alone and other units."""
+    if len(axes) == 1:
+        names = ", ".join(str(column.column) for column in single.values())
+        problems.add("", f"columns of {axes[0]} alone", f"a record has two or three axes, or one: {names}")
+    for side, column in single.items():
+        if column.column in header:
+            beside = next(name for names in found.values() for name in names.values())
+            allowed = "one axis or several: give the columns that are not meant another name"
+            problems.add(str(column.column), f"stands beside {beside}", allowed)
+        for axis in axes:
+            wanted = f"{column.quantity}_{axis}_{column.unit}"
+            name = found[side].get(axis)
+            if name is None:
+                problems.add(
+                    wanted, "no such column", f"position and force need the same axes: {', '.join(axes)}"
+                )
+            elif name != wanted:
+                problems.add(
+                    name, f"another unit than {column.unit}", f"{wanted} is needed, or a layout with its unit"
+                )
