@@ -90,6 +90,7 @@ _BY_HAND = {
     ),
     "delay": HandWritten(
         input_transform=lambda motion, nonlinear: motion.delayed(nonlinear[0]),
+        spatial=True,
         c_step=CStep(
             "newer + share * (older - newer)",
             "double newer = earlier(now, ring, (int)whole), older = earlier(now, ring, (int)whole + 1);",

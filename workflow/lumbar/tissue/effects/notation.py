@@ -26,7 +26,7 @@ _NAME_RULE = "letters a to z, digits and _, a letter first"
 _SIGNS = {"positive": 1, "negative": -1, "any": 0}
 _EFFECT_FLAGS = ("accumulates", "unrepeated", "linear", "rate_independent", "rival")
 _EFFECT_KEYS = ("name", "mechanism", "source", "experiment", "sensors", *_EFFECT_FLAGS, "forms")
-_FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "essential")
+_FORM_KEYS = ("equation", "state", "parameters", "constants", "place", "general", "one_axis", "essential")
 _BASE_KEYS = ("name", "mechanism", "source", "equation", "state", "parameters", "constants")
 _HOOK_KEYS = ("solution", "by_hand", "latex", "starts", "contradiction")
 """Of the catalogue's files alone; ``latex`` stands in place of the equation of a form that is written by hand."""
@@ -324,6 +324,7 @@ class _Reading:
                 self.constant(symbol, item, at("constants")) for symbol, item in constants.items()
             ),
             "general": self.flag(content, "general", place),
+            "one_axis": self.flag(content, "one_axis", place),
             "essential": self.essential(content, at("essential")),
             **self.hooked(content, place),
         }

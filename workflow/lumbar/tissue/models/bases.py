@@ -11,7 +11,7 @@ import numpy as np
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.models.equation import CStep, Solution
 from lumbar.tissue.models.form import Form, HandWritten, LinearParameter, NonlinearParameter, Place
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import Motion, OneMotion
 from lumbar.tissue.models.operators import relaxation, surface_of_branch, surface_of_dashpot
 from lumbar.tissue.models.parameter import Constant
 
@@ -41,7 +41,7 @@ class Base:
     moment is computed; a constant in it would be one of the person."""
     hand_written: HandWritten | None = None
     """Instead of the equation, as of a `Form`."""
-    touching: Callable[[Motion, np.ndarray], np.ndarray] | None = None
+    touching: Callable[[Any, np.ndarray], np.ndarray] | None = None
     """For a tool that is not fastened to the tissue, which it meets at position 0 and never pulls: from motion and
     nonlinear parameters to whether it touches, (samples,). Where it does not, effects add no force."""
     start: tuple[tuple[str, str], ...] = ()
@@ -50,6 +50,8 @@ class Base:
     """Numbers that the equations call by a symbol."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """Of a base of one's own: what its file says."""
+    spatial: Any = None
+    """Of a tissue in space: its `lumbar.tissue.models.symmetry.SpatialBase`."""
 
     @cached_property
     def form(self) -> Form:
@@ -67,6 +69,11 @@ class Base:
             hand_written=self.hand_written,
             effect="base",
         )
+
+    @cached_property
+    def memory_key(self) -> str:
+        """What a motion remembers its forces by."""
+        return self.name if self.spatial is None else f"{self.name} {hash(self.spatial)}"
 
     @property
     def contact(self) -> bool:
@@ -97,7 +104,7 @@ class Base:
         """The sum of its forces in C, sample by sample."""
         return self.form.c_step
 
-    def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
+    def columns(self, motion: OneMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
         """Forces, one per linear parameter at size 1, each of shape (samples,)."""
         return self.form.columns(motion, nonlinear)
 

@@ -23,7 +23,16 @@ from lumbar.tissue.models.expression import (
     symbols,
     whole_power,
 )
-from lumbar.tissue.models.motion import FORCE, NEVER_NEGATIVE, POSITIONS, SIGNALS, Motion
+from lumbar.tissue.models.motion import (
+    FORCE,
+    LINEAR,
+    NEVER_NEGATIVE,
+    POSITIONS,
+    SIGNALS,
+    STEADY,
+    Motion,
+    OneMotion,
+)
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter, Parameter
 from lumbar.tissue.models.printing import c_text, latex, portable, symbol_latex
 from lumbar.tissue.models.state_equation import MOST_STATES, STEP_SYMBOL, StateEquation
@@ -121,9 +130,14 @@ class Equation:
         return expand_sums(self.tree)
 
     @cached_property
-    def slopes(self) -> dict[str, Expression]:
-        """Rate of change by state."""
+    def rates(self) -> dict[str, Expression]:
+        """Rate of change by state, as the equation says it."""
         return {name: expand_sums(parse(text)) for name, text in self.states}
+
+    @property
+    def slopes(self) -> dict[str, Expression]:
+        """Rate of change by state that is solved for."""
+        return self.rates
 
     @cached_property
     def begin(self) -> dict[str, Expression]:
@@ -211,7 +225,9 @@ class Equation:
             found += [
                 (where, f"{symbol} is linear; a state knows nonlinear parameters only") for symbol in linear
             ]
-            unsteady = {"a", "theta_ddot", *(n for n, item in SIGNALS.items() if item.channel)}
+            unsteady = (
+                {"a", "theta_ddot", *(n for n, item in SIGNALS.items() if item.channel)} - STEADY - LINEAR
+            )
             said = "is not known between samples; a state may not use it"
             if where.endswith(".start"):
                 unsteady = {*SIGNALS, *self.slopes} - {*POSITIONS}
@@ -270,7 +286,7 @@ class Equation:
 
     def forces(
         self,
-        motion: Motion,
+        motion: OneMotion,
         nonlinear: np.ndarray,
         solution: Solution | None = None,
         force: np.ndarray | None = None,
@@ -282,7 +298,7 @@ class Equation:
         """
         values: dict = dict(zip(self._nonlinear_symbols, nonlinear, strict=True))
         if self.state is not None and solution is not None:
-            values.update(zip(self.slopes, solution(motion, nonlinear), strict=True))
+            values.update(zip(self.slopes, solution(motion, nonlinear), strict=True))  # type: ignore[arg-type]  # of one axis
         elif self.state is not None:
             values.update(self.state.trajectory(motion, self.parameters(nonlinear)))
         for name, signal in self._signals:

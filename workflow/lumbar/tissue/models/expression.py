@@ -54,6 +54,8 @@ softplus(x) is ln(1 + e^x), smoothstep(x) is 3x² − 2x³ between 0 and 1 and c
 its limits, where(condition, yes, no) chooses, sum(n, 1, 7, term) adds the terms for n from 1 to 7 with symbols ``A_n``
 called ``A_1`` ….
 """
+VECTOR_NAMES = {"norm": "abs", "dot": "*"}
+"""What operations are called too, for readers who think of vectors."""
 COMPARISONS = ("<", "<=", ">", ">=")
 
 
@@ -304,10 +306,12 @@ class _Reader:
         return Operation(name, tuple(self.read(operand, depth + 1) for operand in operands))
 
     def _call(self, node: ast.Call, name: str, operands: list[ast.expr], depth: int) -> Operation:
-        if name not in OPERANDS:
-            raise self._refused(node, f"functions are {', '.join(OPERANDS)}")
-        if len(operands) != OPERANDS[name]:
-            raise self._refused(node, f"{name} takes {OPERANDS[name]} operands and got {len(operands)}")
+        count = {**OPERANDS, "norm": 1, "dot": 2}.get(name)
+        if count is None:
+            raise self._refused(node, f"functions are {', '.join((*OPERANDS, *VECTOR_NAMES))}")
+        if len(operands) != count:
+            raise self._refused(node, f"{name} takes {count} operands and got {len(operands)}")
+        name = VECTOR_NAMES.get(name, name)
         if name == "where":
             return self._choice(operands, depth)
         called = self._operation(name, operands, depth)

@@ -14,14 +14,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
-from lumbar.base.errors import Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.tissue.models.equation import CStep, Equation, Solution
-from lumbar.tissue.models.motion import POSITIONS, Motion
+from lumbar.tissue.models.motion import POSITIONS, OneMotion
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter
+from lumbar.tissue.models.spatial_equation import SpatialEquation
 
 
 class Place(StrEnum):
@@ -30,13 +31,15 @@ class Place(StrEnum):
     INPUT = "input"
     PARALLEL = "parallel"
     OUTPUT = "output"
+    FRAME = "frame"
+    """Of several axes: it turns and mixes the forces along them."""
 
 
-Columns = Callable[[Motion, np.ndarray], list[np.ndarray]]
-InputTransform = Callable[[Motion, np.ndarray], Motion]
-OutputTransform = Callable[[np.ndarray, Motion, np.ndarray], np.ndarray]
-Starts = Callable[[Motion, np.ndarray], list[np.ndarray]]
-Contradiction = Callable[[dict[str, float], Motion, np.ndarray, float, float | None], str]
+Columns = Callable[[Any, np.ndarray], list[np.ndarray]]
+InputTransform = Callable[[Any, np.ndarray], Any]
+OutputTransform = Callable[[np.ndarray, Any, np.ndarray], np.ndarray]
+Starts = Callable[[Any, np.ndarray], list[np.ndarray]]
+Contradiction = Callable[[dict[str, float], Any, np.ndarray, float, float | None], str]
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,10 @@ class HandWritten:
     """The same in C, sample by sample; a form without it cannot be exported to a haptic device."""
     channels: tuple[str, ...] = ()
     """Roles of channels beside input and output that it needs."""
+    matrix: Callable[[np.ndarray], np.ndarray] | None = None
+    """Forms of a frame: from nonlinear parameters to what the forces along the axes are multiplied by, (axes, axes)."""
+    spatial: bool = False
+    """Whether it holds for motions in space as it stands."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +98,8 @@ class Form:
     """Instead of the equation."""
     general: bool = False
     """Whether it holds other forms of its effect as special cases: a search takes it only where these leave much."""
+    one_axis: bool = False
+    """Whether there is none like it in space: it counts along one axis alone."""
     essential: tuple[str, ...] = ()
     """Linear parameters without which the mechanism is not there; default any of them."""
     contradiction: Contradiction | None = None
@@ -101,6 +110,28 @@ class Form:
     """Name of the effect, which sets it."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """That of the effect, which sets it."""
+    axes: tuple[str, ...] = ()
+    """Names of the axes along which it acts; none of one axis."""
+    written: tuple[LinearParameter, ...] = ()
+    """Linear parameters as the equation has them, where it acts along several axes."""
+
+    def in_space(self, axes: tuple[str, ...]) -> Self:
+        """The form for motions along these axes.
+
+        Raises
+        ------
+        InputError
+            If its equation means nothing in space.
+        """
+        if self.one_axis or (self.hand_written and not self.hand_written.spatial):
+            raise InputError(f"{self.key} counts along one axis")
+        if self.hand_written:
+            return replace(self, axes=axes)
+        found = replace(self, axes=axes, written=self.linear)
+        equation = found._unchecked
+        assert isinstance(equation, SpatialEquation)
+        equation.check_in_space()
+        return replace(found, linear=equation.spatial_linear)
 
     def with_constants(self, values: Mapping[str, float]) -> Self:
         """The form with other values of constants, by symbol; what it has no constant for is left out."""
@@ -164,9 +195,10 @@ class Form:
     @cached_property
     def _unchecked(self) -> Equation:
         transforms = self.place is Place.OUTPUT
-        return Equation(
-            self.equation, transforms, self.linear, self.nonlinear, self.constants, self.state, self.start
-        )
+        given = self.nonlinear, self.constants, self.state, self.start
+        if self.axes:
+            return SpatialEquation(self.equation, transforms, self.written, *given, axes=self.axes)
+        return Equation(self.equation, transforms, self.linear, *given)
 
     @cached_property
     def latex(self) -> str:
@@ -201,18 +233,24 @@ class Form:
         """The same in C, sample by sample; None where it cannot be exported to a haptic device."""
         return self.hand_written.c_step if self.hand_written else self._equation.c_step(self.c_solution)
 
-    def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
+    def columns(self, motion: OneMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
         """Forces of a parallel form, one per linear parameter at size 1, each of shape (samples,)."""
         if self.hand_written:
             return self.hand_written.columns(motion, nonlinear)
         return self._equation.forces(motion, nonlinear, self.solution)
 
-    def input_transform(self, motion: Motion, nonlinear: np.ndarray) -> Motion:
+    def input_transform(self, motion: OneMotion, nonlinear: np.ndarray) -> OneMotion:
         """Motion that an input form lets the tissue see."""
         assert self.hand_written is not None  # no equation transforms a motion
         return self.hand_written.input_transform(motion, nonlinear)
 
-    def output_transform(self, force: np.ndarray, motion: Motion, nonlinear: np.ndarray) -> np.ndarray:
+    def mixed(self, columns: list[np.ndarray], nonlinear: np.ndarray) -> list[np.ndarray]:
+        """Forces along the axes, each of shape (axes × samples,), as a form of a frame lets them be read."""
+        assert self.hand_written is not None and self.hand_written.matrix is not None
+        matrix = self.hand_written.matrix(nonlinear)
+        return [(matrix @ item.reshape(len(matrix), -1)).ravel() for item in columns]
+
+    def output_transform(self, force: np.ndarray, motion: OneMotion, nonlinear: np.ndarray) -> np.ndarray:
         """Measured force that an output form makes of a force."""
         if self.hand_written:
             return self.hand_written.output_transform(force, motion, nonlinear)
@@ -247,6 +285,16 @@ class Effect:
     """Whether it is asked only where it would look like what is named, and not searched for by itself."""
     definition: Mapping | None = field(default=None, compare=False, repr=False)
     """Content of the user's file that it was read from, for files of models to carry; None of others."""
+
+    def in_space(self, axes: tuple[str, ...]) -> tuple[Self | None, dict[str, str]]:
+        """The effect for motions along these axes, None where no form has a meaning there; and why forms have none."""
+        forms, without = [], {}
+        for form in self.forms:
+            try:
+                forms.append(form.in_space(axes))
+            except InputError as error:
+                without[form.key] = str(error)
+        return (replace(self, forms=tuple(forms)) if forms else None), without
 
     @property
     def changes(self) -> bool:

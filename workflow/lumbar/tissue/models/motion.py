@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import scipy
@@ -22,8 +22,29 @@ SUBSTEPS = 4
 """Steps between two samples in which a motion that is not smooth is followed."""
 
 
+class Remembering:
+    """What keeps results of its own data."""
+
+    def remember(self, name: str, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
+        """Result of `compute`, kept for the latest few nonlinear parameters: fits change one at a time."""
+        key = name, np.asarray(nonlinear, dtype=float).tobytes()
+        kept = self.__dict__.setdefault("_kept", {})
+        found = kept.pop(key) if key in kept else compute()
+        kept[key] = found
+        if len(kept) > _MOST_KEPT:
+            del kept[next(iter(kept))]
+        return found
+
+    def keep(self, name: str, compute: Callable[[], Any]) -> Any:
+        """Result of `compute`, kept as long as the motion: what no parameter changes."""
+        lasting = self.__dict__.setdefault("_lasting", {})
+        if name not in lasting:
+            lasting[name] = compute()
+        return lasting[name]
+
+
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Remembering):
     """Evenly sampled position of the tool about the record's zero."""
 
     time: np.ndarray
@@ -145,23 +166,6 @@ class Motion:
         """For every sample the number of the monotone stretch between `turns` it lies in."""
         samples = self._turning[1]
         return np.append(np.repeat(np.arange(len(samples) - 1), np.diff(samples)), len(samples) - 2)
-
-    def remember(self, name: str, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
-        """Result of `compute`, kept for the latest few nonlinear parameters: fits change one at a time."""
-        key = name, np.asarray(nonlinear, dtype=float).tobytes()
-        kept = self.__dict__.setdefault("_kept", {})
-        found = kept.pop(key) if key in kept else compute()
-        kept[key] = found
-        if len(kept) > _MOST_KEPT:
-            del kept[next(iter(kept))]
-        return found
-
-    def keep(self, name: str, compute: Callable[[], Any]) -> Any:
-        """Result of `compute`, kept as long as the motion: what no parameter changes."""
-        lasting = self.__dict__.setdefault("_lasting", {})
-        if name not in lasting:
-            lasting[name] = compute()
-        return lasting[name]
 
     def delayed(self, delay: float) -> Motion:
         """Motion `delay` seconds ago, at rest at its first position before the record began."""
@@ -322,6 +326,56 @@ class JoinedMotions:
         return np.split(signal, np.cumsum([len(part) for part in self.parts])[:-1])
 
 
+@dataclass(frozen=True, eq=False)
+class SpatialMotion(JoinedMotions, Remembering):
+    """Motions along several axes at the same instants; its signals stand one axis after the other."""
+
+    names: tuple[str, ...] = ()
+    """Names of the axes, of `AXES`."""
+
+    @property
+    def time(self) -> np.ndarray:
+        """Seconds since the record's start, shape (samples,)."""
+        return self.parts[0].time
+
+    def along(self, axis: str) -> Motion:
+        """Motion along one axis."""
+        return self.parts[self.names.index(axis)]
+
+    def each(self, change: Callable[[Motion], Motion]) -> Self:
+        """The motion with that along every axis changed."""
+        return replace(self, parts=tuple(map(change, self.parts)))
+
+    @cached_property
+    def increments(self) -> np.ndarray:
+        """Length of the way since the sample before, shape (samples,); 0 for the first."""
+        return np.sqrt(sum(part.increments**2 for part in self.parts))
+
+    @cached_property
+    def path(self) -> np.ndarray:
+        """Distance travelled since the record's start, shape (samples,)."""
+        return np.cumsum(self.increments)
+
+    @property
+    def channels(self) -> dict[str, np.ndarray]:
+        """The axes, as what components of signals need."""
+        return {f"axis {name}": part.position for name, part in zip(self.names, self.parts, strict=True)}
+
+    def delayed(self, delay: float) -> Self:
+        """Motion `delay` seconds ago, at rest at its first position before the record began."""
+        return self.each(lambda part: part.delayed(delay))
+
+    def scale(self, kind: str) -> float:
+        """Size of a quantity; speed and path are those in space, positions those along the axis of the largest range."""
+        if kind == "path":
+            return float(self.path[-1])
+        if kind == "speed":
+            return float(np.sqrt(sum(part.velocity**2 for part in self.parts)).max())
+        return super().scale(kind)
+
+
+OneMotion = Motion | SpatialMotion
+"""Motion of one record, along one axis or several."""
 _JUMP = 0.1
 """Share of its range by which an input that is held between jumps typically jumps."""
 
@@ -340,7 +394,7 @@ class MotionSignal:
 
     meaning: str
     """For reports and messages."""
-    of: Callable[[Motion], np.ndarray]
+    of: Callable[[Any], np.ndarray]
     """From a motion to the signal, shape (samples,)."""
     c_name: str = ""
     """Its name in the C code of a form; empty where a running loop does not know it."""
@@ -379,10 +433,28 @@ SIGNALS = {
     "pivot_acceleration_z": _channel("pivot_acceleration_z", r"\ddot z_p", "the pivot's upwards"),
 }
 """By symbol. The pendulum's angle has names of its own for what a tissue knows as position."""
-POSITIONS = ("z", "theta")
+AXES = ("x", "y", "z")
+"""Names of axes in space."""
+VECTORS = ("z", "v", "a", "dz")
+"""Signals that have a component along every axis of a motion in space, called ``z_x`` …."""
+
+
+def _along(axis: str, signal: MotionSignal) -> MotionSignal:
+    latex = signal.latex or {"position": "z", "velocity": "v", "acceleration": "a"}[signal.c_name]
+    return MotionSignal(
+        f"{signal.meaning} along {axis}",
+        lambda motion: signal.of(motion.along(axis)),
+        f"{signal.c_name}_{axis}",
+        f"{latex}_{axis}",
+        f"axis {axis}",
+    )
+
+
+SIGNALS |= {f"{name}_{axis}": _along(axis, SIGNALS[name]) for name in VECTORS for axis in AXES}
+POSITIONS = ("z", "theta", *(f"z_{axis}" for axis in AXES))
 """Signals that stand for the position."""
 NEVER_NEGATIVE = {"s", "t"}
-STEADY = {"v", "dz", "theta_dot"}
+STEADY = {"v", "dz", "theta_dot", *(f"{name}_{axis}" for name in ("v", "dz") for axis in AXES)}
 """Signals that stay the same between two samples where the position is linear in between."""
 LINEAR = {*POSITIONS, "s", "t"}
 """Signals that are then linear in time."""

@@ -61,6 +61,8 @@ class NonlinearParameter(Parameter):
     follows_record: bool = field(default=False, kw_only=True)
     """For time constants: the range of the fit reaches from a fifth of the sampling interval to a fifth of the record's
     duration where these are beyond the parameter's own, and starting values from two intervals on."""
+    signed: bool = field(default=False, kw_only=True)
+    """Whether it may have either sign: what a fit counts is then its exponential. Of angles, and couplings of channels."""
     decisive: bool = field(default=False, kw_only=True)
     """Whether a value at the end of its range says that the mechanism is not there, or is another one."""
 

@@ -32,7 +32,7 @@ from lumbar.tissue.models.expression import (
     parts,
     symbols,
 )
-from lumbar.tissue.models.motion import LINEAR, POSITIONS, SIGNALS, STEADY, Motion
+from lumbar.tissue.models.motion import AXES, LINEAR, POSITIONS, SIGNALS, STEADY, OneMotion, SpatialMotion
 from lumbar.tissue.models.printing import portable
 
 MOST_STATES = 6
@@ -49,8 +49,16 @@ _TOLERANCE = 1e-13
 _TERMS = 14
 """Of φ₁'s series for matrices, whose norm is first halved to at most 1/2: it then ends below rounding."""
 _STEP = Symbol(STEP_SYMBOL)
+
+
+def _step_of(position: str) -> str:
+    """Symbol of the change of a position from sample to sample."""
+    return "d" + position if position[1:] in _ALONG else "dz"
+
+
+_ALONG = {f"_{axis}" for axis in AXES}
 _RATES: dict[str, Expression] = {
-    **{symbol: Symbol("dz") for symbol in POSITIONS},
+    **{symbol: Symbol(_step_of(symbol)) for symbol in POSITIONS},
     "s": Operation("abs", (Symbol("dz"),)),
     "t": _STEP,
 }
@@ -160,13 +168,14 @@ class StateEquation:
                 [row({**values, **given, STEP_SYMBOL: sampling_time}) for row in rows], float
             )
 
-    def trajectory(self, motion: Motion, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+    def trajectory(self, motion: OneMotion, values: Mapping[str, float]) -> dict[str, np.ndarray]:
         """States at every sample, each of shape (samples,), from parameters and constants by symbol."""
         if len(self.apart) > 1:
             found = {
                 name: path for part in self.apart for name, path in part.trajectory(motion, values).items()
             }
             return {name: found[name] for name in self.names}
+        steps = len(motion.time) - 1
         known, begin = {**values, **self._between(motion)}, self._begin(motion, values)
         one = len(self.names) == 1
         # With a clock, two of Newton's iterations take longer than all samples one by one.
@@ -174,31 +183,30 @@ class StateEquation:
         # Of several states one after the other takes far longer than an iteration: those found last are near.
         near = {} if one or self.is_linear else motion.keep("states found last", dict)
         guesses = [near[self.names], None] if self.names in near else [None]
-        tried = (self._newton(known, len(motion) - 1, begin, guess) for guess in guesses if by_newton)
+        tried = (self._newton(known, steps, begin, guess) for guess in guesses if by_newton)
         states = next((path for path in tried if path is not None), None)
         if states is None:
             solve = self._one_by_one if one else self.in_steps
-            states = solve(known, len(motion) - 1, begin=begin)
+            states = solve(known, steps, begin=begin)
         if np.isfinite(states).all():
             near[self.names] = states
         return dict(zip(self.names, states, strict=True))
 
-    def _begin(self, motion: Motion, values: Mapping[str, float]) -> np.ndarray:
+    def _begin(self, motion: OneMotion, values: Mapping[str, float]) -> np.ndarray:
         """States when the motion begins, shape (states,)."""
         trees = [self.starts.get(name, Number(0.0)) for name in self.names]
-        known = {**values, **dict.fromkeys(POSITIONS, motion.position[0])}
+        known = {**values, **{name: SIGNALS[name].of(motion)[0] for name in _positions(motion)}}
         with np.errstate(all="ignore"):
             return np.array(Evaluator(trees, STEP_FUNCTIONS)(known), float)
 
-    def _between(self, motion: Motion) -> dict[str, np.ndarray | float]:
+    def _between(self, motion: OneMotion) -> dict[str, np.ndarray | float]:
         """Signals at the beginning of every step."""
         found: dict[str, np.ndarray | float] = {STEP_SYMBOL: motion.sampling_time}
-        changed = motion.increments[1:]
-        for symbol in {*self.signals, "dz"}:
-            if symbol == "dz":
-                found[symbol] = changed
-            elif symbol in STEADY:
-                found[symbol] = changed / motion.sampling_time
+        for symbol in {*self.signals, *map(_step_of, _positions(motion))}:
+            if symbol in STEADY:
+                part = motion.along(symbol[-1]) if isinstance(motion, SpatialMotion) else motion
+                step = part.increments[1:]
+                found[symbol] = step if symbol.startswith("d") else step / motion.sampling_time
             else:
                 found[symbol] = SIGNALS[symbol].of(motion)[:-1]
         return found
@@ -296,6 +304,13 @@ class StateEquation:
                 before = {name: states[row, k : k + 1] for row, name in enumerate(self.names)}
                 states[:, k + 1] = stepper({**known, **now, **before}, 1)[0][:, 0]
         return states
+
+
+def _positions(motion: OneMotion) -> tuple[str, ...]:
+    """Signals that are a position of the motion."""
+    if isinstance(motion, SpatialMotion):
+        return tuple(f"z_{name}" for name in motion.names)
+    return tuple(name for name in POSITIONS if name[1:] not in _ALONG)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.driven_motion import POINTS, Driven, ForceBalance, ForceDrive
 from lumbar.tissue.models.form import Form, LinearParameter, NonlinearParameter, Place
 from lumbar.tissue.models.measured_motion import MEASURED
-from lumbar.tissue.models.motion import JoinedMotions, Motion, is_held
+from lumbar.tissue.models.motion import JoinedMotions, Motion, OneMotion, SpatialMotion, is_held
 
 
 @dataclass(frozen=True)
@@ -72,28 +72,31 @@ class Structure:
 
     def design(self, motion: Motion | JoinedMotions, nonlinear: np.ndarray) -> np.ndarray:
         """Force of every amplitude at size 1, before output forms; shape (samples, linear parameters)."""
-        if isinstance(motion, JoinedMotions):
+        if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
             return np.concatenate([self.design(part, nonlinear) for part in motion.parts])
         base, parts = self.nonlinear_of(nonlinear)
-        seen: Motion = motion
+        seen: OneMotion = motion
         for form in self.forms:
             if form.place is Place.INPUT:
                 seen = self._of(form.memory_key, form.input_transform, seen, parts[form.key])
-        columns = self._of(self.base.name, self.base.columns, seen, base)
+        columns = self._of(self.base.memory_key, self.base.columns, seen, base)
         touching = None if self.base.touching is None else self.base.touching(seen, base)
         for form in self.forms:
             if form.place is Place.PARALLEL:
                 added = self._of(form.memory_key, form.columns, seen, parts[form.key])
                 columns = [*columns, *(added if touching is None else [touching * item for item in added])]
+        for form in self.forms:
+            if form.place is Place.FRAME:
+                columns = form.mixed(columns, parts[form.key])
         return np.array(columns).T
 
     @staticmethod
-    def _of(name: str, function: Callable, motion: Motion, nonlinear: np.ndarray) -> Any:
+    def _of(name: str, function: Callable, motion: OneMotion, nonlinear: np.ndarray) -> Any:
         return motion.remember(name, nonlinear, lambda: function(motion, nonlinear))
 
     def output(self, force: np.ndarray, motion: Motion | JoinedMotions, nonlinear: np.ndarray) -> np.ndarray:
         """Measured force from the force at the tissue, shape (samples,)."""
-        if isinstance(motion, JoinedMotions):
+        if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
             pieces = zip(motion.split(force), motion.parts, strict=True)
             return np.concatenate([self.output(piece, part, nonlinear) for piece, part in pieces])
         _, parts = self.nonlinear_of(nonlinear)
@@ -111,7 +114,7 @@ class Structure:
 
 def forces_of(form: Form, motion: Motion | JoinedMotions, nonlinear: np.ndarray) -> np.ndarray:
     """Forces that a parallel form adds, one per amplitude at size 1; shape (samples, linear parameters)."""
-    if isinstance(motion, JoinedMotions):
+    if isinstance(motion, JoinedMotions) and not isinstance(motion, SpatialMotion):
         return np.concatenate([forces_of(form, part, nonlinear) for part in motion.parts])
     return np.stack(form.columns(motion, nonlinear), axis=1)
 

@@ -156,10 +156,15 @@ class JointData(FitData):
     @cached_property
     def zeros(self) -> np.ndarray:
         """What the sensor's zero adds: ones, or ones for each record that has a zero of its own; (samples, zeros)."""
+        parts = [part.zeros for part in self.parts]
         if not self.own_zero:
-            return super().zeros
-        owner = np.repeat(np.arange(len(self.parts)), [len(part.force) for part in self.parts])
-        return (owner[:, None] == np.arange(len(self.parts))).astype(float)
+            return np.concatenate(parts)
+        ends = np.cumsum([part.shape[1] for part in parts])
+        rows = [
+            np.pad(part, ((0, 0), (end - part.shape[1], ends[-1] - end)))
+            for part, end in zip(parts, ends, strict=True)
+        ]
+        return np.concatenate(rows)
 
     @property
     def records(self) -> tuple[FitData, ...]:

@@ -17,7 +17,7 @@ import scipy
 from lumbar.base.progress import going_on
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
 from lumbar.tissue.models.form import Form, Place
-from lumbar.tissue.models.motion import JoinedMotions, Motion
+from lumbar.tissue.models.motion import JoinedMotions, Motion, SpatialMotion
 from lumbar.tissue.models.structure import Structure
 
 
@@ -44,9 +44,23 @@ class Fit(FreeRun):
     def simulate(self, motion: Motion | JoinedMotions) -> np.ndarray:
         """Free-run simulation of what the sensor reads, shape (samples,)."""
         simulated = self.structure.simulate(motion, self.linear, self.nonlinear)
-        if isinstance(motion, JoinedMotions) and len(motion.parts) == len(self.zeros):
-            return simulated + np.repeat(self.zeros, [len(part) for part in motion.parts])
-        return simulated + self.zero
+        return simulated + self._zeros_along(motion, self.zeros)
+
+    def _zeros_along(self, motion: Motion | JoinedMotions, zeros: np.ndarray) -> np.ndarray | float:
+        """Zeros as a motion has them: one for all, one for each of its records, one for each axis, one for each of both."""
+        if not isinstance(motion, JoinedMotions):
+            return float(np.mean(zeros)) if len(zeros) else 0.0
+        if isinstance(motion, SpatialMotion):
+            parts = zeros.reshape(-1, len(motion.parts)).mean(axis=0)
+            return np.repeat(parts, len(motion.parts[0]))
+        axes = len(motion.parts[0].parts) if isinstance(motion.parts[0], SpatialMotion) else 1
+        if len(zeros) != axes * len(motion.parts):
+            zeros = np.tile(zeros, len(motion.parts)) if axes > 1 else np.full(len(motion.parts), self.zero)
+        found = [
+            np.broadcast_to(self._zeros_along(part, own), len(part))
+            for part, own in zip(motion.parts, zeros.reshape(len(motion.parts), -1), strict=True)
+        ]
+        return np.concatenate(found)
 
     def sensitivities(self, data: FitData) -> np.ndarray:
         """Derivatives of the whitened simulation by linear parameters, logarithms of nonlinear ones, and the sensor's zeros.

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -267,19 +267,10 @@ def prepare(
         No or unknown records, different units, a record shorter than what is left out for settling, or training records
         that are not sampled alike.
     """
-    if not records:
-        raise InputError("no records to diagnose")
     require_clock(records)
     same_units(records)
-    names = [record.name for record in records]
-    wanted = [train] if isinstance(train, str) else list(train or [])
-    for name in wanted:
-        if name not in names:
-            raise InputError(f"no record {name!r}; there are {', '.join(names)}")
-    settling = {record.name: _settling_samples(record, settling_s) for record in records}
-    chosen = [item for item in records if item.name in wanted] or [max(records, key=len)]
-    others = [item for item in records if all(item is not one for one in chosen)]
-    check_sampled_alike(chosen, "records that are fitted together")
+    settling = {record.name: settling_samples(record, settling_s) for record in records}
+    chosen, others = choose_training(records, train)
     check_excitation(max(chosen, key=lambda item: float(np.ptp(item["input"]))), others)
     first, floor = _noise_floor_of(chosen)
     check_response(first, floor)
@@ -291,8 +282,7 @@ def prepare(
         _fit_data(item, whitening if alike[item.name] else np.ones(1), settling, past) for item in others
     ]
     if not others:
-        # The last part of every record is held back; what began in the first part goes on there.
-        fitted, tests = map(list, zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True))
+        fitted, tests = held_back(fitted)
     return Experiment(
         fitted[0] if len(fitted) == 1 else JointData.of(fitted),
         tests,
@@ -307,7 +297,23 @@ def prepare(
     )
 
 
-def _settling_samples(record: Record, settling_s: float | None) -> int:
+def choose_training(
+    records: list[Record], train: str | Sequence[str] | None
+) -> tuple[list[Record], list[Record]]:
+    """Training records by name, default the longest, and the others."""
+    if not records:
+        raise InputError("no records to diagnose")
+    names = [record.name for record in records]
+    wanted = [train] if isinstance(train, str) else list(train or [])
+    for name in wanted:
+        if name not in names:
+            raise InputError(f"no record {name!r}; there are {', '.join(names)}")
+    chosen = [item for item in records if item.name in wanted] or [max(records, key=len)]
+    check_sampled_alike(chosen, "records that are fitted together")
+    return chosen, [item for item in records if all(item is not one for one in chosen)]
+
+
+def settling_samples(record: Record, settling_s: float | None) -> int:
     """Samples at the start of a record that no error counts, where enough follow."""
     time = settling_time(record, settling_s)
     samples = round(time / record.sampling_time)
@@ -317,6 +323,15 @@ def _settling_samples(record: Record, settling_s: float | None) -> int:
             f"(tissue.settling_s), {max(len(record) - samples, 0)} follow, and at least {_FEWEST} must; record longer or faster"
         )
     return samples
+
+
+_Data = TypeVar("_Data", bound=FitData)
+
+
+def held_back(fitted: list[_Data]) -> tuple[list[_Data], list[_Data]]:
+    """The last part of every record is held back; what began in the first part goes on there."""
+    fitted, tests = map(list, zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True))
+    return fitted, tests
 
 
 def check_excitation(training: Record, others: list[Record]) -> None:

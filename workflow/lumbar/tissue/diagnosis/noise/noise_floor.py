@@ -5,8 +5,10 @@ nothing else keeps them from repeating. Drift, softening or a disturbance at a f
 spread many times; they are found and taken out first (`lumbar.tissue.diagnosis.noise.nonrepeating`) and reported.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import scipy
@@ -118,6 +120,29 @@ class NoiseFloor:
         """Largest ratio to `rms` (99.9 %) of the RMS of so many samples of the same noise: coloured noise scatters."""
         share = self.degrees_of_freedom / (self.periods * round(self.period / self.sampling_time))
         return float(np.sqrt(1 + _NORMAL_999 * np.sqrt(2 / (share * samples) + 2 / self.degrees_of_freedom)))
+
+    @classmethod
+    def together(cls, floors: Sequence[Self]) -> Self:
+        """The floor of several channels of one record taken together."""
+        variances = [floor.rms**2 for floor in floors]
+        mean = float(np.mean(variances))
+        degrees = sum(variances) ** 2 / sum(
+            square**2 / floor.degrees_of_freedom for square, floor in zip(variances, floors, strict=True)
+        )
+        spread = 2 / (9 * degrees)
+        low, high = (mean / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
+        parts = sorted((part for floor in floors for part in floor.structured), key=lambda part: -part[1])
+        return replace(
+            floors[0],
+            rms=float(np.sqrt(mean)),
+            low=float(np.sqrt(low)),
+            high=float(np.sqrt(high)),
+            structured=tuple(parts),
+            structured_rms=float(np.sqrt(np.mean([floor.structured_rms**2 for floor in floors]))),
+            spectrum=(floors[0].spectrum[0], np.mean([floor.spectrum[1] for floor in floors], axis=0)),
+            degrees_of_freedom=float(degrees),
+            exact=all(floor.exact for floor in floors),
+        )
 
     def density(self, frequency: np.ndarray) -> np.ndarray:
         """Noise level at any frequencies (Hz): the spectrum smoothed over bands, for whitening; unit²/Hz."""

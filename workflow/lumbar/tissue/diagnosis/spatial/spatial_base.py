@@ -1,0 +1,117 @@
+"""The base of a tissue in space that records ask for: which one, of which symmetry, with principal axes where."""
+
+from collections.abc import Sequence
+from itertools import permutations
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.fitting import joint_fit
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, refit
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.form import Form
+from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, matrices_of, symmetric_base
+
+KINDS = ("KB", "KV", "Maxwell", "LE")
+"""Bases that are tried."""
+
+
+def choose_base(
+    experiment: Experiment,
+    axes: tuple[str, ...],
+    kinds: Sequence[str] = KINDS,
+    forms: tuple[Form, ...] = (),
+    acting: Sequence[float] = (),
+) -> Candidate:
+    """Fit the base and symmetry that all records together ask for, by likelihood and number of parameters.
+
+    First which base, with any symmetric matrices; then which symmetry, from the principal axes of these. `forms` are those of
+    effects beside it, `acting` their nonlinear parameters where the fits begin.
+    """
+    fits = {kind: _fit_symmetric(kind, experiment, axes, forms, acting) for kind in kinds}
+    kind = min(fits, key=lambda kind: evaluate(fits[kind], experiment).score)
+    base, fit = BASES[kind], fits[kind]
+    matrices = matrices_of(fit.linear[: len(fit.structure.base.linear)], len(base.linear), len(axes))
+    start = np.concatenate([fit.nonlinear[: len(base.nonlinear)], fit.nonlinear[len(base.nonlinear) :]])
+    found = [
+        min(
+            (_refit(item, start, experiment, forms) for item in _with_axes(base_in, matrices)),
+            key=lambda item: item.score,
+        )
+        for base_in in _symmetries(kind, axes)
+    ]
+    return min(found, key=lambda item: item.score)
+
+
+def _fit_symmetric(kind, experiment, axes, forms, acting) -> joint_fit.Fit:
+    structure = Structure(symmetric_base(BASES[kind], axes), forms)
+    if structure.is_linear:
+        return joint_fit.fit_base(structure, experiment.training, acting)
+    bare = joint_fit.fit_base(Structure(structure.base), experiment.training)
+    return joint_fit.fit(structure, experiment.training, np.concatenate([bare.nonlinear, acting]))
+
+
+def _symmetries(kind: str, axes: tuple[str, ...]) -> list[SpatialBase]:
+    """The family of a base, from the simplest on; that in the plane has no axis to be alike about, nor one matrix two frames."""
+    base, frame = BASES[kind], tuple(np.eye(len(axes)).ravel().tolist())
+    frames = dict.fromkeys(Symmetry, (frame,))
+    if len(base.linear) < 2:
+        del frames[Symmetry.FULL]
+    else:
+        frames[Symmetry.FULL] = (frame,) * len(base.linear)
+    if len(axes) < 3:
+        del frames[Symmetry.TRANSVERSE]
+    return [SpatialBase(base, symmetry, axes, given) for symmetry, given in frames.items()]
+
+
+def _with_axes(base: SpatialBase, matrices: Sequence[np.ndarray]) -> list[SpatialBase]:
+    """The base from the principal axes of matrices: of one axis apart from the others, from each of them."""
+    if base.symmetry is Symmetry.ISOTROPIC:
+        return [base]
+    if base.symmetry is Symmetry.FULL:
+        return [base.at([_axes_of(matrix) for matrix in matrices])]
+    together = sum(matrix / max(np.linalg.norm(matrix), 1e-300) for matrix in matrices)
+    frame = _axes_of(together)
+    if base.symmetry is Symmetry.ORTHOTROPIC:
+        return [base.at([frame])]
+    return [
+        base.at([_right_handed(frame[:, [first, *others]])])
+        for first, *others in list(permutations(range(3)))[::2]
+    ]
+
+
+def _axes_of(matrix: np.ndarray) -> np.ndarray:
+    return _right_handed(np.linalg.eigh(matrix)[1][:, ::-1])
+
+
+def _right_handed(frame: np.ndarray) -> np.ndarray:
+    return frame * np.where(np.arange(len(frame)) == 0, np.sign(np.linalg.det(frame)), 1.0)
+
+
+def _refit(
+    base: SpatialBase, start: np.ndarray, experiment: Experiment, forms: tuple[Form, ...]
+) -> Candidate:
+    own = len(base.base.nonlinear)
+    turns = np.ones(len(base.nonlinear) - own)
+    return refit(
+        Structure(base.structural, forms), np.concatenate([start[:own], turns, start[own:]]), experiment
+    )
+
+
+def held(model: Candidate, experiment: Experiment) -> Candidate:
+    """The same model with its principal axes where they are, so that a search of effects leaves them there."""
+    return _exchanged(model, experiment, free=False)
+
+
+def freed(model: Candidate, experiment: Experiment) -> Candidate:
+    """The same model fitted together with its principal axes."""
+    return _exchanged(model, experiment, free=True)
+
+
+def _exchanged(model: Candidate, experiment: Experiment, free: bool) -> Candidate:
+    structure = model.fit.structure
+    spatial, count = structure.base.spatial, len(structure.base.nonlinear)
+    base = spatial.at(spatial.frames_at(model.fit.nonlinear[:count]), free)
+    start = np.concatenate([model.fit.nonlinear[: len(spatial.base.nonlinear)], model.fit.nonlinear[count:]])
+    return _refit(base, start, experiment, structure.forms)

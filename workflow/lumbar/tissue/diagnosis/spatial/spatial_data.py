@@ -1,0 +1,149 @@
+"""Records of several axes as a fit sees them: axes are fitted together and whitened and judged each by its own noise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.records.record import Record, require_clock, same_units
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
+from lumbar.tissue.diagnosis.fitting.preparation import (
+    Experiment,
+    choose_training,
+    held_back,
+    settling_samples,
+)
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
+from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, find_period
+from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
+from lumbar.tissue.models.motion import Motion, SpatialMotion
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialData(JointData):
+    """One record of several axes; its signals stand one axis after the other, and each axis is a part."""
+
+    @classmethod
+    def along(cls, record: Record, whitening: Sequence[np.ndarray], settling: int) -> Self:
+        """A record with the whitening of every axis, and samples at its start that count for nothing."""
+        parts = [
+            FitData(record.name, Motion.of(one), one["output"], taps, settling)
+            for axis, taps in zip(record.axes, whitening, strict=True)
+            for one in [record.axis(axis)]
+        ]
+        return cls.of(parts, record.axes)
+
+    @classmethod
+    def of(cls, parts: list[FitData], axes: tuple[str, ...] = ()) -> Self:
+        """Put axes together."""
+        joint = super().of(parts)
+        motion = SpatialMotion(tuple(part.motion for part in parts), names=axes)  # type: ignore[misc]
+        return replace(joint, name=parts[0].name, motion=motion)
+
+    def _with_parts(self, parts: list[FitData]) -> Self:
+        assert isinstance(self.motion, SpatialMotion)
+        return replace(type(self).of(parts, self.motion.names), own_zero=self.own_zero)
+
+    @property
+    def records(self) -> tuple[FitData, ...]:
+        """The record."""
+        return (self,)
+
+    @property
+    def zeros(self) -> np.ndarray:
+        """What the zeros of the sensor's channels add, shape (axes × samples, axes)."""
+        return np.kron(np.eye(len(self.parts)), np.ones((len(self.parts[0].force), 1)))
+
+    def own(self, signal: np.ndarray) -> np.ndarray:
+        """Signal over the record itself, one axis after the other."""
+        pieces = zip(self.parts, self.motion.split(signal), strict=True)
+        return np.concatenate([part.own(piece) for part, piece in pieces])
+
+    def longest(self, signal: np.ndarray) -> tuple[Motion, np.ndarray]:
+        """Motion along the axis on which a signal is largest, and the signal there."""
+        assert isinstance(self.motion, SpatialMotion)
+        pieces = zip(self.motion.parts, self.motion.split(signal), strict=True)
+        return max(pieces, key=lambda pair: float(np.var(pair[1])))
+
+    def _about_zero(self, errors: np.ndarray) -> np.ndarray:
+        if not self.own_zero:
+            return errors
+        return np.concatenate([piece - piece.mean() for piece in self.by_record(errors)])
+
+
+def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
+    """Prepare records of the same axes for diagnosis, faults of their sensors repaired.
+
+    Raises
+    ------
+    InputError
+        Different axes or units, a record that is too short, training records that are not there.
+    """
+    require_clock(records)
+    same_units(records)
+    if settings.session or settings.forward or settings.load_drives:
+        key = "session" if settings.session else "forward"
+        raise InputError(
+            f"improvement.{key}: records of several axes begin at rest and have the position as input"
+        )
+    sound, faults = _repaired(records)
+    chosen, others = choose_training(sound, settings.train)
+    first = chosen[0]
+    floors = _floors(first)
+    whitening = [np.ones(1) if floors is None else floor.whitening for floor in floors or first.axes]  # type: ignore[union-attr]
+
+    def data(record: Record) -> SpatialData:
+        alike = np.isclose(record.sampling_time, first.sampling_time)
+        taps = whitening if alike else [np.ones(1)] * len(record.axes)
+        return SpatialData.along(
+            record, taps, settling_samples(record.axis(record.axes[0]), settings.settling_s)
+        )
+
+    fitted, tests = [data(record) for record in chosen], [data(record) for record in others]
+    if not others:
+        fitted, tests = held_back(fitted)
+    one = first.axis(first.axes[0]).channels
+    return Experiment(
+        fitted[0] if len(fitted) == 1 else JointData.of(list(fitted)),
+        list(tests),
+        None if floors is None else NoiseFloor.together(floors),
+        one["input"].unit,
+        one["output"].unit,
+        first.name,
+        one["input"].quantity,
+        one["output"].quantity,
+        records=tuple(sound),
+        faults=tuple(faults),
+        settling_s=settings.settling_s,
+        hands=settings.hands,
+    )
+
+
+def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
+    """Records and findings of their sensors, axis by axis; a finding's record has the axis behind its name."""
+    sound, faults = list(records), []
+    for axis in records[0].axes:
+        single = [replace(record.axis(axis), name=f"{record.name} ({axis})") for record in records]
+        moving = [index for index, record in enumerate(single) if np.ptp(record["input"]) > 0]
+        repaired, found = repair([single[index] for index in moving])
+        faults += found
+        for index, record in zip(moving, repaired, strict=True):
+            values = {f"{role}_{axis}": record[role] for role in ("input", "output")}
+            sound[index] = sound[index].with_values(**values)
+    return sound, faults
+
+
+def _floors(record: Record) -> list[NoiseFloor] | None:
+    """Noise floor of every axis of a record, or None where its motion does not repeat."""
+    moving = max(record.axes, key=lambda axis: float(np.ptp(record[f"input_{axis}"])))
+    period = (
+        record.period
+        or find_period(record.axis(moving))
+        or find_period(record.axis(moving), FEWEST_PERIODS - 1)
+    )
+    found = [noise_floor(record.axis(axis), period) for axis in record.axes] if period else [None]
+    return None if any(floor is None for floor in found) else found  # type: ignore[return-value]

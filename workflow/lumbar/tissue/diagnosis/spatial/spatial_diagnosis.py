@@ -1,0 +1,106 @@
+"""What a model of tissue in space is missing: from records of several axes to a verdict."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.records.record import Record
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection
+from lumbar.tissue.diagnosis.selection.thresholds import TIED
+from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held
+from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
+from lumbar.tissue.effects.catalogue import usable_effects
+from lumbar.tissue.models.bases import CHOSEN_BY_DATA
+from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.symmetry import force_sensor_effects
+
+_ROUNDS = 3
+"""Times that base and axes are chosen anew beside the effects that were selected."""
+
+
+def diagnose(records: list[Record], settings: DiagnosisSettings) -> Verdict:
+    """Diagnose what a base is missing on records of several axes, as `lumbar.tissue.diagnosis.selection.diagnose`.
+
+    Raises
+    ------
+    InputError
+        For a base that is not one of `KINDS`, and as `prepare`.
+    """
+    experiment = prepare(records, settings)
+    axes = records[0].axes
+    found = in_space(settings.searched, axes)
+    usable, _ = usable_effects(found, [f"axis {axis}" for axis in axes], experiment.training.scale)
+    settings = replace(settings, catalogue=usable)
+    kinds = _kinds(settings)
+    verdict = _search(experiment, settings, axes, kinds)
+    if experiment.error_dwarfs_noise(verdict.model.train_rms):
+        verdict = _search(experiment.without_whitening(), settings, axes, kinds)
+    return replace(verdict, findings=(*experiment.faults, *unexcited(records, verdict)))
+
+
+def in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dict[str, Effect]:
+    """Effects of a catalogue that have a form in space, and those of the force sensor."""
+    read = {name: effect.in_space(axes)[0] for name, effect in catalogue.items()}
+    return {name: effect for name, effect in read.items() if effect is not None} | force_sensor_effects(axes)
+
+
+def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
+    if settings.base == CHOSEN_BY_DATA:
+        return KINDS
+    if settings.base in KINDS:
+        return (str(settings.base),)
+    name = settings.base if isinstance(settings.base, str) else settings.base.name
+    raise InputError(f"improvement.base: {name} has no form in space; there are auto, {', '.join(KINDS)}")
+
+
+def _search(
+    experiment: Experiment, settings: DiagnosisSettings, axes: tuple[str, ...], kinds: tuple[str, ...]
+) -> Verdict:
+    """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen."""
+    base = choose_base(experiment, axes, kinds)
+    for _ in range(_ROUNDS):
+        found = Selection(experiment, held(base, experiment), settings).diagnosis()
+        forms = found.model.fit.structure.forms
+        acting = found.model.fit.nonlinear[len(found.model.fit.structure.base.nonlinear) :]
+        again = choose_base(experiment, axes, kinds, forms, acting) if forms else base
+        if again.score > found.model.score - TIED:
+            break
+        base = _alone(again, experiment)
+    path = [freed(item, experiment) for item in found.path]
+    return replace(found, base=path[0], path=path)
+
+
+def _alone(model: Candidate, experiment: Experiment) -> Candidate:
+    """The base of a model with its axes, without the effects."""
+    structure = model.fit.structure
+    count = len(structure.base.nonlinear)
+    bare = replace(
+        model.fit,
+        structure=Structure(structure.base),
+        linear=model.fit.linear[: len(structure.base.linear)],
+        nonlinear=model.fit.nonlinear[:count],
+    )
+    return held(replace(model, fit=bare), experiment)
+
+
+def unexcited(records: list[Record], verdict: Verdict) -> list[Finding]:
+    """The direction in which the tool hardly moves, if the force that the tissue answers there is within the noise."""
+    experiment = verdict.experiment
+    motion, axes = experiment.training.motion, records[0].axes
+    position = motion.position.reshape(len(axes), -1)
+    spread, directions = np.linalg.eigh(np.cov(position))
+    least = float(np.sqrt(max(spread[0], 0.0)))
+    stiffness = float(np.std(experiment.training.force) / np.sqrt(spread.mean()))
+    noise = experiment.noise or verdict.model.train_rms
+    if least * stiffness > noise:
+        return []
+    along = ", ".join(f"{value:.2f}" for value in directions[:, 0] * np.sign(directions[:, 0].sum() or 1.0))
+    words = {"along": along, "force": least * stiffness, "noise": noise, "newton": experiment.output_unit}
+    return [Finding.of("unexcited", least, experiment.input_unit, experiment.training.name, **words)]

@@ -1,0 +1,288 @@
+"""An equation read in space: its signals are vectors, and it holds in any direction.
+
+One equation says one mechanism, along one axis or along several. In space the signals ``z v a dz`` and the force ``F`` are
+vectors, parameters are numbers, and
+
+- a product of two vectors is their scalar product, so that ``z**2`` is |z|², ``z**3`` is |z|² z and ``v*abs(v)`` is |v| v;
+- ``abs`` is the length, ``sign`` the direction (none of a vector of length 0);
+- an odd function acts along its argument: ``tanh(v/vs)`` is tanh(|v|/vs) v/|v|;
+- a state whose rate is a vector is one;
+- ``s`` is the length of the way; a term without any vector (a drift) has a parameter of its own in every axis.
+
+A form that acts on the output transforms what every channel of the force sensor reads, each by itself. What gives no vector
+(``k*z**2``: in which direction?) has no form in space, and says so.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial, reduce
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.models.algebra import Evaluator
+from lumbar.tissue.models.equation import Equation, Solution
+from lumbar.tissue.models.expression import (
+    COMPARISONS,
+    Expression,
+    Number,
+    Operation,
+    Symbol,
+    add,
+    divide,
+    multiply,
+    negate,
+    operation,
+    power,
+    substitute,
+    subtract,
+    symbols,
+    to_text,
+    whole_power,
+)
+from lumbar.tissue.models.motion import FORCE, SIGNALS, VECTORS, OneMotion, SpatialMotion
+from lumbar.tissue.models.parameter import LinearParameter
+from lumbar.tissue.models.state_equation import StateEquation
+
+Vector = tuple[Expression, ...]
+_SMALLEST = Number(1e-300)
+"""Square of a length from which on a vector has a direction."""
+_ODD = ("tanh", "sinh", "sin", "arctan")
+_EVEN = ("cos",)
+
+
+def dot(left: Vector, right: Vector) -> Expression:
+    """Scalar product."""
+    return reduce(add, (multiply(one, other) for one, other in zip(left, right, strict=True)))
+
+
+def length(vector: Vector) -> Expression:
+    """Length of a vector; of no length it has a slope too, 0."""
+    return Operation("sqrt", (Operation("max", (dot(vector, vector), _SMALLEST)),))
+
+
+def in_space(expression: Expression, vectors: Mapping[str, Vector]) -> Expression | Vector:
+    """Read an expression in space: `vectors` are the components of its symbols that are vectors.
+
+    Raises
+    ------
+    InputError
+        If a part of it means nothing in space, with this part.
+
+    Examples
+    --------
+    >>> from lumbar.tissue.models.expression import parse
+    >>> [to_text(part) for part in in_space(parse("k*z**3"), {"z": (Symbol("z_x"), Symbol("z_y"))})]
+    ['k*((z_x*z_x + z_y*z_y)*z_x)', 'k*((z_x*z_x + z_y*z_y)*z_y)']
+    """
+    match expression:
+        case Symbol(name):
+            return vectors.get(name, expression)
+        case Operation(name, operands):
+            read = [in_space(operand, vectors) for operand in operands]
+            numbers = [item for item in read if not isinstance(item, tuple)]
+            if len(numbers) == len(read):
+                return operation(name, *numbers)
+            found = _of_vectors(name, read, operands)
+            if found is None:
+                raise InputError(f"{to_text(expression)} has no meaning for vectors")
+            return found
+    return expression
+
+
+def _of_vectors(
+    name: str, read: Sequence[Expression | Vector], operands: Sequence[Expression]
+) -> Expression | Vector | None:
+    """An operation on vectors; None where it means nothing."""
+    match name, *read:
+        case "+" | "-", tuple(first), tuple(second):
+            return tuple(map(add if name == "+" else subtract, first, second))
+        case "*", tuple(first), tuple(second):
+            return dot(first, second)
+        case ("*", tuple(vector), number) | ("*", number, tuple(vector)):
+            return tuple(multiply(number, item) for item in vector)  # type: ignore[arg-type]
+        case "/", tuple(vector), (Number() | Symbol() | Operation()) as number:
+            return tuple(divide(item, number) for item in vector)
+        case "**", tuple(vector), Number():
+            return _power(vector, whole_power(operands[1]))
+        case "hypot", one, other:
+            sizes: list = [length(item) if isinstance(item, tuple) else item for item in (one, other)]
+            return Operation("hypot", tuple(sizes))
+        case "where", (Number() | Symbol() | Operation()) as condition, tuple(yes), tuple(no):
+            return tuple(Operation("where", (condition, *pair)) for pair in zip(yes, no, strict=True))
+        case _, tuple(vector):
+            return _function(name, vector)
+    return None
+
+
+def _power(vector: Vector, exponent: int) -> Expression | Vector | None:
+    even = power(dot(vector, vector), Number(float(exponent // 2)))
+    if not exponent:
+        return None
+    return tuple(multiply(even, item) for item in vector) if exponent % 2 else even
+
+
+def _function(name: str, vector: Vector) -> Expression | Vector | None:
+    size = length(vector)
+    if name == "neg":
+        return tuple(map(negate, vector))
+    if name == "abs" or name in _EVEN:
+        return size if name == "abs" else Operation(name, (size,))
+    if name == "sign" or name in _ODD:
+        value = Number(1.0) if name == "sign" else Operation(name, (size,))
+        return tuple(multiply(value, divide(item, size)) for item in vector)
+    return None
+
+
+def _components(name: str, axes: Sequence[str]) -> Vector:
+    return tuple(Symbol(f"{name}_{axis}") for axis in axes)
+
+
+@dataclass(frozen=True)
+class SpatialEquation(Equation):
+    """An equation read in space; forces stand one axis after the other, shape (axes × samples,)."""
+
+    axes: tuple[str, ...] = ()
+    """Names of the axes."""
+
+    @cached_property
+    def vectors(self) -> dict[str, Vector]:
+        """Components of the symbols that are vectors: signals, and states whose rate of change is one."""
+        found = {name: _components(name, self.axes) for name in VECTORS}
+        for _ in self.rates:
+            # A state may hang on another one: what is a vector follows from what is known to be one.
+            for name, rate in self.rates.items():
+                if name not in found and symbols(rate) & found.keys():
+                    found |= (
+                        {name: _components(name, self.axes)} if self._is_vector(rate, found, name) else {}
+                    )
+        return found
+
+    def _is_vector(self, rate: Expression, known: Mapping[str, Vector], state: str) -> bool:
+        return isinstance(in_space(rate, {**known, state: _components(state, self.axes)}), tuple)
+
+    @cached_property
+    def slopes(self) -> dict[str, Expression]:
+        """Rate of change by state; of a state that is a vector by component."""
+        found: dict[str, Expression] = {}
+        for name, rate in self.rates.items():
+            read = in_space(rate, self.vectors)
+            if isinstance(read, tuple) is not (name in self.vectors):
+                raise InputError(f"the rate of {name}, {to_text(rate)}, has no meaning for vectors")
+            parts = zip(self.axes, read, strict=True) if isinstance(read, tuple) else ()
+            found |= (
+                {f"{name}_{axis}": part for axis, part in parts} if isinstance(read, tuple) else {name: read}
+            )
+        return found
+
+    @cached_property
+    def begin(self) -> dict[str, Expression]:
+        """Value at the beginning by state."""
+        if self.starts:
+            raise InputError(f"state {self.starts[0][0]} with a start of its own has no form in space")
+        return {}
+
+    @cached_property
+    def _read(self) -> tuple[tuple[LinearParameter, Vector], ...]:
+        """Linear parameters in space, each with the force of size 1 along every axis."""
+        found: list[tuple[LinearParameter, Vector]] = []
+        for item, column in zip(self.linear, self.columns, strict=True):
+            read = in_space(column, self.vectors)
+            if isinstance(read, tuple):
+                found.append((item, read))
+                continue
+            if symbols(read) & set().union(
+                *(symbols(part) for vector in self.vectors.values() for part in vector)
+            ):
+                raise InputError(f"{to_text(column)} has no direction in space")
+            zero = Number(0.0)
+            for axis in self.axes:
+                own = replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}")
+                found.append((own, tuple(read if axis == other else zero for other in self.axes)))
+        return tuple(found)
+
+    @cached_property
+    def spatial_linear(self) -> tuple[LinearParameter, ...]:
+        """Linear parameters in space: those of a term without direction once in every axis."""
+        if self.transforms:
+            return self.linear
+        return tuple(item for item, _ in self._read)
+
+    @property
+    def signals(self) -> set[str]:
+        """Signals that it uses beside those of its states."""
+        if self.transforms:
+            return super().signals
+        return {
+            name for _, vector in self._read for part in vector for name in symbols(part)
+        } & SIGNALS.keys()
+
+    @cached_property
+    def _evaluator(self) -> Evaluator:
+        if self.transforms:
+            return super()._evaluator
+        return Evaluator([substitute(part, self._given) for _, vector in self._read for part in vector])
+
+    def forces(
+        self,
+        motion: OneMotion,
+        nonlinear: np.ndarray,
+        solution: Solution | None = None,
+        force: np.ndarray | None = None,
+    ) -> list[np.ndarray]:
+        """Forces per linear parameter at size 1, or the transformed force; each of shape (axes × samples,)."""
+        assert isinstance(motion, SpatialMotion)
+        if force is not None:
+            return [self._transformed(motion, nonlinear, force)]
+        values: dict = self.parameters(nonlinear)
+        if self.state is not None:
+            values |= self._states(self.state, motion, nonlinear, solution)
+        values |= {name: SIGNALS[name].of(motion) for name in self.signals}
+        samples, count = len(motion.time), len(self.axes)
+        with np.errstate(over="ignore"):
+            rows = [np.broadcast_to(value, samples) for value in self._evaluator(values)]
+        return [np.concatenate(rows[row : row + count]) for row in range(0, len(rows), count)]
+
+    def _states(
+        self, state: StateEquation, motion: SpatialMotion, nonlinear: np.ndarray, solution: Solution | None
+    ) -> dict[str, np.ndarray]:
+        """States at every sample: in closed form where those of an axis know nothing of another one."""
+        names = [name for name, _ in self.states]
+        if solution is None or not self._apart:
+            return state.trajectory(motion, self.parameters(nonlinear))
+        found: dict[str, np.ndarray] = {}
+        for axis, part in zip(self.axes, motion.parts, strict=True):
+            solved = part.remember("states in closed form", nonlinear, partial(solution, part, nonlinear))
+            found |= {f"{name}_{axis}": value for name, value in zip(names, solved, strict=True)}
+        return found
+
+    @cached_property
+    def _apart(self) -> bool:
+        """Whether no state of one axis knows anything of another axis."""
+        return all(
+            not symbols(rate)
+            & {f"{name}_{other}" for name in self.vectors for other in self.axes if other != axis}
+            for axis in self.axes
+            for name, rate in self.slopes.items()
+            if name.endswith(f"_{axis}")
+        )
+
+    def _transformed(self, motion: SpatialMotion, nonlinear: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """What every channel makes of the force along its axis."""
+        values: dict = self.parameters(nonlinear)
+        pieces = []
+        for part, piece in zip(motion.parts, motion.split(force), strict=True):
+            own = {
+                name: SIGNALS[name].of(motion if name == "s" else part) for name in self.signals
+            }  # the way in space
+            (found,) = self._evaluator({**values, **own, FORCE: piece})
+            pieces.append(np.broadcast_to(found, len(part)))
+        return np.concatenate(pieces)
+
+    def check_in_space(self) -> None:
+        """Refuse what means nothing in space, with the part that does not."""
+        if self.transforms:
+            if self.states or symbols(self.force) & {"z", "v", "a", "dz", *COMPARISONS}:
+                raise InputError(f"{self.text} of one channel hangs on a motion that is a vector")
+        else:
+            _ = self.begin, self.slopes, self._read

@@ -1,0 +1,257 @@
+"""Bases of tissue in space: each stiffness and viscosity is a matrix, symmetric and positive semidefinite.
+
+A force of the one-axis base, e.g. ``k_e*z``, becomes K z with K = Σ kᵢ Pᵢ, kᵢ ≥ 0 and Pᵢ projections that no motion gains
+energy from: a base is passive by construction, whatever a fit finds. How many kᵢ there are is the symmetry of the tissue
+(Lai, Rubin and Krempl, Introduction to Continuum Mechanics, 2010, chapter 5; here of the tool's forces):
+
+- isotropic: one, alike in every direction;
+- transversely isotropic: one along an axis, one across it;
+- orthotropic: one along each of three axes at right angles, the same for all matrices;
+- full: the same with axes of its own for every matrix.
+
+Axes are found as small turns of a frame that is given.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from lumbar.tissue.models.bases import Base
+from lumbar.tissue.models.form import Effect, Form, HandWritten, Place
+from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.parameter import LinearParameter, NonlinearParameter
+
+
+class Symmetry(StrEnum):
+    """What is alike in different directions."""
+
+    ISOTROPIC = "isotropic"
+    TRANSVERSE = "transversely isotropic"
+    ORTHOTROPIC = "orthotropic"
+    FULL = "full"
+
+
+_FARTHEST = 1.2
+"""Radians by which axes may be turned from the frame that is given."""
+_STRONGEST = 0.5
+"""Largest share of one channel's force that another one may read."""
+
+
+def _signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter:
+    ends = float(np.exp(-most)), float(np.exp(most))
+    return NonlinearParameter(name, unit, "one", 1.0, 1.0, 1, ends, symbol=symbol, signed=True)
+
+
+def turn(vector: np.ndarray) -> np.ndarray:
+    """Rotation matrix of a rotation vector in radians, (1,) in the plane or (3,) in space."""
+    if len(vector) == 1:
+        return scipy.linalg.expm(np.array([[0.0, -vector[0]], [vector[0], 0.0]]))
+    x, y, z = vector
+    return scipy.linalg.expm(np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
+
+
+@dataclass(frozen=True)
+class SpatialBase:
+    """A base of one axis, its symmetry in space, and the frames that its principal axes are turned from."""
+
+    base: Base
+    """Of one axis."""
+    symmetry: Symmetry
+    axes: tuple[str, ...]
+    frames: tuple[tuple[float, ...], ...]
+    """Rotation matrices, row by row, whose columns are principal axes: one, or one for every matrix of a full base."""
+    free: bool = True
+    """Whether the axes are turned by a fit; else they are those of the frames."""
+
+    @property
+    def turns(self) -> int:
+        """Angles that turn one frame: of an axis alone those about the other two."""
+        if self.symmetry is Symmetry.ISOTROPIC:
+            return 0
+        return 2 if self.symmetry is Symmetry.TRANSVERSE else len(self.axes) * (len(self.axes) - 1) // 2
+
+    @cached_property
+    def form(self) -> Form:
+        """The base's equation read in space."""
+        return self.base.form.in_space(self.axes)
+
+    @property
+    def _along(self) -> tuple[str, ...]:
+        if self.symmetry is Symmetry.ISOTROPIC:
+            return ("",)
+        if self.symmetry is Symmetry.TRANSVERSE:
+            return ("_along", "_across")
+        return tuple(f"_{number}" for number in range(1, len(self.axes) + 1))
+
+    @property
+    def linear(self) -> tuple[LinearParameter, ...]:
+        """Every linear parameter of the base along its principal axes."""
+        return tuple(
+            replace(item, name=item.name + which, symbol=item.symbol + which)
+            for item in self.base.linear
+            for which in self._along
+        )
+
+    @property
+    def nonlinear(self) -> tuple[NonlinearParameter, ...]:
+        """Those of the base, then the angles of every frame."""
+        if not self.free or not self.turns:
+            return self.base.nonlinear
+        several = len(self.frames) > 1
+        angles = [
+            _signed(
+                f"turn_{number}" + f"_of_{owner.name}" * several,
+                "rad",
+                f"r_{number}" + owner.symbol * several,
+                _FARTHEST,
+            )
+            for owner, _ in zip(self.base.linear, self.frames, strict=False)
+            for number in range(1, self.turns + 1)
+        ]
+        return (*self.base.nonlinear, *angles)
+
+    def frames_at(self, nonlinear: np.ndarray) -> list[np.ndarray]:
+        """Principal axes, the columns of a matrix for every frame, at nonlinear parameters of the base."""
+        size = len(self.axes)
+        given = [np.array(frame).reshape(size, size) for frame in self.frames]
+        if not self.free or not self.turns:
+            return given
+        angles = np.log(nonlinear[len(self.base.nonlinear) :]).reshape(len(given), self.turns)
+        if self.symmetry is Symmetry.TRANSVERSE:
+            angles = np.concatenate([np.zeros((len(given), 1)), angles], axis=1)
+        return [frame @ turn(angle) for frame, angle in zip(given, angles, strict=True)]
+
+    def columns(self, motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
+        """Forces along the axes, one after the other, of every linear parameter at size 1; each (axes × samples,)."""
+        own = nonlinear[: len(self.base.nonlinear)]
+        forces = motion.remember(self.form.key, own, lambda: self.form.columns(motion, own))
+        if self.symmetry is Symmetry.ISOTROPIC:
+            return forces
+        frames, size, found = self.frames_at(nonlinear), len(self.axes), []
+        for index, force in enumerate(forces):
+            frame = frames[index if len(frames) > 1 else 0]
+            vectors = force.reshape(size, -1)
+            projected = frame.T @ vectors
+            if self.symmetry is Symmetry.TRANSVERSE:
+                along = np.multiply.outer(frame[:, 0], projected[0])
+                found += [along.ravel(), (vectors - along).ravel()]
+            else:
+                found += [np.multiply.outer(frame[:, axis], projected[axis]).ravel() for axis in range(size)]
+        return found
+
+    def matrices(self, linear: np.ndarray, nonlinear: np.ndarray) -> dict[str, np.ndarray]:
+        """Matrices by the name of the one-axis parameter, from parameters of the base."""
+        frames, size, count = self.frames_at(nonlinear), len(self.axes), len(self._along)
+        found = {}
+        for index, item in enumerate(self.base.linear):
+            values = linear[index * count : (index + 1) * count]
+            if self.symmetry is Symmetry.TRANSVERSE:
+                values = np.array([values[0], *[values[1]] * (size - 1)])
+            frame = frames[index if len(frames) > 1 else 0]
+            found[item.name] = frame * np.broadcast_to(values, size) @ frame.T
+        return found
+
+    @cached_property
+    def structural(self) -> Base:
+        """The base that structures are made of."""
+        return replace(
+            self.base,
+            name=f"{self.symmetry} {self.base.name}",
+            linear=self.linear,
+            nonlinear=self.nonlinear,
+            state=(),
+            hand_written=HandWritten(columns=self.columns, spatial=True),
+            spatial=self,
+        )
+
+    def held(self, nonlinear: np.ndarray) -> "SpatialBase":
+        """The base whose frames are where these parameters turn them; a fit leaves them there."""
+        return self.at(self.frames_at(nonlinear), free=False)
+
+    def at(self, frames: Sequence[np.ndarray], free: bool = True) -> "SpatialBase":
+        """The base with other frames."""
+        return replace(self, frames=tuple(tuple(frame.ravel().tolist()) for frame in frames), free=free)
+
+
+def symmetric_base(base: Base, axes: tuple[str, ...]) -> Base:
+    """The base with any symmetric matrix, semidefinite or not: linear in its elements, to begin a search of axes with."""
+    form, size = base.form.in_space(axes), len(axes)
+    places = [(row, column) for row in range(size) for column in range(row, size)]
+
+    def columns(motion: Motion, nonlinear: np.ndarray) -> list[np.ndarray]:
+        found = []
+        for force in motion.remember(form.key, nonlinear, lambda: form.columns(motion, nonlinear)):
+            vectors = force.reshape(size, -1)
+            for row, column in places:
+                element = np.zeros_like(vectors)
+                element[row] = vectors[column]
+                element[column] = vectors[row]
+                found.append(element.ravel())
+        return found
+
+    linear = tuple(
+        replace(item, name=f"{item.name}_{axes[row]}{axes[column]}", sign=0)
+        for item in base.linear
+        for row, column in places
+    )
+    written = HandWritten(columns=columns, spatial=True)
+    return replace(base, linear=linear, state=(), hand_written=written, spatial=("symmetric", axes))
+
+
+def matrices_of(linear: np.ndarray, count: int, size: int) -> list[np.ndarray]:
+    """The matrices whose elements `symmetric_base` has, of so many linear parameters."""
+    rows, columns = np.triu_indices(size)
+    found = []
+    for values in linear.reshape(count, -1):
+        matrix = np.zeros((size, size))
+        matrix[rows, columns] = matrix[columns, rows] = values
+        found.append(matrix)
+    return found
+
+
+def _frame_form(name: str, equation: str, parameters: Sequence[NonlinearParameter], matrix, axes) -> Form:
+    written = HandWritten(matrix=matrix, spatial=True)
+    return Form(name, equation, Place.FRAME, nonlinear=tuple(parameters), hand_written=written, axes=axes)
+
+
+def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
+    """What the force sensor of several axes may do to the forces, by name: none of it is the tissue's."""
+    size = len(axes)
+    pairs = [(row, column) for row in range(size) for column in range(size) if row != column]
+    angles = [f"turn_{axis}" for axis in axes] if size == 3 else ["turn"]
+
+    def couplings(nonlinear: np.ndarray) -> np.ndarray:
+        matrix = np.eye(size)
+        for (row, column), value in zip(pairs, np.log(nonlinear), strict=True):
+            matrix[row, column] = value
+        return matrix
+
+    turned = _frame_form(
+        "rotation",
+        r"F \to R F",
+        [_signed(name, "rad", f"r_{name[5:]}", _FARTHEST) for name in angles],
+        lambda nonlinear: turn(np.log(nonlinear)),
+        axes,
+    )
+    mixed = _frame_form(
+        "couplings",
+        r"F \to (I + C) F",
+        [
+            _signed(f"share_of_{axes[j]}_in_{axes[i]}", "1", f"c_{axes[i]}{axes[j]}", _STRONGEST)
+            for i, j in pairs
+        ],
+        couplings,
+        axes,
+    )
+    said = {
+        "turned_frame": ("The force sensor's axes are turned from those of the position.", turned),
+        "crosstalk": ("A channel of the force sensor reads a share of the force along another axis.", mixed),
+    }
+    return {
+        name: Effect(name, mechanism, (form,), "Calibration matrix of a multi-axis force sensor", linear=True)
+        for name, (mechanism, form) in said.items()
+    }
