@@ -101,3 +101,20 @@ def test_records_of_one_set_have_the_same_axes(tmp_path):
     one = written(tmp_path, FULL)
     other = written(tmp_path, "time_s,position_mm,force_N", name="other.csv")
     assert "other: one axis, but x, y, z in trial" in refusal(lumbar.read, [one, other])
+
+
+def test_a_study_that_names_axes_has_no_default_columns_beside_them(tmp_path):
+    lines = [
+        f"{side}_{axis}: {{column: {side[0]}{axis}, unit: mm}}"
+        for side in ("input", "output")
+        for axis in "xy"
+    ]
+    study = tmp_path / "study.yaml"
+    study.write_text("tissue:\n  layout:\n    columns:\n      " + "\n      ".join(lines))
+    assert list(lumbar.load_settings(study).tissue.layout.columns) == [
+        "time",
+        *(line.split(":")[0] for line in lines),
+    ]
+    study.write_text(study.read_text() + "\n      input: {column: z, unit: mm}")
+    told = refusal(lumbar.load_settings, study)
+    assert f"{study}, line 2: tissue.layout: columns: input beside roles of axes" in told

@@ -10,6 +10,7 @@ from lumbar.settings.key import UNIQUE, Each, RecordName, key, required, setting
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 AXES, SIDES = ("x", "y", "z"), ("input", "output")
 """Axes of a record of several, and the two sides whose roles have an axis behind them: ``input_x``."""
+AXIS_ROLES = frozenset(f"{side}_{axis}" for side in SIDES for axis in AXES)
 
 
 @settings
@@ -42,7 +43,7 @@ class ColumnLayout:
 
     def __post_init__(self):
         if problems := list(_problems_of_axes(self.columns)):
-            raise ValueError("; ".join(problems))
+            raise ValueError(f"columns: {'; '.join(problems)}")
 
 
 def _problems_of_axes(columns: dict[str, ColumnSettings]) -> Iterator[str]:
@@ -55,16 +56,16 @@ def _problems_of_axes(columns: dict[str, ColumnSettings]) -> Iterator[str]:
         yield f"{axes[0]} alone; a record has two or three axes, or one with the roles input and output"
     for side in SIDES:
         if side in columns:
-            yield f"columns: {side} beside roles of axes; one axis or several"
+            yield f"{side} beside roles of axes; one axis or several"
         for axis in (axis for axis in axes if axis not in along[side]):
-            yield f"columns: no {side}_{axis}; input and output need the same axes"
+            yield f"no {side}_{axis}; input and output need the same axes"
         kinds = {
             role: (columns[role].quantity, columns[role].unit)
             for role in (f"{side}_{a}" for a in along[side])
         }
         if len(set(kinds.values())) > 1:
             told = ", ".join(f"{role} is {quantity} in {unit}" for role, (quantity, unit) in kinds.items())
-            yield f"columns: {told}; one quantity and unit for all axes"
+            yield f"{told}; one quantity and unit for all axes"
 
 
 @settings

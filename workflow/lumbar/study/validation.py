@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from lumbar.base.errors import Problems, did_you_mean
 from lumbar.base.yaml_file import YamlFile
 from lumbar.settings.key import Each
+from lumbar.settings.layout import AXIS_ROLES, SIDES
 from lumbar.settings.plain import name_of, plain, types_of
 
 _WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false", NoneType: "null"}
@@ -164,7 +165,7 @@ class Origins:
         name = ".".join(map(str, way)) or "top level"
         holding = [file for file in self.files if way in file.lines]
         for file in reversed(holding):
-            if value is _ANY or _at(file.content, way) == value:
+            if value is _ANY or isinstance(value, dict) or _at(file.content, way) == value:
                 return f"{file.path}, line {file.lines[way]}: {name}"
         if holding:
             return f"--config: {name}"
@@ -206,7 +207,7 @@ def validate(content: dict, kind: type[Kind], problems: Problems, origins: Origi
     for way in unfilled:
         value = f"{FILL_IN}: still to be filled in"
         problems.add(origins.place(way), value, _rule(key_at(kind, way)))
-    merged = overlay(_defaults(kind), content)
+    merged = overlay(_beside(content, _defaults(kind)), content)
     try:
         checked = _adapter(kind).validate_json(json.dumps(merged, default=_as_plain), strict=True)
         return None if unfilled else checked
@@ -242,6 +243,17 @@ def _defaults(kind: type) -> dict:
         return plain(kind())
     except TypeError:
         return {}
+
+
+def _beside(content: Any, defaults: dict) -> dict:
+    """Defaults without the roles of one axis in a layout that names those of several."""
+    kept = {
+        role: item for role, item in defaults.items() if role not in SIDES or AXIS_ROLES.isdisjoint(content)
+    }
+    within = [
+        name for name, item in kept.items() if isinstance(item, dict) and isinstance(content.get(name), dict)
+    ]
+    return {**kept, **{name: _beside(content[name], kept[name]) for name in within}}
 
 
 def _value(content: Any, way: tuple, absent: Any) -> Any:
