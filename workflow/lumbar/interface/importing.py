@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import read_json, require_file
 from lumbar.interface.reading import COLUMN_ENDINGS, is_column_file
@@ -85,7 +83,7 @@ def import_recordings(
     files : path, or iterable of path or ForeignFile
         One file per recording: text in any dialect, MATLAB, HDF5 or Excel, also gzipped. Of a folder, all that end so.
     time, position, force : str or int, optional
-        Column, by name or number counted from 1; ``time="none"`` where there is none.
+        Column, by name or number counted from 1; of several axes, parted by commas. ``time="none"`` where there is none.
     time_unit, position_unit, force_unit : str, optional
         Unit of the file's numbers, ``"lbf"``, or what one of them is: ``"35.15 N"``.
     rate : float, optional
@@ -191,7 +189,7 @@ def _sources(given: str | os.PathLike | ForeignFile) -> list[Path | ForeignFile]
 
 def _with_sign(recording: ImportedRecording, flipped: bool) -> ImportedRecording:
     """The recording with a note where its force is surely counted against the motion."""
-    reason = of_other_sign(recording.record)
+    reason = "" if recording.record.axes else of_other_sign(recording.record)
     if not reason:
         return recording
     force = recording.record.channels["output"].quantity
@@ -282,10 +280,9 @@ def _report(recording: ImportedRecording) -> str:
     ranges = ", ".join(
         f"{names[role]} {record[role].min():.5g} to {record[role].max():.5g}" for role in record.channels
     )
-    speed = np.abs(np.gradient(record["input"], record.sampling_time)).max()
     lines += [
         f"  {len(record)} of {recording.samples_read} samples at {1 / record.sampling_time:.6g} Hz, "
         f"{record.time[0]:.6g} to {record.time[-1]:.6g} s, none missing; {ranges}; "
-        f"largest speed {speed:.4g} {record.channels['input'].unit}/s"
+        f"largest speed {recording.speed:.4g} {recording.unit}/s"
     ]
     return "\n".join([*lines, *(f"  note: {note}" for note in recording.notes)])

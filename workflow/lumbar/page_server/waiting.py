@@ -29,7 +29,7 @@ class Sketch:
     @classmethod
     def of(cls, record: Record) -> "Sketch":
         """Draw its samples."""
-        channel = record.channels["output"]
+        channel = record.channels[record.roles("output")[0]]
         ends = drawn(channel.values, _COLUMNS)
         points = " ".join(f"{WIDTH * x:.1f},{HEIGHT * (1 - y):.1f}" for x, y in ends)
         words = (

@@ -3,7 +3,7 @@
 A table is one record, or several: spans of its clock, or what a column names or numbers alike.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -21,7 +21,8 @@ from lumbar.records.importing.clock import (
     unrounded,
 )
 from lumbar.records.importing.raw_table import RawTable
-from lumbar.records.importing.roles import NONE, Choices, Role, find_roles, named_so, named_velocity, wished
+from lumbar.records.importing.roles import NONE, Choices, Role, named_so, named_velocity, wished
+from lumbar.records.importing.vector_roles import find_roles_of_axes
 from lumbar.records.record import (
     FEWEST_SAMPLES,
     LARGEST,
@@ -137,7 +138,7 @@ def _stretches(table: RawTable, wish: str, name: str) -> list[Part]:
 
 
 CHANNELS = {"position": "input", "force": "output"}
-"""Channel of a record by the role of a column."""
+"""Channel of a record by the role of a column; of several axes with the same axis behind both."""
 _NAMES = {"length": "position", "angle": "angle", "force": "force", "torque": "torque"}
 _NAMES |= {"velocity": "position", "angular velocity": "angle"}
 
@@ -169,7 +170,10 @@ class ImportedRecording:
         unit = {role: channel.unit.replace("·", "") for role, channel in self.record.channels.items()}
         return {
             "time": "time_s",
-            **{role: f"{item.quantity}_{unit[role]}" for role, item in self.record.channels.items()},
+            **{
+                role: "_".join(filter(None, (item.quantity, role.partition("_")[2], unit[role])))
+                for role, item in self.record.channels.items()
+            },
         }
 
     @property
@@ -193,7 +197,7 @@ class ImportedRecording:
     @property
     def numbers(self) -> dict[str, str | float]:
         """What a person checks the record by: the numbers in which a slip shows."""
-        record, names, unit = self.record, self.names, self.record.channels["input"].unit
+        record, names = self.record, self.names
         row: dict = {"record": record.name, "samples": len(record)}
         row["rate (Hz)"] = round(1 / record.sampling_time, 4)
         row["start (s)"], row["end (s)"] = record.time[0], record.time[-1]
@@ -202,8 +206,19 @@ class ImportedRecording:
                 record[role].min(),
                 record[role].max(),
             )
-        row[f"largest speed ({unit}/s)"] = np.abs(np.gradient(record["input"], record.sampling_time)).max()
+        row[f"largest speed ({self.unit}/s)"] = self.speed
         return row
+
+    @property
+    def unit(self) -> str:
+        """Of the motion."""
+        return self.record.channels[self.record.roles("input")[0]].unit
+
+    @property
+    def speed(self) -> float:
+        """Largest speed of the motion, per second."""
+        velocity = np.gradient(self.record.stacked("input"), self.record.sampling_time, axis=1)
+        return float(np.linalg.norm(velocity, axis=0).max())
 
     def frame(self):
         """Return the record as a data frame in its tidy form."""
@@ -223,10 +238,10 @@ def to_records(
         If a column, a unit, the rate or a part cannot be told; with all parts in which time stands or goes back, samples are
         missing, or that cannot be analysed.
     """
-    roles = find_roles(table, choices.wishes())
+    roles = find_roles_of_axes(table, choices.wishes())
     time, from_where = _clock(table, roles.get("time"), choices)
     grounds = {"time": from_where}
-    grounds |= {role: f"{roles[role].column.label}, {roles[role].why}" for role in CHANNELS}
+    grounds |= {role: f"{item.column.label}, {item.why}" for role, item in roles.items() if role != "time"}
     found = {role: (item.column.label, item.unit.name) for role, item in roles.items()}
     parts = parts_of(table, time, choices, name)
     problems, records = Problems(table.source), []
@@ -255,16 +270,19 @@ def _to_record(
     clock, rounded = unrounded(time[keep])
     notes += [rounded] if rounded else []
     check_forward(clock, lines, table.source)
-    channels = {channel: _channel(role, roles[role], keep) for role, channel in CHANNELS.items()}
-    if choices.flip_force:
-        channels["output"] = replace(channels["output"], values=-channels["output"].values)
-        notes.append("the sign of the force is changed, as told by --flip-force")
+    channels = {
+        _turned(role, CHANNELS): _channel(role, item, keep) for role, item in roles.items() if role != "time"
+    }
     record = Record(part.name, clock, channels, table.source)
+    if choices.flip_force:
+        record = record.with_values(**{role: -record[role] for role in record.roles("output")})
+        notes.append("the sign of the force is changed, as told by --flip-force")
     _check_complete(record, lines)
     if not choices.clipped:
         check_clipping(record, lines)  # before resampling, after which no two samples are alike
-    record, moved = _motion(record, roles["position"], time, keep, table)
-    notes += moved
+    if not record.axes:
+        record, moved = _motion(record, roles["position"], time, keep, table)
+        notes += moved
     notes += contradictions(record, table.rates)
     record, resampled = even_clock(record, lines)
     check_record(record, lines=None if resampled else lines)
@@ -301,8 +319,15 @@ def _motion(
     ]
 
 
+def _turned(name: str, names: Mapping[str, str]) -> str:
+    """A name in its other form, with the axis that may stand behind it."""
+    side, behind, axis = name.partition("_")
+    return f"{names[side]}{behind}{axis}"
+
+
 def _channel(name: str, role: Role, keep: np.ndarray) -> Channel:
-    quantity = _NAMES.get(role.unit.quantity, "")
+    side, _, axis = name.partition("_")
+    quantity = side if axis else _NAMES.get(role.unit.quantity, "")
     if (
         not quantity
     ):  # what a sensor reads, in volts, say: called as in the file, unless that says position or force
@@ -315,7 +340,9 @@ def _check_complete(record: Record, lines: Sequence[int] | None) -> None:
     """Refuse missing samples: a column file has no way to hold a gap."""
     problems = Problems(record.source)
     missing = np.zeros(len(record), dtype=bool)
-    for role, channel in CHANNELS.items():
+    roles = {side: role for role, side in CHANNELS.items()}
+    for channel in record.channels:
+        role = _turned(channel, roles)
         absent = ~np.isfinite(record[channel])
         if absent.any():
             first = place_of(int(absent.argmax()), lines)

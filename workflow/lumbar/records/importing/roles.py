@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,16 +18,24 @@ NONE = "none"
 QUANTITIES = {"time": ("time",), "position": ("length", "angle"), "force": ("force", "torque")}
 _TAKEN = {**QUANTITIES, "position": (*QUANTITIES["position"], *SPEEDS.values())}
 """What a role is made of: a velocity is integrated."""
-_SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-_VELOCITIES, _UNMEASURED = _SAID["velocity"].split(), frozenset(_SAID["unmeasured"].split())
+SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
+_VELOCITIES, _UNMEASURED = SAID["velocity"].split(), frozenset(SAID["unmeasured"].split())
 _WEAK = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
 """Names of one letter, which others use for other things."""
-_OTHERS = frozenset([*_VELOCITIES, *_UNMEASURED, *_SAID["others"].split()])
+_OTHERS = frozenset([*_VELOCITIES, *_UNMEASURED, *SAID["others"].split()])
 """Words of what is measured or commanded beside the three; a column named so is taken on request only."""
 _SMOOTHER = 5.0
 """How many times smoother one of two nameless columns must be to pass for the position."""
 _COARSE = 1e-4
 """Smallest step between values, as a share of their range, from which a column tells nothing by its smoothness."""
+
+
+Wishes = dict[str, tuple[str | None, str | None]]
+
+
+def parted(wish: str | None) -> list[str]:
+    """Columns of several axes that a person gives by one option, parted by commas; none of a single column."""
+    return [part.strip() for part in wish.split(",")] if wish and "," in wish else []
 
 
 @dataclass(frozen=True)
@@ -60,10 +68,12 @@ class Choices:
     @property
     def asked(self) -> Asked:
         """What is said of how a file is read."""
-        columns = (column for column, _ in self.wishes().values() if column not in (None, NONE))
-        return Asked(self.table, self.encoding, tuple(columns))
+        columns = [column for column, _ in self.wishes().values() if column not in (None, NONE)]
+        return Asked(
+            self.table, self.encoding, tuple(part for item in columns for part in (item, *parted(item)))
+        )
 
-    def wishes(self) -> dict[str, tuple[str | None, str | None]]:
+    def wishes(self) -> Wishes:
         """Column and unit that were said of each role."""
         return {role: (getattr(self, role), getattr(self, f"{role}_unit")) for role in ROLES}
 
@@ -83,19 +93,21 @@ class Role:
         return self.unit.quantity in SPEEDS.values()
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
+    """Small letters without accents."""
     text = text.casefold().replace("ü", "ue").replace("ä", "ae").replace("ö", "oe")
     return "".join(sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign))
 
 
 def _bare(text: str) -> str:
     """Letters and digits, as of a name with its unit in the header."""
-    return re.sub(r"[\W_]+", "", _plain(text))
+    return re.sub(r"[\W_]+", "", plain(text))
 
 
-def _tokens(name: str) -> list[str]:
+def tokens(name: str) -> list[str]:
+    """Words of a name, without digits."""
     parted = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
-    return [token for token in re.split(r"[\W\d_]+", _plain(parted)) if token]
+    return [token for token in re.split(r"[\W\d_]+", plain(parted)) if token]
 
 
 def named_so(name: str, role: str) -> int:
@@ -106,17 +118,19 @@ def named_so(name: str, role: str) -> int:
     >>> named_so("Prüfkraft", "force"), named_so("actforce1", "force"), named_so("F", "force"), named_so("vel", "force")
     (3, 2, 1, -1)
     """
-    tokens, words = _tokens(name), set(_SAID[role].split())
-    if _OTHERS & set(tokens):
+    parts, words = tokens(name), set(SAID[role].split())
+    if _OTHERS & set(parts):
         return -1
-    if words & {*tokens, _plain(name)}:
+    if words & {*parts, plain(name)}:
         return 3
-    if any(word in token for token in tokens for word in words if len(word) >= 4):
+    if any(word in part for part in parts for word in words if len(word) >= 4):
         return 2
-    return 1 if tokens and tokens[0] in _WEAK[role].split() and len(tokens) <= 2 else 0
+    return 1 if parts and parts[0] in _WEAK[role].split() and len(parts) <= 2 else 0
 
 
-def find_roles(table: RawTable, wishes: dict[str, tuple[str | None, str | None]]) -> dict[str, Role]:
+def find_roles(
+    table: RawTable, wishes: Wishes, wanted: Sequence[str] = ROLES, beside: Collection[int] = ()
+) -> dict[str, Role]:
     """Find the columns of time (unless there is none), position and force with their units.
 
     Parameters
@@ -124,6 +138,10 @@ def find_roles(table: RawTable, wishes: dict[str, tuple[str | None, str | None]]
     wishes : dict of str to tuple
         By role, what a person said of column (name or number) and unit, None where nothing; `NONE` as the column of
         time says that there is none.
+    wanted : sequence of str
+        Roles that are found.
+    beside : collection of int
+        Numbers of the columns that are none of them.
 
     Raises
     ------
@@ -132,8 +150,8 @@ def find_roles(table: RawTable, wishes: dict[str, tuple[str | None, str | None]]
     """
     problems: list[str] = []
     roles: dict[str, Role] = {}
-    taken: set[int] = set()
-    for role in ROLES:
+    taken: set[int] = set(beside)
+    for role in wanted:
         wish, unit = wishes.get(role, (None, None))
         if role == "time" and wish == NONE:
             continue
@@ -149,16 +167,19 @@ def find_roles(table: RawTable, wishes: dict[str, tuple[str | None, str | None]]
                 if column.number in taken:
                     raise InputError(f"--{role}: {column.label} is taken already")
                 taken.add(column.number)
-                _check_twice(column, wish, table, role)
-                roles[role] = _in_unit(column, role, unit, why)
+                check_twice(column, wish, table, role)
+                roles[role] = in_unit(column, role, unit, why)
         except InputError as error:
             problems.append(str(error))
     if problems:
-        told = "\n".join(f"  - {problem}" for problem in problems)
-        raise InputError(
-            f"{table.source}: not everything can be told from the file\n{told}{table.described()}"
-        )
+        raise cannot_tell(table, problems)
     return roles
+
+
+def cannot_tell(table: RawTable, problems: Iterable[str]) -> InputError:
+    """Error of what a table leaves open, with its columns."""
+    told = "\n".join(f"  - {problem}" for problem in problems)
+    return InputError(f"{table.source}: not everything can be told from the file\n{told}{table.described()}")
 
 
 def wished(columns: Sequence[RawColumn], wish: str, option: str) -> tuple[RawColumn, str]:
@@ -171,7 +192,7 @@ def wished(columns: Sequence[RawColumn], wish: str, option: str) -> tuple[RawCol
     """
     for found in (
         [column for column in columns if column.name == wish],
-        [column for column in columns if column.name and _plain(column.name) == _plain(wish)],
+        [column for column in columns if column.name and plain(column.name) == plain(wish)],
         [column for column in columns if column.unit and _bare(column.name + column.unit) == _bare(wish)],
         [column for column in columns if str(column.number) == wish],
     ):
@@ -181,7 +202,7 @@ def wished(columns: Sequence[RawColumn], wish: str, option: str) -> tuple[RawCol
     raise InputError(f"--{option} {wish!r}: no such column; there are {labels}")
 
 
-def _check_twice(column: RawColumn, wish: str | None, table: RawTable, role: str) -> None:
+def check_twice(column: RawColumn, wish: str | None, table: RawTable, role: str) -> None:
     """Refuse a name that stands twice in the header, unless the column was told by its number."""
     twice = [other.number for other in table.columns if other.name == column.name]
     if column.name and len(twice) > 1 and wish != str(column.number):
@@ -191,17 +212,22 @@ def _check_twice(column: RawColumn, wish: str | None, table: RawTable, role: str
         )
 
 
-def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
-    """Find a column by its name, else by its unit, else by its numbers; none for a time that is not there."""
-    ranked: dict[tuple[int, bool], list[RawColumn]] = {}
+def ranked(free: Iterable[RawColumn], role: str) -> dict[tuple[int, bool], list[RawColumn]]:
+    """Columns that may have a role, by how plainly a name says it (`named_so`) and whether the unit fits."""
+    ranks: dict[tuple[int, bool], list[RawColumn]] = {}
     for column in free:
         unit, named = find_unit(column.unit), named_so(column.own_name, role)
         fits = unit is not None and unit.quantity in QUANTITIES[role]
         contradicts = unit is not None and not fits and unit.quantity != "reading"
         if named >= 0 and not contradicts and (named or fits) and not (role == "time" and not _grows(column)):
-            ranked.setdefault((named, fits), []).append(column)
-    if ranked:
-        (named, fits), best = max(ranked.items())
+            ranks.setdefault((named, fits), []).append(column)
+    return ranks
+
+
+def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
+    """Find a column by its name, else by its unit, else by its numbers; none for a time that is not there."""
+    if ranks := ranked(free, role):
+        (named, _), best = max(ranks.items())
         if len(best) > 1:
             labels = " or ".join(column.label for column in best)
             raise InputError(f"{role} may be {labels}; choose by --{role} NAME or NUMBER")
@@ -217,12 +243,12 @@ def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
 
 def named_velocity(name: str) -> bool:
     """Whether a name says that a velocity was measured, and no command or error of one."""
-    tokens = set(_tokens(name))
-    return bool(tokens & {_plain(word) for word in _VELOCITIES}) and not tokens & _UNMEASURED
+    parts = set(tokens(name))
+    return bool(parts & {plain(word) for word in _VELOCITIES}) and not parts & _UNMEASURED
 
 
 def _is_speed(column: RawColumn) -> bool:
-    unit, others = find_unit(column.unit), set(_tokens(column.own_name)) & _UNMEASURED
+    unit, others = find_unit(column.unit), set(tokens(column.own_name)) & _UNMEASURED
     if unit is not None and unit.quantity != "reading":
         return unit.quantity in SPEEDS.values() and not others
     return not column.unit and named_velocity(column.own_name)
@@ -274,7 +300,14 @@ _PLAUSIBLE_HZ = (1.0, 1e5)
 """Rates that a file's own unit of time may lead to without being asked about: headers have said ms for seconds."""
 
 
-def _in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
+def in_unit(column: RawColumn, role: str, told: str | None, why: str) -> Role:
+    """Return a column as a role in the unit that was told, or that the file says.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is of something else.
+    """
     if told:
         given = told_unit(told, f"--{role}-unit")
         if given.quantity not in (*_TAKEN[role], *(["reading"] if role != "time" else [])):

@@ -10,12 +10,12 @@ from lumbar.base.files import as_name, read_json, write_csv, write_json, write_t
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import quoted
 from lumbar.records.importing.recording import ImportedRecording
-from lumbar.records.record import Record, forced
+from lumbar.records.record import Record, exchanged, forced
 
 SCHEMA = "lumbar.import/1"
 STUDY, PROVENANCE = "study.yaml", "imported.json"
-_DEFAULT = {"time": "time_s", "input": "position_mm", "output": "force_N"}
-"""Columns that a layout has by default."""
+_DEFAULT = {"time": "time_s", "input": "position{}_mm", "output": "force{}_N"}
+"""Columns that a layout has by default, with the place of an axis."""
 
 
 def write_folder(
@@ -78,10 +78,7 @@ def write_folder(
 
 def _load_first(record: Record) -> Record:
     """The record with its load as the input where no quantity says which that is; `forced` turns the others as they are read."""
-    if forced(record) is not record:
-        return record
-    one, other = (record.channels[role] for role in ("input", "output"))
-    return replace(record, channels={**record.channels, "input": other, "output": one})
+    return record if forced(record) is not record else exchanged(record)
 
 
 def _earlier(folder: Path) -> dict:
@@ -133,7 +130,9 @@ def _check_columns(records: list[dict], folder: Path) -> None:
 def needs_study(content: dict) -> bool:
     """Whether the records cannot be read by the default layout, or at one rate."""
     columns = content["records"][0]["columns"]
-    default = {role: column["column"] for role, column in columns.items()} == _DEFAULT
+    sides = {role: role.partition("_")[::2] for role in columns}
+    named = {role: _DEFAULT[side].format(axis and f"_{axis}") for role, (side, axis) in sides.items()}
+    default = {role: column["column"] for role, column in columns.items()} == named
     rate = common_rate(entry["rate_Hz"] for entry in content["records"])
     return not default or rate is not None or any(entry["clipped"] for entry in content["records"])
 
