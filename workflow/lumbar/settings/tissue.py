@@ -6,6 +6,7 @@ from lumbar.settings.key import UNIQUE, Each, key, section, settings
 from lumbar.settings.layout import ColumnLayout, RecordSettings, columns
 
 Instant = Annotated[float, Each(ge=0)]
+Turn = Annotated[float, Each(ge=-180, le=180)]
 
 
 @settings
@@ -56,6 +57,7 @@ class TissueSettings:
         ),
     )
     rate_Hz: float | None = key(default=None, gt=0)
+    force_frame: tuple[Turn, Turn, Turn] | None = key(default=None, unit="°")
     records: tuple[RecordSettings, ...] = key(default=())
     training: Annotated[tuple[str, ...], UNIQUE] = key(default=())
     settling_s: float | None = key(default=None, ge=0)
