@@ -9,21 +9,6 @@ from lumbar.records.record import Record
 from lumbar.settings.layout import AXES
 
 
-def rotation_matrix(rotation_vector_deg: Sequence[float]) -> np.ndarray:
-    """Rotation about a vector by its length in degrees, right-handed (Rodrigues): shape (3, 3).
-
-    Examples
-    --------
-    >>> (rotation_matrix([0, 0, 90]) @ [1, 0, 0]).round(9).tolist()
-    [0.0, 1.0, 0.0]
-    """
-    vector = np.radians(rotation_vector_deg)
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector / (angle or 1.0)
-    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * across + 2 * np.sin(angle / 2) ** 2 * across @ across
-
-
 def with_force_frame(record: Record, rotation_vector_deg: Sequence[float] | None) -> Record:
     """Return a record of several axes with its forces in the axes of its position.
 
@@ -31,7 +16,7 @@ def with_force_frame(record: Record, rotation_vector_deg: Sequence[float] | None
     ----------
     rotation_vector_deg : sequence of three float, or None
         Rotation R that takes a force in the sensor's axes to the position's, ``f_position = R f_sensor``, as a rotation vector:
-        along the axis of rotation, as long as the angle in degrees, right-handed. Its columns are the sensor's axes in those of
+        along the axis of rotation, as long as the angle in degrees, right-handed. R's columns are the sensor's axes in those of
         the position. None: they are the same.
 
     Raises
@@ -43,6 +28,8 @@ def with_force_frame(record: Record, rotation_vector_deg: Sequence[float] | None
         return record
     if not record.axes:
         raise InputError(f"{record.name}: has one axis; tissue.force_frame turns the forces of several")
+    from scipy.spatial.transform import Rotation
+
     chosen = [AXES.index(axis) for axis in record.axes]
     out_of_plane = [AXES[at] for at in chosen if len(chosen) < len(AXES) and rotation_vector_deg[at]]
     if out_of_plane:
@@ -55,5 +42,6 @@ def with_force_frame(record: Record, rotation_vector_deg: Sequence[float] | None
         "input" if record.channels[record.roles("input")[0]].quantity == "force" else "output"
     )
     forces = np.stack([record[role] for role in roles])
-    turned = rotation_matrix(rotation_vector_deg)[np.ix_(chosen, chosen)] @ forces
+    rotation = Rotation.from_rotvec(rotation_vector_deg, degrees=True).as_matrix()
+    turned = rotation[np.ix_(chosen, chosen)] @ forces
     return record.with_values(**dict(zip(roles, turned, strict=True)))

@@ -1,7 +1,7 @@
 """Columns of several axes: positions and forces that the x, y and z in their names make a triple of, or a pair."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lumbar.base.errors import InputError
@@ -25,7 +25,8 @@ from lumbar.settings.layout import AXES
 QUANTITIES = {"position": "length", "force": "force"}
 _LETTERS = {"position": ("", "p"), "force": ("f",)}
 """Names that an axis leaves a letter of, as px, or none, as x."""
-_KNOWN = frozenset(word for role in QUANTITIES for word in (*SAID[role].split(), *_LETTERS[role]) if word)
+_KNOWN = "|".join(re.escape(word) for role in QUANTITIES for word in (*SAID[role].split(), *_LETTERS[role]))
+_WITH_AXIS = re.compile(rf"(?P<before>{_KNOWN})(?P<axis>[{''.join(AXES)}])(?P<behind>{_KNOWN})")
 _TURNING = frozenset(SAID["turning"].split())
 _MATRIX = re.compile(r"^(?P<name>.*)\(:,(?P<number>\d+)\)$")
 
@@ -66,26 +67,13 @@ def axis_in(name: str) -> tuple[str, str]:
     if matrix := _MATRIX.match(name):
         number = int(matrix["number"])
         return matrix["name"].casefold(), AXES[number - 1] if 1 <= number <= len(AXES) else ""
-    camel = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).casefold()
-    words = [word for word in re.split(r"[\W_]+", camel) if word]
-    for found in (_alone, _within):
-        parts = [(at, *part) for at, word in enumerate(words) for part in found(word)]
-        if len(parts) == 1:
-            at, left, axis = parts[0]
-            return " ".join(filter(None, [*words[:at], left, *words[at + 1 :]])), axis
-    return "", ""
-
-
-def _alone(word: str) -> Iterator[tuple[str, str]]:
-    if word in AXES:
-        yield "", word
-
-
-def _within(word: str) -> Iterator[tuple[str, str]]:
-    if word[-1] in AXES and word[:-1] in _KNOWN:
-        yield word[:-1], word[-1]
-    elif word[0] in AXES and word[1:] in _KNOWN:
-        yield word[1:], word[0]
+    words = re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).casefold())
+    with_axis = [(at, found) for at, word in enumerate(words) if (found := _WITH_AXIS.fullmatch(word))]
+    if len(with_axis) != 1:
+        return "", ""
+    at, found = with_axis[0]
+    left = found["before"] + found["behind"]
+    return " ".join(filter(None, [*words[:at], left, *words[at + 1 :]])), found["axis"]
 
 
 def find_axes(columns: Sequence[RawColumn]) -> list[Axes]:
@@ -134,23 +122,17 @@ def find_roles_of_axes(table: RawTable, wishes: Wishes) -> dict[str, Role]:
         try:
             for (axis, column), name in zip(columns.items(), names, strict=True):
                 check_twice(column, name, table, role)
-                roles[f"{role}_{axis}"] = _of_quantity(column, role, unit, bool(name))
+                own = in_unit(column, role, unit, f"as told by --{role}" if name else "by its name")
+                if own.unit.quantity not in (QUANTITIES[role], "reading"):
+                    told = f"{column.label} is in {own.unit.name}, a unit of {own.unit.quantity}"
+                    raise InputError(f"{told}; records of several axes have lengths and forces")
+                roles[f"{role}_{axis}"] = own
         except InputError as error:
             problems.append(str(error))
     if problems:
         raise cannot_tell(table, problems)
     taken = {item.column.number for item in roles.values()}
     return {**find_roles(table, wishes, ("time",), taken), **roles}
-
-
-def _of_quantity(column: RawColumn, role: str, unit: str | None, told: bool) -> Role:
-    found = in_unit(column, role, unit, f"as told by --{role}" if told else "by its name")
-    if found.unit.quantity not in (QUANTITIES[role], "reading"):
-        raise InputError(
-            f"{column.label} is in {found.unit.name}, a unit of {found.unit.quantity}; records of several axes have lengths and "
-            "forces"
-        )
-    return found
 
 
 def _chosen(table: RawTable, wishes: Wishes) -> dict[str, dict[str, RawColumn]] | None:
