@@ -148,7 +148,7 @@ class ImportedRecording:
     """A record, and how it came out of its file."""
 
     record: Record
-    """Channels ``input`` (position) and ``output`` (force)."""
+    """Channels ``input`` (position) and ``output`` (force), or one of each per axis."""
     form: str
     """How the file was read."""
     grounds: dict[str, str]
@@ -167,14 +167,11 @@ class ImportedRecording:
     @property
     def names(self) -> dict[str, str]:
         """Column names of the tidy file by role."""
-        unit = {role: channel.unit.replace("·", "") for role, channel in self.record.channels.items()}
-        return {
-            "time": "time_s",
-            **{
-                role: "_".join(filter(None, (item.quantity, role.partition("_")[2], unit[role])))
-                for role, item in self.record.channels.items()
-            },
+        parts = {
+            role: (item.quantity, role.partition("_")[2], item.unit.replace("·", ""))
+            for role, item in self.record.channels.items()
         }
+        return {"time": "time_s", **{role: "_".join(filter(None, part)) for role, part in parts.items()}}
 
     @property
     def columns(self) -> dict[str, dict[str, str]]:
@@ -197,15 +194,12 @@ class ImportedRecording:
     @property
     def numbers(self) -> dict[str, str | float]:
         """What a person checks the record by: the numbers in which a slip shows."""
-        record, names = self.record, self.names
+        record = self.record
         row: dict = {"record": record.name, "samples": len(record)}
         row["rate (Hz)"] = round(1 / record.sampling_time, 4)
         row["start (s)"], row["end (s)"] = record.time[0], record.time[-1]
-        for role in record.channels:
-            row[f"least {names[role]}"], row[f"largest {names[role]}"] = (
-                record[role].min(),
-                record[role].max(),
-            )
+        for name, values in list(self.tidy.items())[1:]:
+            row |= {f"least {name}": values.min(), f"largest {name}": values.max()}
         row[f"largest speed ({self.unit}/s)"] = self.speed
         return row
 
