@@ -18,22 +18,17 @@ def along_axes(
     Only names that say quantity and unit, as in the default layout, have an axis between the two.
     """
     single = {side: columns[side] for side in SIDES if side in columns}
-    if {column.quantity for column in single.values()} != _QUANTITIES or not all(
-        map(_says_unit, single.values())
-    ):
+    named = all(item.column == f"{item.quantity}_{item.unit}" for item in single.values())
+    if not named or {item.quantity for item in single.values()} != _QUANTITIES:
         return columns
     found = {side: _of_axes(column, header) for side, column in single.items()}
-    axes = [axis for axis in AXES if any(axis in names for names in found.values())]
-    if not axes:
+    if not any(found.values()):
         return columns
-    _check(single, found, axes, header, problems)
+    _check(single, found, header, problems)
     expanded: dict[str, ColumnSettings] = {}
     for role, column in columns.items():
-        if role in single:
-            named = {axis: replace(column, column=found[role][axis]) for axis in axes if axis in found[role]}
-            expanded |= {f"{role}_{axis}": own for axis, own in named.items()}
-        else:
-            expanded[role] = column
+        own = {f"{role}_{axis}": replace(column, column=name) for axis, name in found.get(role, {}).items()}
+        expanded |= own if role in single else {role: column}
     return expanded
 
 
@@ -42,26 +37,22 @@ def column_of(columns: Mapping[str, ColumnSettings], role: str) -> ColumnSetting
     return columns[role] if role in columns else columns[role[: -len("_x")]]
 
 
-def _says_unit(column: ColumnSettings) -> bool:
-    return column.column == f"{column.quantity}_{column.unit}"
-
-
 def _of_axes(column: ColumnSettings, header: Sequence[str]) -> dict[str, str]:
     """Names in the header by axis, whatever their unit; the layout's own unit goes first."""
     named = re.compile(rf"{column.quantity}_([{''.join(AXES)}])_(\S+)")
-    matches = [match for match in map(named.fullmatch, header) if match]
-    matches.sort(key=lambda match: match[2] == column.unit)
-    return {match[1]: match[0] for match in matches}
+    matches = sorted(filter(None, map(named.fullmatch, header)), key=lambda match: match[2] == column.unit)
+    names = {match[1]: match[0] for match in matches}
+    return dict(sorted(names.items()))
 
 
 def _check(
     single: dict[str, ColumnSettings],
     found: dict[str, dict[str, str]],
-    axes: Sequence[str],
     header: Collection[str],
     problems: Problems,
 ) -> None:
     """Note columns of one axis beside those of several, axes of one side alone, one axis alone and other units."""
+    axes = sorted({axis for names in found.values() for axis in names})
     if len(axes) == 1:
         names = ", ".join(str(column.column) for column in single.values())
         problems.add("", f"columns of {axes[0]} alone", f"a record has two or three axes, or one: {names}")
@@ -74,10 +65,8 @@ def _check(
             wanted = f"{column.quantity}_{axis}_{column.unit}"
             name = found[side].get(axis)
             if name is None:
-                problems.add(
-                    wanted, "no such column", f"position and force need the same axes: {', '.join(axes)}"
-                )
+                allowed = f"position and force need the same axes: {', '.join(axes)}"
+                problems.add(wanted, "no such column", allowed)
             elif name != wanted:
-                problems.add(
-                    name, f"another unit than {column.unit}", f"{wanted} is needed, or a layout with its unit"
-                )
+                allowed = f"{wanted} is needed, or a layout with its unit"
+                problems.add(name, f"another unit than {column.unit}", allowed)

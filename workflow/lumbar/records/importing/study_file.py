@@ -14,8 +14,8 @@ from lumbar.records.record import Record, exchanged, forced
 
 SCHEMA = "lumbar.import/1"
 STUDY, PROVENANCE = "study.yaml", "imported.json"
-_DEFAULT = {"time": "time_s", "input": "position{}_mm", "output": "force{}_N"}
-"""Columns that a layout has by default, with the place of an axis."""
+_DEFAULT = {"time": ("time", "s"), "input": ("position", "mm"), "output": ("force", "N")}
+"""Quantities and units that a layout has by default, along each axis."""
 
 
 def write_folder(
@@ -129,10 +129,10 @@ def _check_columns(records: list[dict], folder: Path) -> None:
 
 def needs_study(content: dict) -> bool:
     """Whether the records cannot be read by the default layout, or at one rate."""
-    columns = content["records"][0]["columns"]
-    sides = {role: role.partition("_")[::2] for role in columns}
-    named = {role: _DEFAULT[side].format(axis and f"_{axis}") for role, (side, axis) in sides.items()}
-    default = {role: column["column"] for role, column in columns.items()} == named
+    default = all(
+        (column["quantity"], column["unit"]) == _DEFAULT[role.partition("_")[0]]
+        for role, column in content["records"][0]["columns"].items()
+    )
     rate = common_rate(entry["rate_Hz"] for entry in content["records"])
     return not default or rate is not None or any(entry["clipped"] for entry in content["records"])
 
