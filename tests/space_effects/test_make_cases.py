@@ -1,0 +1,243 @@
+"""The simulator of the cases in space against closed forms, energy, a scalar integration and what its labels say."""
+
+import csv
+import json
+
+import make_cases
+import numpy as np
+import pytest
+from make_cases import CASES, draw_motions, draw_rotation, draw_tissue, draw_truth
+from scipy.integrate import solve_ivp
+from space_motions import OVERSAMPLING, RATE_HZ, Motion, from_lines, multisine, unseen
+from space_tissue import along, branch, dahl_state, measured_force, tissue_force
+
+SEED = 7
+
+
+@pytest.fixture(scope="module")
+def training():
+    return multisine(np.random.default_rng(3), 3)
+
+
+def _truth(name: str) -> tuple[dict, Motion]:
+    rng = np.random.default_rng([SEED, len(name)])
+    motion = draw_motions(rng, CASES[name])["loops"]
+    return draw_truth(rng, CASES[name], motion), motion
+
+
+def _accumulated(power: np.ndarray, step: float) -> np.ndarray:
+    return np.append(0.0, np.cumsum((power[1:] + power[:-1]) * step / 2))
+
+
+def _form(vector: np.ndarray, matrix: list) -> np.ndarray:
+    return np.einsum("ni,ij,nj->n", vector, np.array(matrix), vector)
+
+
+def test_sines_of_a_relaxing_tissue_have_their_closed_form_with_transient():
+    rng = np.random.default_rng(1)
+    tissue = draw_tissue(rng, {"base": "KB", "symmetry": "full"}, 3)
+    line = rng.standard_normal(3) + 1j * rng.standard_normal(3)
+    motion = from_lines(np.array([np.zeros(3), line]), 1.0, 2)
+    turn, tau = 2j * np.pi, tissue["tau_s"]
+    wave = np.exp(turn * motion.time)[:, None] * line
+    branch_line = turn * tau / (1 + turn * tau)
+    transient = np.exp(-motion.time / tau)[:, None] * (branch_line * line).real
+    expected = wave.real @ np.array(tissue["K_e"]) + ((branch_line * wave).real - transient) @ np.array(
+        tissue["K_1"]
+    )
+    found = tissue_force({"tissue": tissue, "effects": {}}, motion)
+    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["none_full_kb", "hysteresis", "quadratic_damping", "inertia", "coulomb_hardening", "inertia_hardening"],
+)
+def test_work_of_the_tool_is_stored_or_dissipated(name):
+    truth, motion = _truth(name)
+    tissue, effects = truth["tissue"], truth["effects"]
+    position, velocity = motion.position, motion.velocity
+    speed, depth = np.linalg.norm(velocity, axis=1), np.linalg.norm(position, axis=1)
+    stored, lost = np.zeros(len(position)), np.zeros(len(position))
+    if "K_e" in tissue:
+        stored += _form(position, tissue["K_e"]) / 2
+    if "B" in tissue:
+        lost += _form(velocity, tissue["B"])
+    if "K_1" in tissue:
+        relaxing = _form(branch(motion, tissue["tau_s"]), tissue["K_1"])
+        stored, lost = stored + relaxing / 2, lost + relaxing / tissue["tau_s"]
+    if "hardening_stiffness" in effects:
+        stored += effects["hardening_stiffness"]["k3"] * depth**4 / 4
+    if "inertia" in effects:
+        stored += effects["inertia"]["m"] * speed**2 / 2
+    if "quadratic_damping" in effects:
+        lost += effects["quadratic_damping"]["c2"] * speed**3
+    if "coulomb_friction" in effects:
+        friction = effects["coulomb_friction"]
+        lost += friction["Fc"] * np.tanh(speed / friction["vs"]) * speed
+    if "hysteresis" in effects:
+        dahl = effects["hysteresis"]
+        turned = np.sum(dahl_state(motion, dahl["d"]) ** 2, axis=1)
+        stored, lost = stored + dahl["Fh"] * dahl["d"] * turned / 2, lost + dahl["Fh"] * speed * turned
+    power = np.sum(tissue_force(truth, motion) * velocity, axis=1)
+    work = _accumulated(power, motion.step)
+    balance = work - (stored - stored[0]) - _accumulated(lost, motion.step)
+    assert np.abs(balance).max() < 3e-5 * _accumulated(np.abs(power), motion.step)[-1]
+
+
+def test_along_a_principal_axis_the_tissue_is_a_scalar_one():
+    rng = np.random.default_rng(2)
+    tissue = draw_tissue(rng, {"base": "KB", "symmetry": "orthotropic"}, 3)
+    axis = np.array(tissue["K_e_axes"])[:, 1]
+    elastic, relaxing = tissue["K_e_principal"][1], tissue["K_1_principal"][1]
+    effects = {
+        "coulomb_friction": {"Fc": 0.3, "vs": 1.0},
+        "hysteresis": {"Fh": 0.4, "d": 0.5},
+        "hardening_stiffness": {"k3": 0.02},
+        "quadratic_damping": {"c2": 1e-3},
+        "inertia": {"m": 2e-3},
+        "softening": {"ks": 0.1, "s0": 10.0},
+    }
+    motion = from_lines(np.array([0, 0.3, 2.0, 0.7j])[:, None] * axis, 0.5, 2)
+    turn = np.pi * np.arange(4)[:, None]
+    sizes, shifts = np.array([[0], [0.3], [2.0], [0.7]]), np.array([[0], [0], [0], [np.pi / 2]])
+
+    def wave(time, order):
+        return np.sum(sizes * turn**order * np.cos(turn * time + shifts + order * np.pi / 2), axis=0)
+
+    def rates(time, state):
+        speed = wave(time, 1)[0]
+        return [
+            speed - state[0] / tissue["tau_s"],
+            speed * (1 - state[1] * np.sign(speed)) / effects["hysteresis"]["d"],
+            abs(speed),
+        ]
+
+    time = motion.time[::OVERSAMPLING]
+    q, r, path = solve_ivp(
+        rates, (0, time[-1]), [0, 0, 0], t_eval=time, max_step=0.01, rtol=1e-7, atol=1e-9
+    ).y
+    z, v, a = (wave(time, order) for order in range(3))
+    scalar = elastic * z + relaxing * q + 0.3 * np.tanh(v) + 0.4 * r + 0.02 * z**3
+    scalar += 1e-3 * abs(v) * v + 2e-3 * a + 0.1 * z * np.expm1(-path / 10)
+    force = tissue_force({"tissue": tissue, "effects": effects}, motion)[::OVERSAMPLING]
+    assert force == pytest.approx(np.outer(scalar, axis), abs=2e-5 * np.abs(scalar).max())
+
+
+def test_contact_pushes_along_its_normal_and_rubs_across_it():
+    truth, motion = _truth("contact_plane")
+    plane = truth["effects"]["contact_plane"]
+    force, normal = measured_force(truth, motion), np.array(plane["n"])
+    pressed = force @ normal
+    across = force - np.outer(pressed, normal)
+    depth = motion.position @ normal - plane["d0"]
+    assert np.abs(pressed - plane["k"] * np.where(depth > 0, depth, 0.0)).max() < 1e-12 * pressed.max()
+    assert (np.linalg.norm(across, axis=1) <= plane["mu"] * pressed + 1e-12).all()
+    assert np.sum(across * motion.velocity, axis=1).min() >= -1e-12
+    assert 0.1 < np.mean(depth > 0) < 0.9
+
+
+def test_a_late_force_is_that_of_the_tool_at_rest_first():
+    truth, motion = _truth("delay")
+    late = round(truth["effects"]["delay"]["Td"] / motion.step)
+    prompt = tissue_force(truth, motion)
+    found = measured_force(truth, motion)
+    assert 0.015 <= truth["effects"]["delay"]["Td"] <= 0.03
+    assert np.array_equal(found[late:], prompt[:-late])
+    assert found[:late] == pytest.approx(
+        np.tile(motion.position[0] @ np.array(truth["tissue"]["K_e"]), (late, 1))
+    )
+
+
+def test_friction_is_against_the_motion_and_full_at_speed():
+    velocity = np.array([[0.0, 0, 0], [3, 4, 0], [0.003, 0, 0.004]])
+    assert along(velocity, 0.1) == pytest.approx(
+        np.array([[0, 0, 0], [0.6, 0.8, 0], [0.03, 0, 0.04]]), rel=1e-3
+    )
+
+
+def test_motions_are_smooth_and_their_derivatives_exact(training):
+    for motion in (training, *unseen(np.random.default_rng(4), 3, 5.0).values()):
+        spectrum = np.abs(np.fft.rfft(motion.position[::OVERSAMPLING], axis=0))
+        frequency = np.fft.rfftfreq(len(motion.position[::OVERSAMPLING]), 1 / RATE_HZ)
+        assert spectrum[frequency > 6].max() < 1e-9 * spectrum.max()
+        for values, derivative in (
+            (motion.position, motion.velocity),
+            (motion.velocity, motion.acceleration),
+        ):
+            centred = (values[2:] - values[:-2]) / (2 * motion.step)
+            assert np.abs(centred - derivative[1:-1]).max() < 2e-5 * np.abs(derivative).max()
+    assert ((training.position.std(axis=0) > 0.99) & (training.position.std(axis=0) < 2.01)).all()
+    period = len(training.position) // 5
+    assert np.array_equal(training.position[:period], training.position[-period:])
+
+
+@pytest.mark.parametrize("symmetry", ["isotropic", "transverse", "orthotropic", "full"])
+def test_matrices_are_those_of_their_symmetry(symmetry):
+    for seed in range(20):
+        tissue = draw_tissue(np.random.default_rng(seed), {"base": "KB", "symmetry": symmetry}, 3)
+        elastic, relaxing = np.array(tissue["K_e"]), np.array(tissue["K_1"])
+        ratios = [max(p) / min(p) for p in (tissue["K_e_principal"], tissue["K_1_principal"])]
+        assert np.linalg.eigvalsh(elastic) == pytest.approx(sorted(tissue["K_e_principal"]))
+        assert (np.abs(tissue["K_e_axes"]).max() < 0.9) == (symmetry != "isotropic")
+        assert all(1.3 <= ratio <= 4 for ratio in ratios) == (symmetry != "isotropic")
+        commute = np.abs(elastic @ relaxing - relaxing @ elastic).max() < 1e-12
+        assert commute == (symmetry != "full")
+        if symmetry == "transverse":
+            around = np.eye(3) - np.outer(*[np.array(tissue["K_e_axes"])[:, 0]] * 2)
+            plane = tissue["K_e_principal"][1]
+            assert elastic @ around == pytest.approx(plane * around)
+
+
+def test_a_turned_frame_turns_and_a_coupling_couples():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        turn = np.array(make_cases.draw_sensor(rng, "frame", 3))
+        assert turn @ turn.T == pytest.approx(np.eye(3), abs=1e-12)
+        assert 8 <= np.degrees(np.arccos((np.trace(turn) - 1) / 2)) <= 15
+        coupled = np.array(make_cases.draw_sensor(rng, "crosstalk", 3)) - np.eye(3)
+        assert np.count_nonzero(coupled) == 1
+        assert not coupled.diagonal().any()
+        assert 0.06 <= np.abs(coupled).max() <= 0.12
+    assert np.linalg.det(draw_rotation(rng, 3)) == pytest.approx(1)
+
+
+def test_records_carry_the_noise_zero_and_clipped_share_they_tell():
+    records, truth = make_cases.make_with_truth("saturation", SEED)
+    rng_again, _ = make_cases.make_with_truth("saturation", SEED)
+    assert all(np.array_equal(records[name], rng_again[name]) for name in records)
+    rng = np.random.default_rng([SEED, make_cases.zlib.crc32(b"saturation")])
+    motion = draw_motions(rng, CASES["saturation"])["multisine"]
+    clean = measured_force(truth, motion)[::OVERSAMPLING]
+    added = records["multisine"][:, 4:] - clean
+    assert added.std(axis=0) == pytest.approx(truth["noise_N"], rel=0.04)
+    assert added.mean(axis=0) == pytest.approx(truth["zero_N"], abs=0.06 * max(truth["noise_N"]))
+    assert np.abs(np.corrcoef(added.T) - np.eye(3)).max() < 0.06
+    assert all(0.012 < share < 0.019 for share in truth["records"]["multisine"]["noise"])
+    limits = [np.inf if limit is None else limit for limit in truth["effects"]["saturation"]["Fs"]]
+    assert 0.03 < max(np.mean(np.abs(clean) == limits, axis=0)) < 0.1
+
+
+def test_files_of_two_axes_have_two_axes(tmp_path):
+    make_cases.write(tmp_path, "two_axes", SEED)
+    with (tmp_path / "two_axes" / "raster.csv").open() as lines:
+        header = next(csv.reader(lines))
+    assert header == ["time_s", "position_x_mm", "position_y_mm", "force_x_N", "force_y_N"]
+    told = json.loads((tmp_path / "two_axes" / "truth.json").read_text())
+    assert np.array(told["tissue"]["K_e_axes"]).shape == (2, 2)
+
+
+def test_a_force_of_the_axis_hardly_excited_is_below_its_noise():
+    truth = make_cases.make_with_truth("unexcited_hardening", SEED)[1]
+    assert truth["records"]["multisine"]["noise"][1] > 1
+    assert max(truth["records"]["multisine"]["noise"][::2]) < 0.02
+
+
+def test_each_label_is_of_a_known_kind():
+    assert len(CASES) == 25
+    for case in CASES.values():
+        effects = case.get("effects", [])
+        assert set(effects) <= set(make_cases.DRAWS)
+        for answer in case["expected"]:
+            assert set(answer) <= {"adequate", "named", "finding", "tied", "unexcited"}
+            assert answer.get("named", []) == effects
