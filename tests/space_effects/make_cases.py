@@ -8,15 +8,12 @@ unseen, and ``truth.json``.
 
 import argparse
 import json
-import sys
 import zlib
 from pathlib import Path
 
 import numpy as np
-import yaml
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 import space_tissue
+import yaml
 from space_motions import OVERSAMPLING, RATE_HZ, Motion, multisine, unseen
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text("utf-8"))
@@ -83,9 +80,8 @@ def draw_motions(rng: np.random.Generator, case: dict) -> dict[str, Motion]:
     largest = float(np.linalg.norm(training.position, axis=1).max())
     motions = {"multisine": training, **unseen(rng, len(axes), largest)}
     if "unexcited" in case:
-        share = np.where(
-            [axis == case["unexcited"]["axis"] for axis in axes], case["unexcited"]["share"], 1.0
-        )
+        share = np.ones(len(axes))
+        share[axes.index(case["unexcited"]["axis"])] = case["unexcited"]["share"]
         motions = {record: motion.scaled(share) for record, motion in motions.items()}
     return motions
 
@@ -260,22 +256,20 @@ DRAWS = {
 
 def shares(truth: dict, motion: Motion, clean: np.ndarray) -> dict:
     """RMS of the force, and shares of it: noise by axis, each effect and fault of the sensor, samples clipped by axis."""
-    total = float(np.linalg.norm(rms(clean)))
-    told = {"force_rms_N": rms(clean).tolist()}
-    told["noise"] = (np.array(truth["noise_N"]) / np.maximum(rms(clean), 1e-12)).tolist()
+    told = {
+        "force_rms_N": rms(clean).tolist(),
+        "noise": (truth["noise_N"] / rms(clean)).tolist(),
+        "effects": {},
+    }
     without = {
         effect: truth | {"effects": {key: value for key, value in truth["effects"].items() if key != effect}}
         for effect in truth["effects"]
     }
     if truth["sensor_fault"]:
         without[truth["sensor_fault"]] = truth | {"sensor": np.eye(clean.shape[1])}
-    told["effects"] = {
-        effect: float(
-            np.linalg.norm(np.std(clean - space_tissue.measured_force(other, motion)[::OVERSAMPLING], axis=0))
-        )
-        / total
-        for effect, other in without.items()
-    }
+    for effect, other in without.items():
+        missing = clean - space_tissue.measured_force(other, motion)[::OVERSAMPLING]
+        told["effects"][effect] = float(np.linalg.norm(rms(missing)) / np.linalg.norm(rms(clean)))
     if "saturation" in truth["effects"]:
         limits = [np.inf if limit is None else limit for limit in truth["effects"]["saturation"]["Fs"]]
         told["clipped"] = np.mean(np.abs(clean) >= np.array(limits), axis=0).tolist()
