@@ -103,7 +103,7 @@ def draw_truth(rng: np.random.Generator, case: dict, motion: Motion) -> dict:
     truth["sensor_fault"] = case.get("sensor")
     force = float(np.linalg.norm(rms(space_tissue.base_force(tissue, motion))))
     for effect in case.get("effects", []):
-        truth["effects"][effect] = DRAWS[effect](rng, tissue, motion, force)
+        truth["effects"][effect] = draw_effect(rng, effect, tissue, motion, force)
     if "saturation" in truth["effects"]:
         truth["effects"]["saturation"] = draw_limits(rng, truth, motion)
     return truth
@@ -170,65 +170,47 @@ def draw_sensor(rng: np.random.Generator, fault: str | None, axes: int) -> list[
     return matrix.tolist()
 
 
-def smoothing_speed(motion: Motion) -> float:
-    """Three per cent of the largest speed, mm/s."""
-    return 0.03 * float(np.linalg.norm(motion.velocity, axis=1).max())
-
-
-def draw_coulomb(rng, tissue, motion, force) -> dict:
-    return {"Fc": force * rng.uniform(0.1, 0.2), "vs": smoothing_speed(motion)}
-
-
-def draw_hysteresis(rng, tissue, motion, force) -> dict:
-    largest = float(np.linalg.norm(motion.position, axis=1).max())
-    return {"Fh": force * rng.uniform(0.12, 0.25), "d": largest * rng.uniform(0.06, 0.15)}
-
-
-def draw_hardening(rng, tissue, motion, force) -> dict:
-    largest = float(np.linalg.norm(motion.position, axis=1).max())
-    return {"k3": rng.uniform(0.2, 0.6) * float(np.mean(tissue["K_e_principal"])) / largest**2}
-
-
-def draw_quadratic(rng, tissue, motion, force) -> dict:
-    unit = space_tissue.ADDED["quadratic_damping"](motion, 1.0)
-    return {"c2": force * rng.uniform(0.08, 0.18) / float(np.linalg.norm(rms(unit)))}
-
-
-def draw_inertia(rng, tissue, motion, force) -> dict:
-    """A mass whose force is 15 to 30 % of the tissue's at 5 Hz."""
-    omega = 2 * np.pi * 5
-    turn = 1j * omega * tissue.get("tau_s", 0.0)
-    elastic = np.mean(tissue.get("K_e_principal", 0.0))
-    relaxing = np.mean(tissue.get("K_1_principal", 0.0))
-    return {"m": rng.uniform(0.15, 0.3) * float(abs(elastic + relaxing * turn / (1 + turn))) / omega**2}
-
-
-def draw_delay(rng, tissue, motion, force) -> dict:
-    return {"Td": round(rng.uniform(0.015, 0.03) / motion.step) * motion.step}
-
-
-def draw_drift(rng, tissue, motion, force) -> dict:
-    axes = motion.position.shape[1]
-    share = rng.uniform(0.3, 0.8, axes) * rng.choice([-1, 1], axes)
-    return {"r": (share * force / np.sqrt(axes) / motion.time[-1]).tolist()}
-
-
-def draw_softening(rng, tissue, motion, force) -> dict:
-    lost = rng.uniform(0.35, 0.6) * min(tissue["K_e_principal"])
-    return {"ks": lost, "s0": rng.uniform(0.08, 0.2) * float(motion.path[-1])}
-
-
-def draw_contact(rng, tissue, motion, force) -> dict:
-    normal = draw_rotation(rng, 3)[:, 0]
-    normal *= np.sign(normal[2])
-    spread = float(np.std(motion.position @ normal))
-    return {
-        "k": float(rng.uniform(0.6, 1.5)),
-        "n": normal.tolist(),
-        "d0": spread * rng.uniform(-0.4, 0.2),
-        "mu": float(rng.uniform(0.2, 0.4)),
-        "vs": smoothing_speed(motion),
-    }
+def draw_effect(
+    rng: np.random.Generator, effect: str, tissue: dict, motion: Motion, force: float
+) -> dict[str, float | list]:
+    """Parameters of an effect, by the tissue, the training motion and the RMS of the tissue's force in it, N."""
+    axes, largest = motion.position.shape[1], float(np.linalg.norm(motion.position, axis=1).max())
+    slow = 0.03 * float(np.linalg.norm(motion.velocity, axis=1).max())
+    match effect:
+        case "coulomb_friction":
+            return {"Fc": force * rng.uniform(0.1, 0.2), "vs": slow}
+        case "hysteresis":
+            return {"Fh": force * rng.uniform(0.12, 0.25), "d": largest * rng.uniform(0.06, 0.15)}
+        case "hardening_stiffness":
+            return {"k3": rng.uniform(0.2, 0.6) * float(np.mean(tissue["K_e_principal"])) / largest**2}
+        case "quadratic_damping":
+            unit = space_tissue.ADDED[effect](motion, 1.0)
+            return {"c2": force * rng.uniform(0.08, 0.18) / float(np.linalg.norm(rms(unit)))}
+        case "inertia":
+            # 15 to 30 % of the tissue's force at 5 Hz.
+            turn = 10j * np.pi
+            relaxing = (
+                turn * tissue["tau_s"] / (1 + turn * tissue["tau_s"]) * np.mean(tissue["K_1_principal"])
+            )
+            stiffness = float(abs(np.mean(tissue.get("K_e_principal", 0.0)) + relaxing))
+            return {"m": rng.uniform(0.15, 0.3) * stiffness / abs(turn) ** 2}
+        case "delay":
+            return {"Td": round(rng.uniform(0.015, 0.03) / motion.step) * motion.step}
+        case "drift":
+            share = rng.uniform(0.3, 0.8, axes) * rng.choice([-1, 1], axes)
+            return {"r": (share * force / np.sqrt(axes) / motion.time[-1]).tolist()}
+        case "saturation":
+            return {"Fs": [None] * axes}
+        case "softening":
+            lost = rng.uniform(0.35, 0.6) * min(tissue["K_e_principal"])
+            return {"ks": lost, "s0": rng.uniform(0.08, 0.2) * float(motion.path[-1])}
+        case "contact_plane":
+            normal = draw_rotation(rng, 3)[:, 0]
+            normal *= np.sign(normal[2])
+            plane = {"k": float(rng.uniform(0.6, 1.5)), "n": normal.tolist()}
+            plane["d0"] = float(np.std(motion.position @ normal)) * rng.uniform(-0.4, 0.2)
+            return plane | {"mu": float(rng.uniform(0.2, 0.4)), "vs": slow}
+    raise ValueError(f"no effect {effect}")
 
 
 def draw_limits(rng: np.random.Generator, truth: dict, motion: Motion) -> dict:
@@ -237,21 +219,6 @@ def draw_limits(rng: np.random.Generator, truth: dict, motion: Motion) -> dict:
     limits = [float(np.quantile(channel, 1 - rng.uniform(0.04, 0.09))) for channel in force.T]
     only = rng.integers(len(limits)) if rng.random() < 0.5 else None
     return {"Fs": [limit if only in (None, n) else None for n, limit in enumerate(limits)]}
-
-
-DRAWS = {
-    "coulomb_friction": draw_coulomb,
-    "hysteresis": draw_hysteresis,
-    "hardening_stiffness": draw_hardening,
-    "quadratic_damping": draw_quadratic,
-    "inertia": draw_inertia,
-    "delay": draw_delay,
-    "drift": draw_drift,
-    "saturation": lambda rng, tissue, motion, force: {"Fs": [None] * motion.position.shape[1]},
-    "softening": draw_softening,
-    "contact_plane": draw_contact,
-}
-"""Parameters of each effect, by the tissue, the training motion and the RMS of the tissue's force in it."""
 
 
 def shares(truth: dict, motion: Motion, clean: np.ndarray) -> dict:
