@@ -202,6 +202,16 @@ def test_a_turned_frame_turns_and_a_coupling_couples():
     assert np.linalg.det(draw_rotation(rng, 3)) == pytest.approx(1)
 
 
+def test_a_sensor_turns_then_drifts_then_clips():
+    truth, motion = _truth("frame_coulomb")
+    rate, limits = np.array([0.1, -0.2, 0.05]), np.array([0.5, 0.2, np.inf])
+    truth["effects"] |= {"drift": {"r": rate.tolist()}, "saturation": {"Fs": [0.5, 0.2, None]}}
+    told = np.einsum("ij,nj->ni", truth["sensor"], tissue_force(truth, motion)) + motion.time[:, None] * rate
+    clipped = np.minimum(np.maximum(told, -limits), limits)
+    assert np.abs(measured_force(truth, motion) - clipped).max() < 1e-12
+    assert (told < -limits)[:, :2].any(axis=0).all()
+
+
 def test_records_carry_the_noise_zero_and_clipped_share_they_tell():
     records, truth = make_cases.make_with_truth("saturation", SEED)
     rng_again, _ = make_cases.make_with_truth("saturation", SEED)
