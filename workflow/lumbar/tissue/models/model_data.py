@@ -176,10 +176,8 @@ class ModelData:
     def values_of(self, part: Base | Form) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Linear and nonlinear parameters of the base or of an effect's form, in the part's own order."""
         owner = f"{part.effect}." if isinstance(part, Form) else ""
-        linear, nonlinear = (
-            tuple(self[owner + item.name].value for item in kind) for kind in (part.linear, part.nonlinear)
-        )
-        return linear, nonlinear
+        linear = tuple(self[owner + item.name].value for item in part.linear)
+        return linear, tuple(item.counted(self[owner + item.name].value) for item in part.nonlinear)
 
 
 def headline(model: ModelData) -> str:

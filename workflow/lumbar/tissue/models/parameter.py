@@ -66,6 +66,14 @@ class NonlinearParameter(Parameter):
     decisive: bool = field(default=False, kw_only=True)
     """Whether a value at the end of its range says that the mechanism is not there, or is another one."""
 
+    def shown(self, counted: float) -> float:
+        """Its value, of the number that a fit counts."""
+        return float(np.log(counted)) if self.signed else counted
+
+    def counted(self, value: float) -> float:
+        """The number that a fit counts, of its value."""
+        return float(np.exp(value)) if self.signed else value
+
     def grid(self, size: float, sampling_time: float | None = None) -> np.ndarray:
         """Return the starting values for a scale of this size, and for records sampled so."""
         low, points = self.low * size, self.points

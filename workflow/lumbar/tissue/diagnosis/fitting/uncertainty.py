@@ -73,9 +73,10 @@ def estimates(fit: Fit, data: FitData, input_unit: str, output_unit: str) -> lis
         low, high = value - deviation, value + deviation
         ends.append((max(low, 0.0) if item.sign > 0 else low, min(high, 0.0) if item.sign < 0 else high))
     shapes = deviations[len(fit.linear) : len(fit.linear) + len(fit.nonlinear)]
-    for value, deviation in zip(fit.nonlinear, shapes, strict=True):
-        ends.append(_around(value, deviation))
-    items, values = (*structure.linear, *structure.nonlinear), (*fit.linear, *fit.nonlinear)
+    shown = [item.shown(value) for item, value in zip(structure.nonlinear, fit.nonlinear, strict=True)]
+    for item, value, deviation in zip(structure.nonlinear, shown, shapes, strict=True):
+        ends.append((value - deviation, value + deviation) if item.signed else _around(value, deviation))
+    items, values = (*structure.linear, *structure.nonlinear), (*fit.linear, *shown)
     return [
         FittedParameter(
             item.name,
