@@ -91,6 +91,13 @@ def diagnose(
     if any(record.points for record in driven):
         return Diagnosis(driven, chosen, search(driven, chosen), settings, data)
     used, changed = limit_samples(driven, chosen.session)
+    if any(record.axes for record in driven):
+        from lumbar.interface.spatial_diagnosis import SpatialDiagnosis
+        from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import diagnose as search_in_space
+
+        verdict = search_in_space(used, chosen)
+        verdict = replace(verdict, findings=(*changed, *verdict.findings))
+        return SpatialDiagnosis(used, chosen, verdict, settings, data)
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
     proposing = settings.improvement.propose_law and chosen.system == "tissue" and not chosen.forward

@@ -91,7 +91,12 @@ def fit_effects(records, effects, settings, seed, data) -> Refinement:
     """Fit the base with these effects, each added in turn, on records of a manageable size."""
     driven = [forced(record) for record in records] if settings.load_drives else list(records)
     used, findings = limit_samples(driven, settings.session)
-    experiment, path = fit_path(used, effects, settings)
+    if any(record.axes for record in used):
+        from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import refine as fit_in_space
+
+        experiment, path = fit_in_space(used, effects, settings)
+    else:
+        experiment, path = fit_path(used, effects, settings)
     if not path[-1].fit.converged:
         findings = (*findings, not_converged(path[-1], experiment))
     return Refinement(used, settings, experiment, path, seed, data, findings)

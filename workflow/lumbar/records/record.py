@@ -120,6 +120,13 @@ class Record:
         return replace(self, channels={**along, **beside})
 
     @property
+    def widest(self) -> Record:
+        """The record of the axis that moves farthest; itself of one axis."""
+        if not self.axes:
+            return self
+        return self.axis(max(self.axes, key=lambda axis: float(np.ptp(self[f"input_{axis}"]))))
+
+    @property
     def sampling_time(self) -> float:
         """Sampling interval in seconds."""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
@@ -272,6 +279,14 @@ def require_clock(records: Iterable[Record]) -> None:
         raise InputError(
             f"{', '.join(points)}: points of a static test have no clock; lumbar diagnose fits static laws to them, and nothing "
             "else can be told of them"
+        )
+
+
+def require_one_axis(records: Iterable[Record], what: str) -> None:
+    """Refuse records of several axes, with their names and what takes one axis."""
+    if several := [record.name for record in records if record.axes]:
+        raise InputError(
+            f"{', '.join(several)}: {what} takes records of one axis; diagnose, refine and export take several"
         )
 
 

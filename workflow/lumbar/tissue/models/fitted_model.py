@@ -17,7 +17,7 @@ from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base, with_measured_motion
 from lumbar.tissue.models.model_data import ModelData, Scores, headline, in_html, in_text
 from lumbar.tissue.models.model_entry import checked_entry, entry_of, read_entry
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import Motion, SpatialMotion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
 
@@ -40,7 +40,7 @@ class FittedModel(ModelData):
     """
 
     def simulate(self, record: Record) -> np.ndarray:
-        """Free run from a record's input alone, shape (samples,), in the output's unit.
+        """Free run from a record's input alone, shape (samples,), in the output's unit; of several axes (axes, samples).
 
         The record has the channel ``input`` and those that the effects need; a continuous model takes any sampling
         time.
@@ -52,11 +52,17 @@ class FittedModel(ModelData):
         NumericalError
             If the model is unstable.
         """
-        unit = record.channels["input"].unit
+        unit = record.channels[record.roles("input")[0]].unit
         if unit != self.input.unit:
             raise InputError(
                 f"{record.name}: the input is in {unit!r}, {self.name} takes {self.input.unit!r}"
             )
+        if isinstance(self.structure, Structure) and self.structure.base.spatial is not None:
+            if record.axes != self.structure.base.spatial.axes:
+                axes = ", ".join(self.structure.base.spatial.axes)
+                raise InputError(f"{record.name} is not of the axes {axes} that {self.name} takes")
+            forces = self.structure.simulate(SpatialMotion.of(record), *self._numbers(self.structure))
+            return forces.reshape(len(record.axes), -1) + np.array(self.zeros)[:, None]
         if isinstance(self.structure, Structure):
             return self._simulate_structure(self.structure, record) + self.output.offset
         if abs(record.sampling_time / self.sampling_time - 1) > 1e-4:
@@ -66,9 +72,14 @@ class FittedModel(ModelData):
             )
         return self.structure.simulate(record["input"] - self.input.offset) + self.output.offset
 
-    def _simulate_structure(self, structure: Structure, record: Record) -> np.ndarray:
+    def _numbers(self, structure: Structure) -> tuple[np.ndarray, np.ndarray]:
+        """Linear and nonlinear parameters, those of the base first."""
         parts = [self.values_of(structure.base), *map(self.values_of, structure.forms)]
         linear, nonlinear = (np.concatenate([part[kind] for part in parts]) for kind in (0, 1))
+        return linear, nonlinear
+
+    def _simulate_structure(self, structure: Structure, record: Record) -> np.ndarray:
+        linear, nonlinear = self._numbers(structure)
         if isinstance(structure, ForwardStructure):
             seen = Motion.of(with_measured_motion(record), offset=self.input.offset)
             return structure.simulate(seen, linear, nonlinear, self.output.offset)

@@ -147,6 +147,8 @@ class ModelData:
     remark: str = ""
     valid_for: MotionRange | None = None
     """Motion of the record it was fitted to; None for a given model, and where a file does not say."""
+    zeros: tuple[float, ...] = ()
+    """Of several axes: what the force sensor reads along each where the model gives 0."""
 
     @property
     def discrete(self) -> bool:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from lumbar.base.errors import Problems
+from lumbar.base.errors import InputError, Problems
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter, ModelData, MotionRange, Port, Scores
+from lumbar.tissue.models.motion import AXES
 from lumbar.tissue.models.structure import ForwardStructure, Structure
+from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, force_sensor_effects, is_rotation
 from lumbar.tissue.models.tissue_models import MODELS
 from lumbar.tissue.models.transfer_function import TransferFunction
 
@@ -37,6 +39,15 @@ class _Added:
 
 
 @dataclass(frozen=True)
+class _Space:
+    """What a base is along several axes, as it is written."""
+
+    axes: tuple[str, ...]
+    symmetry: Symmetry
+    frames: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
 class _Written:
     """A structure as it is written: the coefficients of a discrete model, or the effects of a continuous one.
 
@@ -47,6 +58,7 @@ class _Written:
     denominator: tuple[float, ...] | None = None
     effects: tuple[_Added, ...] | None = None
     forward: bool | None = None
+    space: _Space | None = None
 
 
 @dataclass(frozen=True)
@@ -63,7 +75,9 @@ def entry_of(model: ModelData) -> dict:
         written = _Written(model.structure.numerator, model.structure.denominator)
     else:
         forward = isinstance(model.structure, ForwardStructure) or None
-        written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward)
+        spatial = model.structure.base.spatial
+        space = None if spatial is None else _Space(spatial.axes, spatial.symmetry, spatial.frames)
+        written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward, space=space)
     plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
     plain["structure"] = _without_none(plain["structure"])
     return plain
@@ -113,6 +127,8 @@ def checked_entry(entry: object, catalogues: Catalogues, problems: Problems) -> 
         structure = _transfer_function(plain.structure, problems)
     else:
         structure = _structure(plain.base, plain.structure, catalogues, problems)
+        if structure is not None and plain.structure.space is not None:
+            structure = _in_space(structure, plain.structure.space, problems)
     if structure is not None:
         _check_parameters(plain.parameters, structure, plain.base, problems)
     _check_range(plain.valid_for, problems)
@@ -151,6 +167,7 @@ _KINDS = {
     "valid_for": MotionRange,
     "parameters": FittedParameter,
     "structure": _Written,
+    "space": _Space,
     "effects": _Added,
 }
 """What is written under a key."""
@@ -179,6 +196,8 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
         problems.add("base", repr(base), f"bases are {', '.join(bases)}")
         return None
     effects = catalogues.get(bases[base].system, {})
+    if written.space is not None and 2 <= len(written.space.axes) <= 3:
+        effects = {**effects, **force_sensor_effects(written.space.axes)}
     catalogue = {name: item for name, item in effects.items() if isinstance(item, Effect)}
     forms: list[Form] = []
     for item in written.effects or ():
@@ -189,6 +208,28 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
             forms.append(form)
     kind = ForwardStructure if written.forward else Structure
     return None if len(problems.entries) > before else kind(bases[base], tuple(forms))
+
+
+def _in_space(structure: Structure, space: _Space, problems: Problems) -> Structure | None:
+    """The structure along several axes."""
+    size, base = len(space.axes), structure.base
+    wanted = len(base.linear) if space.symmetry is Symmetry.FULL else 1
+    if not 2 <= size <= 3 or not set(space.axes) <= set(AXES) or len(set(space.axes)) < size:
+        problems.add("structure.space.axes", ", ".join(space.axes), "two or three of x, y, z are needed")
+    elif len(space.frames) != wanted or any(len(frame) != size**2 for frame in space.frames):
+        problems.add(
+            "structure.space.frames", f"{len(space.frames)}", f"{wanted} of {size**2} numbers are needed"
+        )
+    elif not all(is_rotation(frame, size) for frame in space.frames):
+        problems.add("structure.space.frames", str(space.frames), "rotation matrices are needed, row by row")
+    else:
+        try:
+            forms = tuple(form if form.axes else form.in_space(space.axes) for form in structure.forms)
+            spatial = SpatialBase(base, space.symmetry, space.axes, space.frames, free=False)
+            return Structure(spatial.structural, forms)
+        except InputError as error:
+            problems.add("structure.effects", str(error), "effects with a form in space")
+    return None
 
 
 def _form(item: _Added, catalogue: Mapping[str, Effect], problems: Problems) -> Form | None:
@@ -228,7 +269,10 @@ def _check_parameters(
     """A continuous model needs exactly its parameters; a discrete one may have those of its base. Elements may be beside."""
     parts = (structure.base, *structure.forms) if isinstance(structure, Structure) else ()
     needed = {key: positive for part in parts for key, positive in _keys(part)}
+    spatial = structure.base.spatial if parts else None
+    angles = () if spatial is None else replace(spatial, free=True).nonlinear[len(spatial.base.nonlinear) :]
     optional = {item.name for item in MODELS[base].elements} if base in MODELS else set()
+    optional |= {item.name for item in angles}
     if not parts and base in BASES:
         optional |= {key for key, _ in _keys(BASES[base])}
     found = [item.key for item in parameters]
@@ -250,4 +294,4 @@ def _keys(part) -> Iterator[tuple[str, bool]]:
     """Key of every parameter of a base or form, and whether it must be positive."""
     owner = f"{part.effect}." if isinstance(part, Form) else ""
     yield from ((owner + item.name, False) for item in part.linear)
-    yield from ((owner + item.name, True) for item in part.nonlinear)
+    yield from ((owner + item.name, not item.signed) for item in part.nonlinear)

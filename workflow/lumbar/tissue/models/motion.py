@@ -333,6 +333,12 @@ class SpatialMotion(JoinedMotions, Remembering):
     names: tuple[str, ...] = ()
     """Names of the axes, of `AXES`."""
 
+    @classmethod
+    def of(cls, record: Record) -> Self:
+        """Motion of a record of several axes."""
+        parts = tuple(Motion.of(record.axis(axis)) for axis in record.axes)
+        return cls(parts, names=record.axes)
+
     @property
     def time(self) -> np.ndarray:
         """Seconds since the record's start, shape (samples,)."""

@@ -54,6 +54,12 @@ def turn(vector: np.ndarray) -> np.ndarray:
     return scipy.linalg.expm(np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]))
 
 
+def is_rotation(numbers: Sequence[float], size: int) -> bool:
+    """Whether numbers, row by row, are a rotation matrix."""
+    matrix = np.array(numbers, float).reshape(size, size)
+    return bool(np.allclose(matrix @ matrix.T, np.eye(size), atol=1e-9) and np.linalg.det(matrix) > 0)
+
+
 @dataclass(frozen=True)
 class SpatialBase:
     """A base of one axis, its symmetry in space, and the frames that its principal axes are turned from."""

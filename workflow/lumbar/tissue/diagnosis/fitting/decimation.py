@@ -39,14 +39,14 @@ def limit_samples(records: list[Record], session: bool = False) -> tuple[list[Re
     any more. Every sample that is left is one that was measured, so noise floor and errors mean what they did; only what
     disturbs the force above half the lower rate is seen at another frequency.
 
-    The records have a channel ``input``. None is cut short where they were cut from one `session`.
+    The records have a channel ``input``, or one for every axis. None is cut short where they were cut from one `session`.
 
     Raises
     ------
     InputError
         If records of a session are still too long at the lowest rate.
     """
-    if sum(map(len, records)) <= MOST:
+    if sum(len(record) * max(len(record.axes), 1) for record in records) <= MOST:
         return records, ()
     lower, findings = _pick(records)
     cut, told = _cut(lower)
@@ -98,10 +98,10 @@ def _pick(records: list[Record]) -> tuple[list[Record], list[Finding]]:
 
 def _factor(records: list[Record], wanted: int) -> int:
     """Factor for records of one rate: one that divides their periods where there is one."""
-    edges = [band_edge(record["input"]) for record in records]
+    edges = [band_edge(moved) for record in records for moved in record.stacked("input") if np.ptp(moved) > 0]
     largest = min(wanted, *(int(1 / (PER_CYCLE * edge)) for edge in edges))
     largest = min(largest, *(len(record) // 200 for record in records))
-    periods = [record.period or find_period(_part(record, slice(_SEARCHED))) for record in records]
+    periods = [record.period or find_period(_part(record.widest, slice(_SEARCHED))) for record in records]
     lengths = [
         round(period / record.sampling_time)
         for period, record in zip(periods, records, strict=True)

@@ -45,6 +45,8 @@ class DiagnosisSettings:
     """That the records were read with, for the lines which turn their columns; None is the reference's."""
     hands: Hands = field(default_factory=Hands.of)
     """What hands can tell."""
+    force_frame: tuple[float, ...] | None = None
+    """How a force sensor of several axes is mounted, as of `lumbar.records.frames.with_force_frame`."""
 
     @property
     def system(self) -> str:
@@ -93,6 +95,7 @@ class DiagnosisSettings:
             settling_s=settling_s,
             layout=settings.tissue.layout,
             hands=Hands.of(settings.perception),
+            force_frame=settings.tissue.force_frame,
         )
 
     def prepare(self, records: list[Record]) -> Experiment:

@@ -8,7 +8,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.record import Record, require_clock, same_units
+from lumbar.records.record import Record, require_clock, require_one_axis, same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
@@ -268,6 +268,7 @@ def prepare(
         that are not sampled alike.
     """
     require_clock(records)
+    require_one_axis(records, "this")
     same_units(records)
     settling = {record.name: settling_samples(record, settling_s) for record in records}
     chosen, others = choose_training(records, train)

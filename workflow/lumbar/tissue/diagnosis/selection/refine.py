@@ -28,7 +28,9 @@ from lumbar.tissue.identification.metrics import FreeRunErrors
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.model_data import OUTPUT_ERROR, FittedParameter, Port, Scores
+from lumbar.tissue.models.model_data import OUTPUT_ERROR, FittedParameter, MotionRange, Port, Scores
+from lumbar.tissue.models.motion import SpatialMotion
+from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.signals.spectrum import motion_range
 
 
@@ -60,22 +62,48 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         rank=len(parameters),
         mru_percent=_largest_relative_uncertainty(parameters),
     )
+    spatial = fit.structure.base.spatial
+    structure, base = fit.structure, fit.structure.base.name
+    if spatial is not None:
+        # Axes that were found are those of the model; how far they may be turned are further numbers.
+        structure = Structure(
+            spatial.held(fit.nonlinear[: len(spatial.nonlinear)]).structural, structure.forms
+        )
+        base, turns = spatial.base.name, {item.name for item in spatial.nonlinear if item.signed}
+        parameters = [replace(item, derived=item.name in turns and not item.effect) for item in parameters]
     return FittedModel(
         name=model_name(fit),
-        structure=fit.structure,
+        structure=structure,
         sampling_time=training.motion.sampling_time,
         input=Port(experiment.input_quantity, experiment.input_unit, experiment.surface),
-        output=Port(experiment.output_quantity, experiment.output_unit, fit.zero),
-        base=fit.structure.base.name,
+        output=Port(experiment.output_quantity, experiment.output_unit, 0.0 if spatial else fit.zero),
+        base=base,
         estimator=OUTPUT_ERROR,
         trained_on=training.name,
         parameters=(*parameters, *derived),
         no_parameters_because=refused,
         scores=scores,
         remark="base and effects fitted together by free-run simulation error",
-        valid_for=None
-        if experiment.points
-        else motion_range(training.motion.position + experiment.surface, training.motion.sampling_time),
+        valid_for=None if experiment.points else _valid_for(experiment),
+        zeros=()
+        if spatial is None
+        else tuple(fit.zeros.reshape(-1, len(spatial.axes)).mean(axis=0).tolist()),
+    )
+
+
+def _valid_for(experiment: Experiment) -> MotionRange:
+    """Motion of the training records; of several axes along any of them."""
+    motion = experiment.training.motion
+    if not isinstance(motion, SpatialMotion):
+        return motion_range(motion.position + experiment.surface, motion.sampling_time)
+    moving = [part for part in motion.parts if np.ptp(part.position) > 0]
+    along = [motion_range(part.position, motion.sampling_time) for part in moving]
+    lowest, highest = (
+        (lambda name: min(getattr(item, name) for item in along)),
+        (lambda name: max(getattr(item, name) for item in along)),
+    )
+    return MotionRange(
+        lowest("lowest"), highest("highest"), highest("speed"), lowest("lowest_Hz"), highest("highest_Hz")
     )
 
 
@@ -83,7 +111,9 @@ def refined_document(path: list[Candidate], experiment: Experiment, data: str) -
     """Return the content of ``refined.json``: every model of the path whose base has a name by which it can be read back."""
     floor = None if experiment.floor is None else experiment.floor.rms
     bases = [item.fit.structure.base for item in path]
-    named = [item for item, base in zip(path, bases, strict=True) if base.own or base.name in BASES]
+    named = [
+        item for item, base in zip(path, bases, strict=True) if base.own or base.spatial or base.name in BASES
+    ]
     return models_document([fitted_model(item, experiment) for item in named], data, floor)
 
 
@@ -143,6 +173,17 @@ def _added_in_turn(
 ) -> tuple[Experiment, list[Candidate]]:
     """Records from the tissue's surface on, and path of fitted models: base, base and first effect, …."""
     experiment, first = choose_base(experiment, base, chosen)
+    return experiment, added_in_turn(experiment, first, chosen)
+
+
+def added_in_turn(experiment: Experiment, first: Candidate, chosen: dict[str, Effect]) -> list[Candidate]:
+    """Base, base and first effect, …: each in the form that fits best.
+
+    Raises
+    ------
+    InputError, NumericalError
+        As `refine`.
+    """
     path = [first]
     for name in chosen:
         # The best by likelihood and number of parameters: a form with more of them always fits a little better.
@@ -167,7 +208,7 @@ def _added_in_turn(
             f"{first.fit.structure.base.name} with {', '.join(chosen)}: the fit on {experiment.training.name} did not converge; "
             "the data may not excite what is asked"
         )
-    return experiment, path
+    return path
 
 
 def not_converged(model: Candidate, experiment: Experiment) -> Finding:

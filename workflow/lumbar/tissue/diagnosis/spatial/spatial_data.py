@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.records.frames import with_force_frame
 from lumbar.records.record import Record, require_clock, same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -32,8 +33,7 @@ class SpatialData(JointData):
         """A record with the whitening of every axis, and samples at its start that count for nothing."""
         parts = [
             FitData(record.name, Motion.of(one), one["output"], taps, settling)
-            for axis, taps in zip(record.axes, whitening, strict=True)
-            for one in [record.axis(axis)]
+            for one, taps in zip(map(record.axis, record.axes), whitening, strict=True)
         ]
         return cls.of(parts, record.axes)
 
@@ -90,7 +90,7 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         raise InputError(
             f"improvement.{key}: records of several axes begin at rest and have the position as input"
         )
-    sound, faults = _repaired(records)
+    sound, faults = _repaired([with_force_frame(record, settings.force_frame) for record in records])
     chosen, others = choose_training(sound, settings.train)
     first = chosen[0]
     floors = _floors(first)
@@ -139,11 +139,7 @@ def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
 
 def _floors(record: Record) -> list[NoiseFloor] | None:
     """Noise floor of every axis of a record, or None where its motion does not repeat."""
-    moving = max(record.axes, key=lambda axis: float(np.ptp(record[f"input_{axis}"])))
-    period = (
-        record.period
-        or find_period(record.axis(moving))
-        or find_period(record.axis(moving), FEWEST_PERIODS - 1)
-    )
+    moving = record.widest
+    period = record.period or find_period(moving) or find_period(moving, FEWEST_PERIODS - 1)
     found = [noise_floor(record.axis(axis), period) for axis in record.axes] if period else [None]
     return None if any(floor is None for floor in found) else found  # type: ignore[return-value]

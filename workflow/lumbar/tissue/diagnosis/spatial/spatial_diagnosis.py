@@ -11,11 +11,12 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
+from lumbar.tissue.diagnosis.selection.refine import added_in_turn
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
-from lumbar.tissue.effects.catalogue import usable_effects
+from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.structure import Structure
@@ -43,6 +44,35 @@ def diagnose(records: list[Record], settings: DiagnosisSettings) -> Verdict:
     if experiment.error_dwarfs_noise(verdict.model.train_rms):
         verdict = _search(experiment.without_whitening(), settings, axes, kinds)
     return replace(verdict, findings=(*experiment.faults, *unexcited(records, verdict)))
+
+
+def refine(
+    records: list[Record], effects: list[str], settings: DiagnosisSettings
+) -> tuple[Experiment, list[Candidate]]:
+    """Add effects to the base that the records ask for beside them, as `lumbar.tissue.diagnosis.selection.refine`."""
+    experiment = prepare(records, settings)
+    axes, kinds = records[0].axes, _kinds(settings)
+    known, without = in_space(settings.candidates, axes), {}
+    for effect in choose(effects, {**settings.candidates, **known}):
+        without |= effect.in_space(axes)[1] if effect.name not in known else {}
+    if without:
+        raise InputError("; ".join(f"{key}: {why}" for key, why in without.items()))
+    usable, _ = usable_effects(
+        {name: known[name] for name in effects},
+        experiment.training.motion.channels,
+        experiment.training.scale,
+    )
+    model = choose_base(experiment, axes, kinds)
+    for _ in range(_ROUNDS if effects else 0):
+        model = added_in_turn(experiment, held(model, experiment), usable)[-1]
+        structure = model.fit.structure
+        acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
+        again = choose_base(experiment, axes, kinds, structure.forms, acting)
+        done, model = again.score > model.score - TIED, _alone(again, experiment)
+        if done:
+            break
+    path = added_in_turn(experiment, held(model, experiment), usable)
+    return experiment, [freed(item, experiment) for item in path]
 
 
 def in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dict[str, Effect]:

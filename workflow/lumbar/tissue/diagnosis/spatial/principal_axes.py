@@ -1,0 +1,135 @@
+"""Principal stiffnesses and viscosities of a fitted tissue in space, where their axes point, and how surely."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from lumbar.tables.described import described
+from lumbar.tables.table import Table
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
+from lumbar.tissue.models.motion import AXES
+from lumbar.tissue.models.symmetry import SpatialBase, Symmetry
+
+_TWO_975 = 2.4477
+"""Radius in standard deviations that holds 95 % of a plane's normal scatter (χ² of two degrees of freedom)."""
+
+
+@dataclass(frozen=True)
+class PrincipalAxis:
+    """One principal value of one matrix."""
+
+    quantity: str
+    """Parameter of the base of one axis, e.g. ``"spring_stiffness"``."""
+    along: str
+    """E.g. ``"every direction"``, ``"axis"``, ``"across the axis"``, ``"axis 2"``."""
+    value: float
+    low: float
+    high: float
+    unit: str
+    """`value`, `low`, `high`, `unit`: with the 95 % interval."""
+    direction: tuple[float, ...] | None
+    """Of the axis, a unit vector along the record's axes; None where there is none."""
+    cone_deg: float | None
+    """Half angle of the cone that holds the axis at 95 %; None without one or for frames that were not fitted."""
+
+
+def principal_axes(fit: Fit, experiment: Experiment) -> list[PrincipalAxis]:
+    """Principal values of every matrix of a fitted base, the largest first where axes are at right angles."""
+    spatial: SpatialBase = fit.structure.base.spatial
+    known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
+    frames, cones = spatial.frames_at(fit.nonlinear[: len(spatial.nonlinear)]), _cones(fit, experiment)
+    count, found = len(spatial.linear) // len(spatial.base.linear), []
+    for index, item in enumerate(spatial.base.linear):
+        which = index if len(frames) > 1 else 0
+        own = []
+        for number, estimate in enumerate(known[index * count : (index + 1) * count]):
+            along, has_axis = _words(spatial.symmetry, number)
+            own.append(
+                PrincipalAxis(
+                    item.name,
+                    along,
+                    estimate.value,
+                    float(estimate.low),  # type: ignore[arg-type]  # a fit has intervals
+                    float(estimate.high),  # type: ignore[arg-type]
+                    estimate.unit,
+                    tuple(_upward(frames[which][:, number]).tolist()) if has_axis else None,
+                    cones[which][number] if has_axis and cones else None,
+                )
+            )
+        found += own
+    return found
+
+
+def _words(symmetry: Symmetry, number: int) -> tuple[str, bool]:
+    """What a principal value belongs to, and whether that has a direction."""
+    if symmetry is Symmetry.ISOTROPIC:
+        return "every direction", False
+    if symmetry is Symmetry.TRANSVERSE:
+        return ("axis", True) if number == 0 else ("across the axis", False)
+    return f"axis {number + 1}", True
+
+
+def _upward(direction: np.ndarray) -> np.ndarray:
+    """An axis has no sign: its largest component is taken as positive."""
+    return direction * np.sign(direction[np.argmax(np.abs(direction))])
+
+
+def _cones(fit: Fit, experiment: Experiment) -> list[list[float]]:
+    """Half angle in degrees of the 95 % cone of every axis of every frame; none where axes were not fitted."""
+    spatial: SpatialBase = fit.structure.base.spatial
+    if not (spatial.free and spatial.turns):
+        return []
+    scaled, size = scaled_covariance(fit, experiment.training)
+    first = len(fit.linear) + len(spatial.base.nonlinear)
+    found, axes = [], len(spatial.axes)
+    for number in range(len(spatial.frames)):
+        own = np.arange(first + number * spatial.turns, first + (number + 1) * spatial.turns)
+        covariance = scaled[np.ix_(own, own)] / np.outer(size[own], size[own])
+        if axes == 2:
+            widest = [float(covariance[0, 0])] * 2
+        else:
+            # An axis is moved by the turns about the other two; one alone is turned about those only.
+            whole = np.zeros((3, 3))
+            whole[3 - len(own) :, 3 - len(own) :] = covariance
+            others = [[second for second in range(3) if second != axis] for axis in range(3)]
+            widest = [float(np.linalg.eigvalsh(whole[np.ix_(pair, pair)])[-1]) for pair in others]
+        quantile = 1.96 if axes == 2 else _TWO_975
+        found.append([float(np.degrees(quantile * np.sqrt(max(variance, 0.0)))) for variance in widest])
+    return found
+
+
+def axes_sentences(fit: Fit, experiment: Experiment) -> list[str]:
+    """The symmetry and the principal values in words, one sentence a matrix."""
+    spatial: SpatialBase = fit.structure.base.spatial
+    found = principal_axes(fit, experiment)
+    lines = []
+    for item in spatial.base.linear:
+        own = [row for row in found if row.quantity == item.name]
+        told = "; ".join(_told(row) for row in own)
+        lines.append(f"{item.name.replace('_', ' ').capitalize()} is {spatial.symmetry}: {told}.")
+    return lines
+
+
+def _told(row: PrincipalAxis) -> str:
+    value = f"{row.value:.3g} {row.unit} ({row.low:.3g} to {row.high:.3g})"
+    if row.direction is None:
+        return f"{value} in {row.along}" if row.along == "every direction" else f"{value} {row.along}"
+    direction = ", ".join(f"{part:.2f}" for part in row.direction)
+    within = "" if row.cone_deg is None else f" ± {row.cone_deg:.2g}°"
+    return f"{value} along ({direction}){within}"
+
+
+def principal_axes_table(rows: Sequence[PrincipalAxis], axes: tuple[str, ...], data: str) -> Table:
+    """The table ``principal_axes``."""
+    written = [
+        {
+            **asdict(row),
+            **{f"direction_{axis}": None for axis in AXES},
+            **{f"direction_{axis}": part for axis, part in zip(axes, row.direction or (), strict=False)},
+        }
+        for row in rows
+    ]
+    return described(__file__, "principal_axes", written, data)
