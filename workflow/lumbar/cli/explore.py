@@ -20,7 +20,7 @@ from lumbar.cli.options import given_settings
 from lumbar.cli.tissue import fit_settings, read_folder
 
 if TYPE_CHECKING:
-    from lumbar.interface.diagnosis import Diagnosis
+    from lumbar.interface.diagnosed import Diagnosis
     from lumbar.page_server.index import Index
     from lumbar.page_server.own_recordings import OwnDiagnosis
     from lumbar.page_server.served_sets import ExploredSet, ServedLift

@@ -9,7 +9,8 @@ from typing import Any
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
-from lumbar.interface.diagnosis import Diagnosis, diagnose
+from lumbar.interface.diagnosed import Diagnosis
+from lumbar.interface.diagnosis import diagnose
 from lumbar.interface.verb import Result, label_of, settings_or_default
 from lumbar.records.record import Record, require_clock
 from lumbar.settings.study_settings import StudySettings

@@ -29,7 +29,7 @@ def fitting_code(
 
     Parameters
     ----------
-    records, verdict, chosen, study : of a `lumbar.interface.diagnosis.Diagnosis`
+    records, verdict, chosen, study : of a `lumbar.interface.diagnosed.Diagnosis`
     reading : str, optional
         Lines that make ``records``; default those that read the files which the records come from. Files below the working
         directory are named from there, others with their folder alone: a page that is sent tells nothing of the machine.

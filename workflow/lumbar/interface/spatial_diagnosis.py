@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from lumbar.base.files import write_json, write_text
-from lumbar.interface.diagnosis import Diagnosis
+from lumbar.interface.diagnosed import Diagnosis
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.evidence.evidence import ladder_csv
 from lumbar.tissue.diagnosis.selection.refine import refined_document

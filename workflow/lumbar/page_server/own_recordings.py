@@ -26,7 +26,7 @@ from lumbar.records.record import Record, resample
 from lumbar.settings.key import NAME
 
 if TYPE_CHECKING:
-    from lumbar.interface.diagnosis import Diagnosis
+    from lumbar.interface.diagnosed import Diagnosis
     from lumbar.page_server.study_change import Change
 
 _TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table", "encoding")

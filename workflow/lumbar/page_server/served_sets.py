@@ -23,7 +23,7 @@ from lumbar.records.record import Record
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
-    from lumbar.interface.diagnosis import Diagnosis
+    from lumbar.interface.diagnosed import Diagnosis
     from lumbar.interface.refinement import Refinement
     from lumbar.page_server.study_change import Change
     from lumbar.publishing.explorer.page import ExplorerPage

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -53,7 +54,7 @@ class SpatialData(JointData):
         """The record."""
         return (self,)
 
-    @property
+    @cached_property
     def zeros(self) -> np.ndarray:
         """What the zeros of the sensor's channels add, shape (axes × samples, axes)."""
         return np.kron(np.eye(len(self.parts)), np.ones((len(self.parts[0].force), 1)))

@@ -1,0 +1,362 @@
+"""What `lumbar.diagnose` and ``lumbar.propose`` return: a verdict with its evidence and its page, a proposed law."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lumbar.base.errors import InputError
+from lumbar.base.files import write_json, write_text
+from lumbar.interface.refinement import Refinement, fit_effects
+from lumbar.publishing.explorer.shown import candidates_of, model_key
+from lumbar.records.record import Record
+from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.tissue import TissueSettings
+from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
+from lumbar.tissue.diagnosis.evidence.evidence import Evidence, gather_evidence, write_diagnosis
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.residuals.compare import comparison_table
+from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate, location_table
+from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, details, headline
+from lumbar.tissue.effects.notation import check_name
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.form import Effect
+
+if TYPE_CHECKING:
+    from lumbar.publishing.explorer.page import ExplorerPage
+    from lumbar.tissue.diagnosis.law.proposal import Proposal
+
+STATIC = "points of a static test, without a clock"
+FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis:
+    """What a base model is missing on a set of records, with the evidence."""
+
+    records: list[Record]
+    settings: DiagnosisSettings
+    """How the records were fitted."""
+    verdict: Verdict
+    """Selected effects, selection path, ranking, ties."""
+    study: StudySettings
+    """All settings: of the machine, the thesis's models and the intervals too."""
+    data: str
+    proposal: Proposal | None = None
+    """The search of a law for what the catalogue leaves, where one was made."""
+
+    @property
+    def selected(self) -> tuple[str, ...]:
+        """Names of the missing effects, in the order in which they were added."""
+        return self.verdict.selected
+
+    @property
+    def candidates(self) -> dict[str, Effect]:
+        """The catalogue that was searched."""
+        return self.settings.candidates
+
+    @cached_property
+    def models(self) -> list[FittedModel]:
+        """Base, base and first effect, …."""
+        return [fitted_model(item, self.verdict.experiment) for item in self.verdict.path]
+
+    @property
+    def model(self) -> FittedModel:
+        """The base with all selected effects."""
+        return self.models[-1]
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """Ties, the experiment that settles them, what these records would have shown, what remains."""
+        return gather_evidence(self.verdict, self.settings, self.study.seed, self.study.signals.machine)
+
+    @cached_property
+    def base_on_records(self) -> list[ResidualReport]:
+        """The base model beside every record, and where it fails."""
+        return compare_and_locate(self.verdict.experiment, self.verdict.base.fit, self.study.seed)
+
+    @cached_property
+    def _without_names(self) -> list[Candidate]:
+        """Models that name no mechanism: linear dynamics of higher order, a surface in the place of a formula."""
+        found = [self.verdict.linear]
+        if self.proposal is not None and self.proposal.is_surface:
+            from lumbar.tissue.diagnosis.law.proposal import surface_model
+
+            found.append(surface_model(self.proposal, self.data))
+        return [item for item in found if item is not None]
+
+    @property
+    def sentences(self) -> list[str]:
+        """The verdict, then what a reader asks next."""
+        lines = [headline(self.verdict), *details(self.verdict, self.candidates)]
+        if self.evidence.separation is not None:
+            lines.append(separation_sentence(self.evidence.separation, self.verdict))
+        return lines
+
+    def add(self, *effects: str) -> Refinement:
+        """Refit the base with the selected effects and these; effects that are there already are not added twice."""
+        wanted = list(dict.fromkeys([*self.selected, *effects]))
+        return self.refit(wanted)
+
+    def refit(self, effects: Iterable[str]) -> Refinement:
+        """Fit the base with these effects and no others; arguments and errors as of `lumbar.refine`."""
+        return fit_effects(self.records, list(effects), self.settings, self.study.seed, self.data)
+
+    def with_effects(self, effects: Iterable[str]) -> Refinement:
+        """Return the base with these effects as the page of the diagnosis shows it.
+
+        Models that the search fitted are taken from it, in whatever order their effects were added there; others are
+        fitted now, as by `refit`.
+        """
+        effects = list(effects)
+        known = {model_key(item.effects): item for item in candidates_of(self.verdict)}
+        if model_key(effects) not in known:
+            return self.refit(effects)
+        steps = [model_key(effects[:number]) for number in range(len(effects) + 1)]
+        path = [known[step] for step in steps if step in known]
+        seed = self.study.seed
+        return Refinement(self.records, self.settings, self.verdict.experiment, path, seed, self.data)
+
+    def propose(self) -> ProposedLaw:
+        """Look for a short formula for what the catalogue leaves.
+
+        Raises
+        ------
+        InputError
+            For a pendulum: the library of terms is that of tissue. For records with the force as input.
+        """
+        if self.settings.system != "tissue":
+            raise InputError(
+                f"base {self.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
+            )
+        if self.settings.forward:
+            raise InputError(FORWARD)
+        verdict = self.verdict
+        if verdict.experiment.points:
+            raise InputError(
+                f"{STATIC}: laws are proposed for motions; lumbar diagnose fits the catalogue's static laws"
+            )
+        from lumbar.tissue.diagnosis.law.proposal import propose
+
+        proposal = self.proposal or propose(verdict.experiment, verdict.base, verdict.model)
+        return ProposedLaw(proposal, self.candidates, self.data)
+
+    def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
+        """Return the diagnosis as a page without script, for notebooks and mail."""
+        from lumbar.publishing.pages.diagnosis_page import diagnosis_page
+
+        return diagnosis_page(self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}))
+
+    @cached_property
+    def thesis_models(self) -> ThesisModels:
+        """The thesis's models, ridge ARX and output error, of the same records; none beside force as the input."""
+        return ThesisModels() if self.settings.forward else thesis_models(self.verdict, self.study.tissue)
+
+    @cached_property
+    def pushed(self) -> dict[str, Any] | None:
+        """Base and refined model under the reader's hand; None beside force as the input."""
+        from lumbar.publishing.explorer.push import pushed_models
+
+        if self.settings.forward:
+            return None
+        return pushed_models(
+            [self.models[0], *self.models[1:][-1:]], self.study.runtime.compiler_cache, self.data
+        )
+
+    def page(
+        self, pictures: Mapping[str, Path] | None = None, thesis: bool = True, reading: str = ""
+    ) -> ExplorerPage:
+        """Return the page that one can look around in: every model that was fitted beside every record.
+
+        Parameters
+        ----------
+        pictures : mapping of str to path, optional
+            SVG files by caption, shown with the evidence.
+        thesis : bool
+            Whether the thesis's models stand beside, and models can be pushed; identifying and compiling takes a few seconds.
+        reading : str, optional
+            Python that makes ``records``, for what can be copied; default that which reads the files they come from.
+        """
+        if self.verdict.experiment.points:
+            raise InputError(
+                f"{STATIC}: there is no motion to look around in; save and to_html show what was found"
+            )
+        from lumbar.interface.python_code import fitting_code
+        from lumbar.publishing.explorer.page import ExplorerPage
+        from lumbar.publishing.pages.diagnosis_page import evidence_sections
+
+        beside = self.thesis_models if thesis else NOT_IDENTIFIED
+        own = [fitted_model(item, self.verdict.experiment) for item in self._without_names]
+        return ExplorerPage(
+            self.verdict,
+            self.evidence,
+            self.candidates,
+            self.base_on_records,
+            self.data,
+            evidence_sections(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
+            [*own, *beside.models],
+            beside.remark,
+            self.pushed if thesis else None,
+            fitting_code(self.records, self.verdict, self.settings, self.study, reading),
+        )
+
+    def save(
+        self, folder: str | os.PathLike, pictures: bool = True, effects: Iterable[str] | None = None
+    ) -> None:
+        """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json``, ``diagnosis.html`` and a proposed law's file.
+
+        Parameters
+        ----------
+        folder : path
+        pictures : bool
+            Draw comparison, location, ladder and signatures too, write the tables ``compare`` and ``location``, and show the
+            thesis's models on the page; takes a few seconds more.
+        effects : iterable of str, optional
+            Effects of the model in ``refined.json``; default those that were selected.
+        """
+        folder = Path(folder)
+        write_diagnosis(self.verdict, lambda: self.evidence, folder, self.data)
+        kept = self.verdict if effects is None else self.with_effects(effects)
+        document = refined_document([*self._without_names, *kept.path], kept.experiment, self.data)
+        write_json(folder / "refined.json", document)
+        self._save_law(folder / "proposed_law.yaml")
+        if self.verdict.experiment.points:
+            write_text(folder / "diagnosis.html", self.to_html())
+            return
+        drawn = self._save_pictures(folder) if pictures else {}
+        write_text(folder / "diagnosis.html", self.page(drawn, thesis=pictures).to_html())
+
+    def _save_law(self, path: Path) -> None:
+        """Write the effect's file; one that an earlier diagnosis left there is taken away."""
+        law = self.propose() if self.proposal is not None else None
+        if law is not None and law.found:
+            law.save(path, path.stem)
+        else:
+            path.unlink(missing_ok=True)
+
+    def _save_pictures(self, folder: Path) -> dict[str, Path]:
+        from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
+
+        simulated = self.base_on_records
+        comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
+        location_table([item.location for item in simulated], self.data).write(folder / "location")
+        felt_table(simulated, self.data).write(folder / "felt")
+        return draw_pictures(
+            self.verdict, simulated, self.candidates, folder, self.data, proposal=self.proposal
+        )
+
+    def __str__(self) -> str:
+        return "\n  ".join(self.sentences)
+
+    def __repr__(self) -> str:
+        base = self.verdict.base.fit.structure.base.name
+        return f"<Diagnosis of {base} on {len(self.records)} records: {self.verdict.verdict}>"
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProposedLaw:
+    """A law for what is missing, or that no short formula was found."""
+
+    proposal: Proposal
+    candidates: dict[str, Effect]
+    """The catalogue that did not suffice, whose names the law cannot take."""
+    data: str
+    """What the records are, for the file and the picture."""
+
+    @property
+    def found(self) -> bool:
+        """Whether a law is proposed."""
+        return self.proposal.law is not None
+
+    @property
+    def equation(self) -> str:
+        """The law as an expression; empty where none is proposed."""
+        return self.proposal.form.equation if self.found else ""
+
+    def to_yaml(self, name: str = "proposed_law") -> str:
+        """Return the effect's file.
+
+        Raises
+        ------
+        InputError
+            If no law is proposed, or the name cannot be an effect's.
+        """
+        if not self.found:
+            raise InputError(f"no effect to write: {self.sentences[0]}")
+        check_name(name, self.candidates)
+        from lumbar.tissue.diagnosis.law.proposal import effect_text
+
+        return effect_text(self.proposal, name, self.data)
+
+    def save(self, path: str | os.PathLike, name: str = "proposed_law") -> None:
+        """Write the effect's file, for ``improvement: effect_files``; errors as of `to_yaml`."""
+        write_text(path, self.to_yaml(name))
+
+    def draw(self, stem: str | os.PathLike) -> None:
+        """Write the picture of what is missing, ``stem.svg`` and ``stem.pdf``.
+
+        Raises
+        ------
+        InputError
+            If nothing is missing.
+        """
+        from lumbar.publishing.figures.law_figure import law_figure
+        from lumbar.publishing.figures.style import save
+
+        if not self.proposal.is_needed:
+            raise InputError(f"nothing to draw: {self.sentences[0]}")
+        save(law_figure(self.proposal), Path(stem), self.data)
+
+    @property
+    def sentences(self) -> list[str]:
+        """The proposal, in plain English."""
+        return self.proposal.sentences
+
+    def __str__(self) -> str:
+        return "\n  ".join(self.sentences)
+
+    def __repr__(self) -> str:
+        return f"<ProposedLaw: {self.equation or 'no formula'}>"
+
+
+@dataclass(frozen=True)
+class ThesisModels:
+    """Models that can be simulated, and what is to be said of the others."""
+
+    models: list[FittedModel] = field(default_factory=list)
+    remark: str = ""
+    """Which are missing and why; empty where none is, and where the thesis has none."""
+
+
+NOT_IDENTIFIED = ThesisModels(
+    remark='The thesis\'s models were not identified for this page: "lumbar diagnose --pictures" and "lumbar explore" do so.'
+)
+
+
+def thesis_models(verdict: Verdict, settings: TissueSettings) -> ThesisModels:
+    """Identify the thesis's models on the longest record that the diagnosis was trained on; of a pendulum there are none."""
+    if verdict.base.fit.structure.base.system != "tissue":
+        return ThesisModels()
+    experiment = verdict.experiment
+    names = [item.name for item in getattr(experiment.training, "parts", (experiment.training,))]
+    training = max((record for record in experiment.records if record.name in names), key=len)
+    tests = [record for record in experiment.records if record is not training]
+    from lumbar.tissue.identification.identify_tissue import without_intervals
+
+    try:
+        found = without_intervals(training, tests, settings)
+    except InputError as error:
+        return ThesisModels(remark=f"The thesis's models could not be identified on these records: {error}")
+    unstable = [f"{model.name} ({model.estimator})" for model in found if not model.stable]
+    remark = f"Unstable, and without a free run: {', '.join(unstable)}." if unstable else ""
+    return ThesisModels([model for model in found if model.stable], remark)
