@@ -19,9 +19,10 @@ A layout is `lumbar.settings.layout.ColumnLayout`; in a study's YAML::
 
 import csv
 import os
+import re
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -43,7 +44,6 @@ from lumbar.records.record import (
 from lumbar.records.stretches import check_clipping
 from lumbar.records.text_rows import number, stop_at_many
 from lumbar.records.unpacking import PACKED, read_readable, stem_of
-from lumbar.records.vector_columns import along_axes, column_of
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 LONGEST_GAP = 10
@@ -322,7 +322,7 @@ def _positions(path: Path, columns: dict[str, ColumnSettings], header: list[str]
     """Zero-based position of each role's column."""
     problems = Problems(str(path))
     positions = {}
-    columns = along_axes(columns, header or (), problems)
+    columns = _along_axes(columns, header or (), problems)
     # A table of these two alone has no clock; beside any other column that one might be it, under another name.
     pair = {columns[role].column for role in ("input", "output") if role in columns}
     for role, column in columns.items():
@@ -378,7 +378,7 @@ def _read_mat(path: Path, layout: ColumnLayout, load_matlab: Callable[..., dict]
     problems = Problems(str(path))
     values = {}
     names = [name for name in content if not name.startswith("__")]
-    for role, column in along_axes(layout.columns, names, problems).items():
+    for role, column in _along_axes(layout.columns, names, problems).items():
         found = content.get(str(column.column))
         if found is None and column.optional:
             continue
@@ -392,3 +392,17 @@ def _read_mat(path: Path, layout: ColumnLayout, load_matlab: Callable[..., dict]
         problems.add("", "variables of different lengths", "time, input and output need one value per sample")
     problems.raise_if_any()
     return values
+
+
+def column_of(columns: Mapping[str, ColumnSettings], role: str) -> ColumnSettings:
+    """How a role is read: of an axis that the layout does not name, as the layout's one axis."""
+    return columns[role] if role in columns else columns[role[: -len("_x")]]
+
+
+def _along_axes(columns: dict[str, ColumnSettings], header, problems: Problems) -> dict[str, ColumnSettings]:
+    """Columns by role, with an axis each where the header names some."""
+    if not any(re.search("_[xyz]_", str(name)) for name in header):
+        return columns
+    from lumbar.records.vector_columns import along_axes
+
+    return along_axes(columns, header, problems)

@@ -1,7 +1,7 @@
 """Columns of several axes in a file whose layout names those of one: position_x_mm, … for position_mm."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from lumbar.base.errors import Problems
@@ -30,11 +30,6 @@ def along_axes(
         own = {f"{role}_{axis}": replace(column, column=name) for axis, name in found.get(role, {}).items()}
         expanded |= own if role in single else {role: column}
     return expanded
-
-
-def column_of(columns: Mapping[str, ColumnSettings], role: str) -> ColumnSettings:
-    """How a role is read: of an axis that the layout does not name, as the layout's one axis."""
-    return columns[role] if role in columns else columns[role[: -len("_x")]]
 
 
 def _of_axes(column: ColumnSettings, header: Sequence[str]) -> dict[str, str]:

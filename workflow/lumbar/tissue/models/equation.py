@@ -157,6 +157,10 @@ class Equation:
         """Equations of the states, if there are any."""
         return StateEquation(self.slopes, self.begin) if self.states else None
 
+    def linear_in_space(self) -> tuple[LinearParameter, ...]:
+        """Linear parameters along several axes; an equation of one axis has none."""
+        return ()
+
     def problems(self) -> list[tuple[str, str]]:
         """What is wrong with it: where, and what was found and is allowed."""
         found = self._symbol_problems()

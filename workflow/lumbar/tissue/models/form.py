@@ -22,7 +22,6 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.tissue.models.equation import CStep, Equation, Solution
 from lumbar.tissue.models.motion import POSITIONS, OneMotion
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter
-from lumbar.tissue.models.spatial_equation import SpatialEquation
 
 
 class Place(StrEnum):
@@ -112,6 +111,8 @@ class Form:
     """That of the effect, which sets it."""
     axes: tuple[str, ...] = ()
     """Names of the axes along which it acts; none of one axis."""
+    channel: str = ""
+    """Of several axes: the one whose channel alone it transforms; empty for all alike."""
     written: tuple[LinearParameter, ...] = ()
     """Linear parameters as the equation has them, where it acts along several axes."""
 
@@ -128,10 +129,7 @@ class Form:
         if self.hand_written:
             return replace(self, axes=axes)
         found = replace(self, axes=axes, written=self.linear)
-        equation = found._unchecked
-        assert isinstance(equation, SpatialEquation)
-        equation.check_in_space()
-        return replace(found, linear=equation.spatial_linear)
+        return replace(found, linear=found._unchecked.linear_in_space())
 
     def with_constants(self, values: Mapping[str, float]) -> Self:
         """The form with other values of constants, by symbol; what it has no constant for is left out."""
@@ -197,7 +195,11 @@ class Form:
         transforms = self.place is Place.OUTPUT
         given = self.nonlinear, self.constants, self.state, self.start
         if self.axes:
-            return SpatialEquation(self.equation, transforms, self.written, *given, axes=self.axes)
+            from lumbar.tissue.models.spatial_equation import SpatialEquation
+
+            return SpatialEquation(
+                self.equation, transforms, self.written, *given, axes=self.axes, channel=self.channel
+            )
         return Equation(self.equation, transforms, self.linear, *given)
 
     @cached_property
@@ -291,7 +293,10 @@ class Effect:
         forms, without = [], {}
         for form in self.forms:
             try:
-                forms.append(form.in_space(axes))
+                forms.append(read := form.in_space(axes))
+                if form is self.forms[0] and form.place is Place.OUTPUT:
+                    # One channel of a sensor may be at its limit where the others are not.
+                    forms += [replace(read, name=f"{form.name}_{axis}", channel=axis) for axis in axes]
             except InputError as error:
                 without[form.key] = str(error)
         return (replace(self, forms=tuple(forms)) if forms else None), without

@@ -8,13 +8,12 @@ from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from lumbar.base.errors import InputError, Problems
+from lumbar.base.errors import Problems
 from lumbar.tissue.models.bases import BASES, Base
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter, ModelData, MotionRange, Port, Scores
 from lumbar.tissue.models.motion import AXES
 from lumbar.tissue.models.structure import ForwardStructure, Structure
-from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, force_sensor_effects, is_rotation
 from lumbar.tissue.models.tissue_models import MODELS
 from lumbar.tissue.models.transfer_function import TransferFunction
 
@@ -43,7 +42,7 @@ class _Space:
     """What a base is along several axes, as it is written."""
 
     axes: tuple[str, ...]
-    symmetry: Symmetry
+    symmetry: str
     frames: tuple[tuple[float, ...], ...]
 
 
@@ -76,7 +75,7 @@ def entry_of(model: ModelData) -> dict:
     else:
         forward = isinstance(model.structure, ForwardStructure) or None
         spatial = model.structure.base.spatial
-        space = None if spatial is None else _Space(spatial.axes, spatial.symmetry, spatial.frames)
+        space = None if spatial is None else _Space(spatial.axes, spatial.symmetry.value, spatial.frames)
         written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward, space=space)
     plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
     plain["structure"] = _without_none(plain["structure"])
@@ -197,7 +196,10 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
         return None
     effects = catalogues.get(bases[base].system, {})
     if written.space is not None and 2 <= len(written.space.axes) <= 3:
-        effects = {**effects, **force_sensor_effects(written.space.axes)}
+        from lumbar.tissue.models.symmetry import force_sensor_effects
+
+        read = [item.in_space(written.space.axes)[0] for item in effects.values() if isinstance(item, Effect)]
+        effects = {item.name: item for item in read if item} | force_sensor_effects(written.space.axes)
     catalogue = {name: item for name, item in effects.items() if isinstance(item, Effect)}
     forms: list[Form] = []
     for item in written.effects or ():
@@ -212,8 +214,14 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
 
 def _in_space(structure: Structure, space: _Space, problems: Problems) -> Structure | None:
     """The structure along several axes."""
+    from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, is_rotation
+
     size, base = len(space.axes), structure.base
-    wanted = len(base.linear) if space.symmetry is Symmetry.FULL else 1
+    if space.symmetry not in [*Symmetry]:
+        problems.add("structure.space.symmetry", space.symmetry, f"there are {', '.join(Symmetry)}")
+        return None
+    symmetry = Symmetry(space.symmetry)
+    wanted = len(base.linear) if symmetry is Symmetry.FULL else 1
     if not 2 <= size <= 3 or not set(space.axes) <= set(AXES) or len(set(space.axes)) < size:
         problems.add("structure.space.axes", ", ".join(space.axes), "two or three of x, y, z are needed")
     elif len(space.frames) != wanted or any(len(frame) != size**2 for frame in space.frames):
@@ -223,12 +231,8 @@ def _in_space(structure: Structure, space: _Space, problems: Problems) -> Struct
     elif not all(is_rotation(frame, size) for frame in space.frames):
         problems.add("structure.space.frames", str(space.frames), "rotation matrices are needed, row by row")
     else:
-        try:
-            forms = tuple(form if form.axes else form.in_space(space.axes) for form in structure.forms)
-            spatial = SpatialBase(base, space.symmetry, space.axes, space.frames, free=False)
-            return Structure(spatial.structural, forms)
-        except InputError as error:
-            problems.add("structure.effects", str(error), "effects with a form in space")
+        spatial = SpatialBase(base, symmetry, space.axes, space.frames, free=False)
+        return Structure(spatial.structural, structure.forms)
     return None
 
 

@@ -144,6 +144,8 @@ class SpatialEquation(Equation):
 
     axes: tuple[str, ...] = ()
     """Names of the axes."""
+    channel: str = ""
+    """The axis whose channel alone is transformed; empty for all."""
 
     @cached_property
     def vectors(self) -> dict[str, Vector]:
@@ -200,13 +202,6 @@ class SpatialEquation(Equation):
                 own = replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}")
                 found.append((own, tuple(read if axis == other else zero for other in self.axes)))
         return tuple(found)
-
-    @cached_property
-    def spatial_linear(self) -> tuple[LinearParameter, ...]:
-        """Linear parameters in space: those of a term without direction once in every axis."""
-        if self.transforms:
-            return self.linear
-        return tuple(item for item, _ in self._read)
 
     @property
     def signals(self) -> set[str]:
@@ -271,7 +266,10 @@ class SpatialEquation(Equation):
         """What every channel makes of the force along its axis."""
         values: dict = self.parameters(nonlinear)
         pieces = []
-        for part, piece in zip(motion.parts, motion.split(force), strict=True):
+        for axis, part, piece in zip(self.axes, motion.parts, motion.split(force), strict=True):
+            if self.channel not in ("", axis):
+                pieces.append(piece)
+                continue
             own = {
                 name: SIGNALS[name].of(motion if name == "s" else part) for name in self.signals
             }  # the way in space
@@ -279,10 +277,17 @@ class SpatialEquation(Equation):
             pieces.append(np.broadcast_to(found, len(part)))
         return np.concatenate(pieces)
 
-    def check_in_space(self) -> None:
-        """Refuse what means nothing in space, with the part that does not."""
-        if self.transforms:
-            if self.states or symbols(self.force) & {"z", "v", "a", "dz", *COMPARISONS}:
-                raise InputError(f"{self.text} of one channel hangs on a motion that is a vector")
-        else:
-            _ = self.begin, self.slopes, self._read
+    def linear_in_space(self) -> tuple[LinearParameter, ...]:
+        """Linear parameters in space: those of a term without direction once in every axis.
+
+        Raises
+        ------
+        InputError
+            With the part of the equation that means nothing in space.
+        """
+        if not self.transforms:
+            _ = self.begin, self.slopes
+            return tuple(item for item, _ in self._read)
+        if self.states or symbols(self.force) & {*VECTORS, *COMPARISONS}:
+            raise InputError(f"{self.text} of one channel hangs on a motion that is a vector")
+        return self.linear

@@ -349,9 +349,11 @@ def _refused(form: Form, values: dict[str, float], fit: Fit, experiment: Experim
     noise = experiment.floor.rms if experiment.floor else fit.rms(training)
     motions = (training.motion,) if isinstance(training.motion, Motion) else training.motion.parts
     forces = [training.force] if len(motions) == 1 else training.motion.split(training.force)
+    zeros = fit.zeros if len(fit.zeros) == len(motions) else [fit.zero] * len(motions)
+    channels = [form.channel in ("", axis) for axis in form.axes] or [True] * len(motions)
     period = experiment.floor.period if experiment.floor else None
-    for motion, force in zip(motions, forces, strict=True):
-        words = form.contradiction(values, motion, force - fit.zero, noise, period)
+    for motion, force, zero, acts in zip(motions, forces, zeros, channels, strict=True):
+        words = acts and form.contradiction(values, motion, force - zero, noise, period)
         if words:
             return [f"{form.effect}: {words}"]
     return []
