@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -44,6 +44,8 @@ class _Space:
     axes: tuple[str, ...]
     symmetry: str
     frames: tuple[tuple[float, ...], ...]
+    depth: float | None = None
+    reach: float | None = None
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def entry_of(model: ModelData) -> dict:
     else:
         forward = isinstance(model.structure, ForwardStructure) or None
         spatial = model.structure.base.spatial
-        space = None if spatial is None else _Space(spatial.axes, spatial.symmetry.value, spatial.frames)
+        space = None if spatial is None else _Space(**spatial.written())
         written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward, space=space)
     plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
     plain["structure"] = _without_none(plain["structure"])
@@ -214,25 +216,30 @@ def _structure(base: str, written: _Written, catalogues: Catalogues, problems: P
 
 def _in_space(structure: Structure, space: _Space, problems: Problems) -> Structure | None:
     """The structure along several axes."""
+    from lumbar.tissue.models.plane_contact import PlaneContact
     from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, is_rotation
 
-    size, base = len(space.axes), structure.base
-    if space.symmetry not in [*Symmetry]:
-        problems.add("structure.space.symmetry", space.symmetry, f"there are {', '.join(Symmetry)}")
-        return None
-    symmetry = Symmetry(space.symmetry)
-    wanted = len(base.linear) if symmetry is Symmetry.FULL else 1
+    size, base, place = len(space.axes), structure.base, "structure.space"
+    plane = space.depth is not None and space.reach is not None
+    wanted = len(base.linear) if space.symmetry == Symmetry.FULL else 1
     if not 2 <= size <= 3 or not set(space.axes) <= set(AXES) or len(set(space.axes)) < size:
-        problems.add("structure.space.axes", ", ".join(space.axes), "two or three of x, y, z are needed")
-    elif len(space.frames) != wanted or any(len(frame) != size**2 for frame in space.frames):
+        problems.add(f"{place}.axes", ", ".join(space.axes), "two or three of x, y, z are needed")
+    elif space.symmetry not in [*Symmetry] and not (plane and base.contact):
         problems.add(
-            "structure.space.frames", f"{len(space.frames)}", f"{wanted} of {size**2} numbers are needed"
+            f"{place}.symmetry", space.symmetry, f"there are {', '.join(Symmetry)}, and a plane of a contact"
         )
+    elif len(space.frames) != wanted or any(len(frame) != size**2 for frame in space.frames):
+        problems.add(f"{place}.frames", str(len(space.frames)), f"{wanted} of {size**2} numbers are needed")
     elif not all(is_rotation(frame, size) for frame in space.frames):
-        problems.add("structure.space.frames", str(space.frames), "rotation matrices are needed, row by row")
+        problems.add(f"{place}.frames", str(space.frames), "rotation matrices are needed, row by row")
+    elif plane:
+        contact = PlaneContact(
+            base, space.axes, space.frames[0], float(space.depth or 0), float(space.reach or 0)
+        )
+        return Structure(contact.structural, structure.forms)
     else:
-        spatial = SpatialBase(base, symmetry, space.axes, space.frames, free=False)
-        return Structure(spatial.structural, structure.forms)
+        symmetric = SpatialBase(base, Symmetry(space.symmetry), space.axes, space.frames, free=False)
+        return Structure(symmetric.structural, structure.forms)
     return None
 
 
@@ -274,7 +281,7 @@ def _check_parameters(
     parts = (structure.base, *structure.forms) if isinstance(structure, Structure) else ()
     needed = {key: positive for part in parts for key, positive in _keys(part)}
     spatial = structure.base.spatial if parts else None
-    angles = () if spatial is None else replace(spatial, free=True).nonlinear[len(spatial.base.nonlinear) :]
+    angles = spatial.turning if spatial is not None else ()
     optional = {item.name for item in MODELS[base].elements} if base in MODELS else set()
     optional |= {item.name for item in angles}
     if not parts and base in BASES:

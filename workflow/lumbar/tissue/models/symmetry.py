@@ -35,13 +35,14 @@ class Symmetry(StrEnum):
     FULL = "full"
 
 
-_FARTHEST = 1.2
+FARTHEST = 1.2
 """Radians by which axes may be turned from the frame that is given."""
 _STRONGEST = 0.5
 """Largest share of one channel's force that another one may read."""
 
 
-def _signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter:
+def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter:
+    """A parameter of either sign that begins at 0, of at most this size."""
     ends = float(np.exp(-most)), float(np.exp(most))
     return NonlinearParameter(name, unit, "one", 1.0, 1.0, 1, ends, symbol=symbol, signed=True)
 
@@ -105,20 +106,22 @@ class SpatialBase:
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
         """Those of the base, then the angles of every frame."""
-        if not self.free or not self.turns:
-            return self.base.nonlinear
+        return (*self.base.nonlinear, *(self.turning if self.free else ()))
+
+    @property
+    def turning(self) -> tuple[NonlinearParameter, ...]:
+        """The angles of every frame."""
         several = len(self.frames) > 1
-        angles = [
-            _signed(
+        return tuple(
+            signed(
                 f"turn_{number}" + f"_of_{owner.name}" * several,
                 "rad",
                 f"r_{number}" + owner.symbol * several,
-                _FARTHEST,
+                FARTHEST,
             )
             for owner, _ in zip(self.base.linear, self.frames, strict=False)
             for number in range(1, self.turns + 1)
-        ]
-        return (*self.base.nonlinear, *angles)
+        )
 
     def frames_at(self, nonlinear: np.ndarray) -> list[np.ndarray]:
         """Principal axes, the columns of a matrix for every frame, at nonlinear parameters of the base."""
@@ -173,6 +176,10 @@ class SpatialBase:
             hand_written=HandWritten(columns=self.columns, spatial=True),
             spatial=self,
         )
+
+    def written(self) -> dict:
+        """What a file of models says of it."""
+        return {"axes": self.axes, "symmetry": self.symmetry.value, "frames": self.frames}
 
     def held(self, nonlinear: np.ndarray) -> "SpatialBase":
         """The base whose frames are where these parameters turn them; a fit leaves them there."""
@@ -239,7 +246,7 @@ def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
     turned = _frame_form(
         "rotation",
         r"F \to R F",
-        [_signed(name, "rad", f"r_{name[5:]}", _FARTHEST) for name in angles],
+        [signed(name, "rad", f"r_{name[5:]}", FARTHEST) for name in angles],
         lambda nonlinear: turn(np.log(nonlinear)),
         axes,
     )
@@ -247,7 +254,7 @@ def force_sensor_effects(axes: tuple[str, ...]) -> dict[str, Effect]:
         "couplings",
         r"F \to (I + C) F",
         [
-            _signed(f"share_of_{axes[j]}_in_{axes[i]}", "1", f"c_{axes[i]}{axes[j]}", _STRONGEST)
+            signed(f"share_of_{axes[j]}_in_{axes[i]}", "1", f"c_{axes[i]}{axes[j]}", _STRONGEST)
             for i, j in pairs
         ],
         couplings,

@@ -178,7 +178,7 @@ def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
 
 def _search(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     if not len(start):
-        return _at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
+        return fit_at(structure, data, start) if structure.is_linear else _search_all(structure, data, start)
     low, high = shape_bounds(structure, data, start)
     room = (high / low) ** _OFF_BOUND
     start = np.clip(start, low * room, high / room)
@@ -186,8 +186,8 @@ def _search(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
     return search(structure, data, start, low, high)
 
 
-def _at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: bool = True) -> Fit:
-    """Solve for the linear parameters at given nonlinear parameters."""
+def fit_at(structure: Structure, data: FitData, nonlinear: np.ndarray, converged: bool = True) -> Fit:
+    """Solve for the linear parameters at given nonlinear parameters; no form acts on the output."""
     design = _with_zero(structure, data, structure.design(data.motion, nonlinear))
     force = data.whiten(data.force)
     linear = solve_linear(design, force, _signs(structure, data))
@@ -267,7 +267,7 @@ def _search_nonlinear(structure, data, start, low, high) -> Fit:
         return np.column_stack([(error(item) - at) / (item - vector).sum() for item in moved])
 
     found = _least_squares(error, jacobian, np.ones(len(start)), low, high, xtol=1e-7, ftol=1e-9)
-    return _at(structure, data, unfolded(found.x, start), found.status > 0)
+    return fit_at(structure, data, unfolded(found.x, start), found.status > 0)
 
 
 def folds(values, start: np.ndarray) -> np.ndarray:
@@ -360,7 +360,7 @@ def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) 
     for start in starts:
         with suppress(ValueError, np.linalg.LinAlgError):  # what runs away there is no start
             going_on()
-            found.append(_at(structure, data, np.append(start, acting)))
+            found.append(fit_at(structure, data, np.append(start, acting)))
     ranked = sorted(found, key=lambda item: item.squared_error)
     return min(
         (fit(structure, data, item.nonlinear) for item in ranked[:refined]),
@@ -390,7 +390,7 @@ def _errors_of_starts(previous: Fit, form: Form, data: FitData) -> list[tuple[fl
     for start in nonlinear_starts(form, data, residual):
         nonlinear = np.concatenate([previous.nonlinear, start])
         if structure.is_linear:
-            squared = _at(structure, data, nonlinear).squared_error
+            squared = fit_at(structure, data, nonlinear).squared_error
         else:
             linear = linear_with_new(previous, form)
             squared = _linearised_error(structure, data, linear, nonlinear, previous.zeros)

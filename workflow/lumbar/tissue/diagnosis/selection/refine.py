@@ -30,7 +30,6 @@ from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.model_data import OUTPUT_ERROR, FittedParameter, MotionRange, Port, Scores
 from lumbar.tissue.models.motion import SpatialMotion
-from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.signals.spectrum import motion_range
 
 
@@ -46,7 +45,13 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
     """
     fit, training = candidate.fit, experiment.training
     units = experiment.input_unit, experiment.output_unit
-    parameters = estimates(fit, training, *units)
+    parameters, spatial = estimates(fit, training, *units), fit.structure.base.spatial
+    structure, base = fit.structure, fit.structure.base.name
+    if spatial is not None:
+        # Axes that were found are those of the model; how far they may be turned from there are further numbers.
+        turned = spatial.held(fit.nonlinear[: len(spatial.nonlinear)])
+        structure, base = replace(structure, base=turned.structural), spatial.base.name
+        parameters = [_from_there(item, spatial) for item in parameters]
     try:
         derived, refused = derived_estimates(fit, training, *units), ""
     except NumericalError as error:
@@ -60,17 +65,8 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         test_rms=candidate.test_rms,
         free_parameters=len(parameters),
         rank=len(parameters),
-        mru_percent=_largest_relative_uncertainty(parameters),
+        mru_percent=_largest_relative_uncertainty([item for item in parameters if item.value]),
     )
-    spatial = fit.structure.base.spatial
-    structure, base = fit.structure, fit.structure.base.name
-    if spatial is not None:
-        # Axes that were found are those of the model; how far they may be turned are further numbers.
-        structure = Structure(
-            spatial.held(fit.nonlinear[: len(spatial.nonlinear)]).structural, structure.forms
-        )
-        base, turns = spatial.base.name, {item.name for item in spatial.nonlinear if item.signed}
-        parameters = [replace(item, derived=item.name in turns and not item.effect) for item in parameters]
     return FittedModel(
         name=model_name(fit),
         structure=structure,
@@ -91,20 +87,28 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
     )
 
 
+def _from_there(item: FittedParameter, spatial) -> FittedParameter:
+    """A parameter; one that turns or moves the base counted from where it was found."""
+    if item.effect or item.name not in {own.name for own in spatial.nonlinear if own.signed}:
+        return item
+    assert item.low is not None and item.high is not None
+    ends = {"value": 0.0, "low": item.low - item.value, "high": item.high - item.value}
+    return replace(item, **ends, derived=item.name in {own.name for own in spatial.turning})
+
+
 def _valid_for(experiment: Experiment) -> MotionRange:
     """Motion of the training records; of several axes along any of them."""
     motion = experiment.training.motion
     if not isinstance(motion, SpatialMotion):
         return motion_range(motion.position + experiment.surface, motion.sampling_time)
-    moving = [part for part in motion.parts if np.ptp(part.position) > 0]
-    along = [motion_range(part.position, motion.sampling_time) for part in moving]
-    lowest, highest = (
-        (lambda name: min(getattr(item, name) for item in along)),
-        (lambda name: max(getattr(item, name) for item in along)),
-    )
-    return MotionRange(
-        lowest("lowest"), highest("highest"), highest("speed"), lowest("lowest_Hz"), highest("highest_Hz")
-    )
+    along = [
+        motion_range(part.position, part.sampling_time) for part in motion.parts if np.ptp(part.position) > 0
+    ]
+    least, most = ([pick(getattr(item, name) for item in along) for name in _ENDS] for pick in (min, max))
+    return MotionRange(least[0], most[1], most[2], least[3], most[4])
+
+
+_ENDS = ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")
 
 
 def refined_document(path: list[Candidate], experiment: Experiment, data: str) -> dict:

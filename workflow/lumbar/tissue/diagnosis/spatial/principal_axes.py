@@ -1,7 +1,7 @@
 """Principal stiffnesses and viscosities of a fitted tissue in space, where their axes point, and how surely."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,9 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
+from lumbar.tissue.models.model_data import FittedParameter
 from lumbar.tissue.models.motion import AXES
+from lumbar.tissue.models.plane_contact import PlaneContact
 from lumbar.tissue.models.symmetry import SpatialBase, Symmetry
 
 _TWO_975 = 2.4477
@@ -37,30 +39,38 @@ class PrincipalAxis:
 
 
 def principal_axes(fit: Fit, experiment: Experiment) -> list[PrincipalAxis]:
-    """Principal values of every matrix of a fitted base, the largest first where axes are at right angles."""
-    spatial: SpatialBase = fit.structure.base.spatial
+    """Principal values of every matrix of a fitted base; of one that meets a plane what acts into it."""
+    spatial = fit.structure.base.spatial
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
+    if isinstance(spatial, PlaneContact):
+        normal, _ = spatial.plane(fit.nonlinear[: len(spatial.nonlinear)])
+        return [
+            PrincipalAxis(item.name, along, item.value, *_ends(item), item.unit, tuple(normal.tolist()), None)
+            for item, along in zip(known, ("into the surface", "friction along it"), strict=False)
+        ]
     frames, cones = spatial.frames_at(fit.nonlinear[: len(spatial.nonlinear)]), _cones(fit, experiment)
     count, found = len(spatial.linear) // len(spatial.base.linear), []
     for index, item in enumerate(spatial.base.linear):
         which = index if len(frames) > 1 else 0
-        own = []
         for number, estimate in enumerate(known[index * count : (index + 1) * count]):
             along, has_axis = _words(spatial.symmetry, number)
-            own.append(
+            found.append(
                 PrincipalAxis(
                     item.name,
                     along,
                     estimate.value,
-                    float(estimate.low),  # type: ignore[arg-type]  # a fit has intervals
-                    float(estimate.high),  # type: ignore[arg-type]
+                    *_ends(estimate),
                     estimate.unit,
                     tuple(_upward(frames[which][:, number]).tolist()) if has_axis else None,
                     cones[which][number] if has_axis and cones else None,
                 )
             )
-        found += own
     return found
+
+
+def _ends(item: FittedParameter) -> tuple[float, float]:
+    assert item.low is not None and item.high is not None  # a fit has intervals
+    return item.low, item.high
 
 
 def _words(symmetry: Symmetry, number: int) -> tuple[str, bool]:
@@ -103,14 +113,28 @@ def _cones(fit: Fit, experiment: Experiment) -> list[list[float]]:
 
 def axes_sentences(fit: Fit, experiment: Experiment) -> list[str]:
     """The symmetry and the principal values in words, one sentence a matrix."""
-    spatial: SpatialBase = fit.structure.base.spatial
+    spatial = fit.structure.base.spatial
     found = principal_axes(fit, experiment)
+    if isinstance(spatial, PlaneContact):
+        return [_plane_sentence(spatial, fit, found, experiment)]
     lines = []
     for item in spatial.base.linear:
         own = [row for row in found if row.quantity == item.name]
         told = "; ".join(_told(row) for row in own)
         lines.append(f"{item.name.replace('_', ' ').capitalize()} is {spatial.symmetry}: {told}.")
     return lines
+
+
+def _plane_sentence(
+    plane: PlaneContact, fit: Fit, rows: Sequence[PrincipalAxis], experiment: Experiment
+) -> str:
+    normal, depth = plane.plane(fit.nonlinear[: len(plane.nonlinear)])
+    direction = ", ".join(f"{part:.2f}" for part in normal)
+    into, along = rows[:2]
+    return (
+        f"The tool is not fastened: it meets the tissue at a plane across ({direction}), {depth:.3g} {experiment.input_unit} along "
+        f"it; {_told(replace(into, direction=None))}, coefficient of friction {along.value / into.value:.3g}."
+    )
 
 
 def _told(row: PrincipalAxis) -> str:

@@ -8,13 +8,18 @@ import numpy as np
 from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, refit
+from lumbar.tissue.diagnosis.selection.thresholds import TIED
+from lumbar.tissue.diagnosis.spatial.plane_base import at_plane
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Form
+from lumbar.tissue.models.plane_contact import PlaneContact
 from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, matrices_of, symmetric_base
 
 KINDS = ("KB", "KV", "Maxwell", "LE")
-"""Bases that are tried."""
+"""Bases of a fastened tool that are tried."""
+_SPRINGS = 0.9
+"""Squared error of the best base with contact, in those of the best fastened one, up to which contact is told."""
 
 
 def choose_base(
@@ -41,7 +46,11 @@ def choose_base(
         )
         for base_in in _symmetries(kind, axes)
     ]
-    return min(found, key=lambda item: item.score)
+    fastened = min(found, key=lambda item: item.score)
+    touched = at_plane(experiment, axes, forms, acting) if kinds == KINDS else None
+    if touched is None or touched.fit.squared_error > _SPRINGS * fastened.fit.squared_error:
+        return fastened
+    return touched if touched.score < fastened.score - TIED else fastened
 
 
 def _fit_symmetric(kind, experiment, axes, forms, acting) -> joint_fit.Fit:
@@ -112,6 +121,8 @@ def freed(model: Candidate, experiment: Experiment) -> Candidate:
 def _exchanged(model: Candidate, experiment: Experiment, free: bool) -> Candidate:
     structure = model.fit.structure
     spatial, count = structure.base.spatial, len(structure.base.nonlinear)
+    if isinstance(spatial, PlaneContact):
+        return model  # the plane is fitted with every effect
     base = spatial.at(spatial.frames_at(model.fit.nonlinear[:count]), free)
     start = np.concatenate([model.fit.nonlinear[: len(spatial.base.nonlinear)], model.fit.nonlinear[count:]])
     return _refit(base, start, experiment, structure.forms)

@@ -2,11 +2,8 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
-from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
@@ -16,6 +13,7 @@ from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
+from lumbar.tissue.diagnosis.spatial.spatial_findings import spatial_findings
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
@@ -43,7 +41,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings) -> Verdict:
     verdict = _search(experiment, settings, axes, kinds)
     if experiment.error_dwarfs_noise(verdict.model.train_rms):
         verdict = _search(experiment.without_whitening(), settings, axes, kinds)
-    return replace(verdict, findings=(*experiment.faults, *unexcited(records, verdict)))
+    return replace(verdict, findings=(*experiment.faults, *spatial_findings(verdict, axes)))
 
 
 def refine(
@@ -118,19 +116,3 @@ def _alone(model: Candidate, experiment: Experiment) -> Candidate:
         nonlinear=model.fit.nonlinear[:count],
     )
     return held(replace(model, fit=bare), experiment)
-
-
-def unexcited(records: list[Record], verdict: Verdict) -> list[Finding]:
-    """The direction in which the tool hardly moves, if the force that the tissue answers there is within the noise."""
-    experiment = verdict.experiment
-    motion, axes = experiment.training.motion, records[0].axes
-    position = motion.position.reshape(len(axes), -1)
-    spread, directions = np.linalg.eigh(np.cov(position))
-    least = float(np.sqrt(max(spread[0], 0.0)))
-    stiffness = float(np.std(experiment.training.force) / np.sqrt(spread.mean()))
-    noise = experiment.noise or verdict.model.train_rms
-    if least * stiffness > noise:
-        return []
-    along = ", ".join(f"{value:.2f}" for value in directions[:, 0] * np.sign(directions[:, 0].sum() or 1.0))
-    words = {"along": along, "force": least * stiffness, "noise": noise, "newton": experiment.output_unit}
-    return [Finding.of("unexcited", least, experiment.input_unit, experiment.training.name, **words)]

@@ -1,0 +1,74 @@
+"""The base of a tool that meets the tissue at a plane, from where its forces point and where they begin."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit_at
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, refit
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.form import Form
+from lumbar.tissue.models.plane_contact import PlaneContact, frame_of
+from lumbar.tissue.models.structure import Structure
+
+KINDS = ("KB-contact", "KV-contact", "LE-contact")
+"""Bases of a tool that is not fastened."""
+_DEPTHS = 40
+"""Depths at which the surface is looked for."""
+_STRONG = 0.25
+"""Share of the largest squared force from which on a force points into the surface."""
+
+
+def at_plane(
+    experiment: Experiment, axes: tuple[str, ...], forms: tuple[Form, ...], acting: Sequence[float]
+) -> Candidate | None:
+    """The best base that meets the tissue at a plane, beside forms of effects; None where forces point nowhere."""
+    training = experiment.training
+    started = _nearest_spring(training, axes)
+    if started is None:
+        return None
+    found = []
+    for name in KINDS:
+        plane = replace(started, base=BASES[name])
+        fits = [fit_at(Structure(plane.structural), training, start) for start in _starts(plane, training)]
+        start = min(fits, key=lambda item: item.squared_error).nonlinear
+        found.append(refit(Structure(plane.structural, forms), np.concatenate([start, acting]), experiment))
+    return min(found, key=lambda item: item.score)
+
+
+def _nearest_spring(training: FitData, axes: tuple[str, ...]) -> PlaneContact | None:
+    """A spring across the mean direction of strong forces, at the depth that leaves least."""
+    records = training.records
+    position, force = (
+        np.concatenate([np.reshape(signal, (len(axes), -1)) for signal in signals], axis=1)
+        for signals in ([item.motion.position for item in records], [item.force for item in records])
+    )
+    free = np.median(force, axis=1, keepdims=True)
+    squares = np.sum((force - free) ** 2, axis=0)
+    normal = (force - free)[:, squares > _STRONG * squares.max()].mean(axis=1)
+    if not np.any(normal):
+        return None
+    normal /= np.linalg.norm(normal)
+    along = normal @ position
+    reach, frame = float(np.ptp(along)), tuple(frame_of(normal).ravel().tolist())
+
+    def left(depth: float) -> float:
+        plane = PlaneContact(BASES["LE-contact"], axes, frame, depth, reach)
+        return _spring(plane, training).squared_error
+
+    depths = (along.min() + reach * np.linspace(0.02, 0.98, _DEPTHS)).tolist()
+    return PlaneContact(BASES["LE-contact"], axes, frame, min(depths, key=left), reach)
+
+
+def _spring(plane: PlaneContact, training: FitData) -> Fit:
+    return fit_at(Structure(plane.structural), training, next(_starts(plane, training)))
+
+
+def _starts(plane: PlaneContact, training: FitData):
+    """Nonlinear parameters that fits begin with."""
+    grids = [item.grid(training.scale(item.scale), training.motion.sampling_time) for item in plane.nonlinear]
+    return map(np.array, product(*grids))

@@ -1,0 +1,99 @@
+"""What records of several axes say beside missing effects: how the force sensor is mounted, where the tool hardly moves."""
+
+import numpy as np
+
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit_base
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
+from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.symmetry import matrices_of, symmetric_base
+
+_VAGUE = 0.2
+"""Half width of the 95 % interval of a stiffness, as a share of it, from which on the direction is told."""
+SENSOR = ("turned_frame", "crosstalk")
+"""Effects of the force sensor."""
+
+
+def spatial_findings(verdict: Verdict, axes: tuple[str, ...]) -> list[Finding]:
+    """Findings of the force sensor, and of directions that the training record hardly excites."""
+    experiment, fit = verdict.experiment, verdict.model.fit
+    known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
+    found = []
+    if "turned_frame" in verdict.selected:
+        found.append(_turned([item for item in known if item.effect == "turned_frame"], axes))
+    if "crosstalk" in verdict.selected:
+        found.append(_crosstalk([item for item in known if item.effect == "crosstalk"]))
+    return [*found, *_vague(experiment, axes)]
+
+
+def _turned(known: list, axes: tuple[str, ...]) -> Finding:
+    """The rotation of the force sensor in degrees, with what a study says of it."""
+    vector = np.degrees([item.value for item in known])
+    half = np.degrees([(item.high - item.low) / 2 for item in known])
+    angle = float(np.linalg.norm(vector))
+    spread = float(np.sqrt(np.sum((vector * half) ** 2)) / angle)
+    # As a study says it: from the sensor's axes to the position's, hence the other way round.
+    about = (
+        range(3)
+        if len(axes) == 3
+        else [next(number for number, axis in enumerate("xyz") if axis not in axes)]
+    )
+    said = np.zeros(3)
+    sign = -1.0 if len(axes) == 3 or axes != ("x", "z") else 1.0
+    said[list(about)] = sign * vector
+    words = {
+        "low": angle - spread,
+        "high": angle + spread,
+        "frame": ", ".join(f"{part:.3g}" for part in said),
+    }
+    return Finding.of("turned_frame", angle, "°", **words)
+
+
+def _crosstalk(known: list) -> Finding:
+    """Shares of other axes' forces that channels read, those that are surely not 0."""
+    sure = [item for item in known if item.low > 0 or item.high < 0]
+    told = "; ".join(
+        f"{item.name[len('share_of_') :].replace('_in_', ' in ')} {100 * item.value:.2g} % "
+        f"({100 * item.low:.2g} to {100 * item.high:.2g})"
+        for item in sorted(sure, key=lambda item: -abs(item.value))
+    )
+    largest = max((abs(item.value) for item in known), default=0.0)
+    return Finding.of("crosstalk", 100 * largest, "%", shares=told or "none is sure by itself")
+
+
+def _vague(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
+    """The direction whose stiffness the training record tells least of, where that is little.
+
+    From a fit of any symmetric matrices, which takes nothing from other directions.
+    """
+    fit = fit_base(Structure(symmetric_base(BASES["KV"], axes)), experiment.training)
+    direction, value, half = _least_known(fit, experiment, len(axes))
+    if half < _VAGUE * abs(value):
+        return []
+    along = ", ".join(f"{part:.2f}" for part in direction)
+    words = {"along": along, "low": value - half, "high": value + half}
+    unit = f"{experiment.output_unit}/{experiment.input_unit}"
+    return [Finding.of("unexcited", value, unit, experiment.training.name, **words)]
+
+
+def _least_known(fit: Fit, experiment: Experiment, size: int) -> tuple[np.ndarray, float, float]:
+    """Direction in which the stiffness is known least, its stiffness, and half of the 95 % interval."""
+    position = np.concatenate(
+        [item.motion.position.reshape(size, -1) for item in experiment.training.records], axis=1
+    )
+    direction = np.linalg.eigh(np.cov(position))[1][:, 0]
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    rows, columns = np.triu_indices(size)
+    weight = direction[rows] * direction[columns] * np.where(rows == columns, 1.0, 2.0)
+    scaled, scale = scaled_covariance(fit, experiment.training)
+    own = slice(0, len(weight))
+    covariance = scaled[own, own] / np.outer(scale[own], scale[own])
+    matrix = matrices_of(fit.linear[own], 1, size)[0]
+    return (
+        direction,
+        float(direction @ matrix @ direction),
+        1.96 * float(np.sqrt(weight @ covariance @ weight)),
+    )
