@@ -132,8 +132,8 @@ def _plane_sentence(
     direction = ", ".join(f"{part:.2f}" for part in normal)
     into, along = rows[:2]
     return (
-        f"The tool is not fastened: it meets the tissue at a plane across ({direction}), {depth:.3g} {experiment.input_unit} along "
-        f"it; {_told(replace(into, direction=None))}, coefficient of friction {along.value / into.value:.3g}."
+        f"The tool is not fastened: it meets the tissue at a plane across ({direction}), {depth:.3g} "
+        f"{experiment.input_unit} along it; {_told(replace(into, direction=None))}, coefficient of friction {along.value / into.value:.3g}."
     )
 
 

@@ -13,6 +13,8 @@ from lumbar.tissue.models.symmetry import matrices_of, symmetric_base
 
 _VAGUE = 0.2
 """Half width of the 95 % interval of a stiffness, as a share of it, from which on the direction is told."""
+_SMALL = 0.05
+"""Share of the largest spread of the position below which a direction is told."""
 SENSOR = ("turned_frame", "crosstalk")
 """Effects of the force sensor."""
 
@@ -70,21 +72,21 @@ def _vague(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
     From a fit of any symmetric matrices, which takes nothing from other directions.
     """
     fit = fit_base(Structure(symmetric_base(BASES["KV"], axes)), experiment.training)
-    direction, value, half = _least_known(fit, experiment, len(axes))
-    if half < _VAGUE * abs(value):
+    direction, share, value, half = _least_moved(fit, experiment, len(axes))
+    if half < _VAGUE * abs(value) and share > _SMALL:
         return []
     along = ", ".join(f"{part:.2f}" for part in direction)
-    words = {"along": along, "low": value - half, "high": value + half}
+    words = {"along": along, "share": 100 * share, "low": value - half, "high": value + half}
     unit = f"{experiment.output_unit}/{experiment.input_unit}"
     return [Finding.of("unexcited", value, unit, experiment.training.name, **words)]
 
 
-def _least_known(fit: Fit, experiment: Experiment, size: int) -> tuple[np.ndarray, float, float]:
-    """Direction in which the stiffness is known least, its stiffness, and half of the 95 % interval."""
-    position = np.concatenate(
-        [item.motion.position.reshape(size, -1) for item in experiment.training.records], axis=1
-    )
-    direction = np.linalg.eigh(np.cov(position))[1][:, 0]
+def _least_moved(fit: Fit, experiment: Experiment, size: int) -> tuple[np.ndarray, float, float, float]:
+    """Direction that is moved in least, its share of the largest spread, its stiffness, and half of the 95 % interval."""
+    records = experiment.training.records
+    position = np.concatenate([item.motion.position.reshape(size, -1) for item in records], axis=1)
+    variances, directions = np.linalg.eigh(np.cov(position))
+    direction, share = directions[:, 0], float(np.sqrt(max(variances[0], 0.0) / variances[-1]))
     direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
     rows, columns = np.triu_indices(size)
     weight = direction[rows] * direction[columns] * np.where(rows == columns, 1.0, 2.0)
@@ -92,8 +94,5 @@ def _least_known(fit: Fit, experiment: Experiment, size: int) -> tuple[np.ndarra
     own = slice(0, len(weight))
     covariance = scaled[own, own] / np.outer(scale[own], scale[own])
     matrix = matrices_of(fit.linear[own], 1, size)[0]
-    return (
-        direction,
-        float(direction @ matrix @ direction),
-        1.96 * float(np.sqrt(weight @ covariance @ weight)),
-    )
+    half = 1.96 * float(np.sqrt(weight @ covariance @ weight))
+    return direction, share, float(direction @ matrix @ direction), half
