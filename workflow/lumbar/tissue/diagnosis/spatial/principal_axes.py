@@ -131,9 +131,10 @@ def _plane_sentence(
     normal, depth = plane.plane(fit.nonlinear[: len(plane.nonlinear)])
     direction = ", ".join(f"{part:.2f}" for part in normal)
     into, along = rows[:2]
+    friction = f"coefficient of friction {along.value / into.value:.3g}"
     return (
         f"The tool is not fastened: it meets the tissue at a plane across ({direction}), {depth:.3g} "
-        f"{experiment.input_unit} along it; {_told(replace(into, direction=None))}, coefficient of friction {along.value / into.value:.3g}."
+        f"{experiment.input_unit} along it; {_told(replace(into, direction=None))}, {friction}."
     )
 
 
