@@ -63,9 +63,9 @@ class CStep:
       others are refused, because they differ between platforms in the last bit.
     """
 
-    value: str
+    value: str | tuple[str, ...]
     """Expression: the force that a parallel form adds, the position that an input form passes on, the force that an output
-    form makes of ``force``."""
+    form makes of ``force``. Of a parallel form in space the force along every axis; signals are then ``position_x`` …."""
     statements: str = ""
     """What comes before it."""
     memory: int | Memory = 0
@@ -98,6 +98,8 @@ class CStep:
         return self.history(numbers) if callable(self.history) else self.history
 
 
+_STANDS_STILL = 1e-100
+"""Slope of a state below which it stands still without motion: a vector of no length has a smallest one."""
 _SYMBOL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 Solution = Callable[[Motion, np.ndarray], tuple[np.ndarray, ...]]
 
@@ -339,6 +341,9 @@ class Equation:
         if not self.transforms:
             named = zip(self.linear, self.columns, strict=True)
             terms = tuple(Operation("*", (Symbol(item.symbol), column)) for item, column in named)
+        return self._portable(terms)
+
+    def _portable(self, terms: Iterable[Expression]) -> tuple[Expression, ...]:
         return tuple(portable(substitute(term, self._given)) for term in terms)
 
     def c_step(self, solution: str = "") -> CStep | None:
@@ -348,14 +353,22 @@ class Equation:
         """
         if self.channels:
             return None
-        names = {item.symbol: item.name for item in (*self.linear, *self.nonlinear)}
+        (value,), statements = self._c_sums([self.portable_terms], self.linear, solution)
+        return CStep(value, statements, len(self.slopes), self._c_constants)
+
+    def _c_sums(
+        self, sums: Sequence[Sequence[Expression]], linear: Iterable[LinearParameter], solution: str = ""
+    ) -> tuple[tuple[str, ...], str]:
+        """Each sum of terms in C, and the statements that come before; linear parameters have their own names."""
+        names = {item.symbol: item.name for item in (*linear, *self.nonlinear)}
         names |= {name: item.c_name for name, item in SIGNALS.items()} | {FORCE: "force"}
         names |= {name: f"next[{row}]" for row, name in enumerate(self.slopes)}
         names[STEP_SYMBOL] = STEP_SYMBOL
-        shared, values = _c_lines("shared", self.portable_terms, names)
+        shared, values = _c_lines("shared", [term for terms in sums for term in terms], names)
         steps = [solution] if solution or not self.state else self._c_state_steps(self.state, names)
-        statements = "\n".join(filter(None, [*steps, *shared]))
-        return CStep(" + ".join(values), statements, len(self.slopes), self._c_constants)
+        ready = iter(values)
+        added = tuple(" + ".join(next(ready) for _ in terms) for terms in sums)
+        return added, "\n".join(filter(None, [*steps, *shared]))
 
     def _c_constants(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
         """Sampling time, and the pole of the states that follow their equations without motion."""
@@ -365,19 +378,20 @@ class Equation:
         slopes = self.state.at_rest(values, sampling_time)
         found = {STEP_SYMBOL: sampling_time}
         if np.isfinite(slopes).all() and slopes.any():
-            decays = [cmath.exp(value) for value in np.linalg.eigvals(slopes) if value != 0]
+            decays = [cmath.exp(value) for value in np.linalg.eigvals(slopes) if abs(value) > _STANDS_STILL]
             found["pole"] = float(max(map(abs, decays), default=0.0))
         return found
+
+    @property
+    def _c_begun(self) -> dict[str, str]:
+        """Position and path at the beginning of a step, by their names in C."""
+        return {"position": "(position - step)", "path": "(path - fabs(step))"}
 
     def _c_state_steps(self, state: StateEquation, names: Mapping[str, str]) -> list[str]:
         """Statements of the exponential Rosenbrock–Euler step."""
         given = self._given
         before = {name: f"memory[{row}]" for row, name in enumerate(state.names)}
-        begun = {
-            "position": "(position - step)",
-            "time": f"(time - {STEP_SYMBOL})",
-            "path": "(path - fabs(step))",
-        }
+        begun = {"time": f"(time - {STEP_SYMBOL})", **self._c_begun}
         starts = [
             c_text(portable(substitute(state.starts.get(name, Number(0.0)), given)), names)
             for name in state.names

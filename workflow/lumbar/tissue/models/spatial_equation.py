@@ -21,7 +21,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.models.algebra import Evaluator
-from lumbar.tissue.models.equation import Equation, Solution
+from lumbar.tissue.models.equation import CStep, Equation, Solution
 from lumbar.tissue.models.expression import (
     COMPARISONS,
     Expression,
@@ -132,6 +132,12 @@ def _function(name: str, vector: Vector) -> Expression | Vector | None:
         value = Number(1.0) if name == "sign" else Operation(name, (size,))
         return tuple(multiply(value, divide(item, size)) for item in vector)
     return None
+
+
+def element(name: str, axes: Sequence[str], row: int, column: int) -> str:
+    """Name of an element of a symmetric matrix: the same on both sides of its diagonal."""
+    first, second = sorted((row, column))
+    return f"{name}_{axes[first]}{axes[second]}"
 
 
 def _components(name: str, axes: Sequence[str]) -> Vector:
@@ -276,6 +282,44 @@ class SpatialEquation(Equation):
             (found,) = self._evaluator({**values, **own, FORCE: piece})
             pieces.append(np.broadcast_to(found, len(part)))
         return np.concatenate(pieces)
+
+    def c_step(self, solution: str = "") -> CStep | None:
+        """The same in C, with a value along every axis; what transforms the output acts on every channel by itself.
+
+        `solution` is that of one axis, and is left out.
+        """
+        if self.transforms:
+            return super().c_step()
+        sums = [
+            self._portable(
+                Operation("*", (Symbol(item.symbol), vector[row]))
+                for item, vector in self._read
+                if vector[row] != Number(0.0)
+            )
+            for row in range(len(self.axes))
+        ]
+        values, statements = self._c_sums(sums, (item for item, _ in self._read))
+        return CStep(values, statements, len(self.slopes), self._c_constants)
+
+    def c_step_by_matrices(self) -> CStep:
+        """The same where every linear parameter is a symmetric matrix, whose elements have the names `element` gives."""
+        names, sums = [], []
+        for row in range(len(self.axes)):
+            terms: list[Expression] = []
+            for item, vector in self._read:
+                for column, part in enumerate(vector):
+                    name = element(item.name, self.axes, row, column)
+                    names.append(LinearParameter(name, "", symbol=name))
+                    terms.append(Operation("*", (Symbol(name), part)))
+            sums.append(self._portable(terms))
+        values, statements = self._c_sums(sums, names)
+        return CStep(values, statements, len(self.slopes), self._c_constants)
+
+    @property
+    def _c_begun(self) -> dict[str, str]:
+        squares = " + ".join(f"step_{axis} * step_{axis}" for axis in self.axes)
+        begun = {f"position_{axis}": f"(position_{axis} - step_{axis})" for axis in self.axes}
+        return {**begun, "path": f"(path - sqrt({squares}))"}
 
     def linear_in_space(self) -> tuple[LinearParameter, ...]:
         """Linear parameters in space: those of a term without direction once in every axis.

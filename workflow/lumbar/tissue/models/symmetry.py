@@ -12,7 +12,7 @@ energy from: a base is passive by construction, whatever a fit finds. How many k
 Axes are found as small turns of a frame that is given.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -21,9 +21,11 @@ import numpy as np
 import scipy
 
 from lumbar.tissue.models.bases import Base
+from lumbar.tissue.models.equation import CStep
 from lumbar.tissue.models.form import Effect, Form, HandWritten, Place
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.parameter import LinearParameter, NonlinearParameter
+from lumbar.tissue.models.spatial_equation import SpatialEquation, element
 
 
 class Symmetry(StrEnum):
@@ -165,15 +167,35 @@ class SpatialBase:
         return found
 
     @cached_property
+    def _c_step(self) -> CStep:
+        """The base in C: its equation with the elements of its matrices, computed at export."""
+        equation = self.form.parsed_equation
+        assert isinstance(equation, SpatialEquation)
+        step = equation.c_step_by_matrices()
+
+        def constants(parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
+            linear, nonlinear = (
+                np.array([parameters[item.name] for item in items]) for items in (self.linear, self.nonlinear)
+            )
+            found = step.constants(parameters, sampling_time)
+            for name, matrix in self.matrices(linear, nonlinear).items():
+                for row, column in np.ndindex(matrix.shape):
+                    found[element(name, self.axes, row, column)] = float(matrix[row, column])
+            return found
+
+        return replace(step, constants=constants)
+
+    @cached_property
     def structural(self) -> Base:
         """The base that structures are made of."""
         return replace(
             self.base,
             name=f"{self.symmetry} {self.base.name}",
+            equation=self.base.form.latex,
             linear=self.linear,
             nonlinear=self.nonlinear,
             state=(),
-            hand_written=HandWritten(columns=self.columns, spatial=True),
+            hand_written=HandWritten(columns=self.columns, c_step=self._c_step, spatial=True),
             spatial=self,
         )
 
