@@ -9,10 +9,12 @@ import zipfile
 from pathlib import Path
 
 import fmpy
+import numpy as np
 import pytest
 from c_programs import ON_LINUX, WINE, loader_program, with_wine, write_sources
 from effect_entries import COMBINATIONS, FIVE_EFFECTS, effect_entry
 from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put, selected
+from spatial_models import FIVE, integrated, spatial_export
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.fmu.build import compiler
@@ -281,7 +283,7 @@ def test_another_importer_reads_the_forces(name, player, version, folder, positi
     assert printed(command, **libraries) == expected(name, version)
 
 
-def fmusim(fmu: Path, folder: Path, *options: str) -> list[float]:
+def fmusim(fmu: Path, folder: Path, *options: str, step: str = STEP) -> list:
     """Forces that fmusim, the FMI project's own simulator, records for the file's reference input, one per instant."""
     with zipfile.ZipFile(fmu) as archive:
         archive.extractall(folder, ["resources/reference_input.csv"])
@@ -289,11 +291,17 @@ def fmusim(fmu: Path, folder: Path, *options: str) -> list[float]:
     with inputs.open() as file:
         end = list(csv.DictReader(file))[-1]["time"]
     command = [FMUSIM, "simulate", "--input-file", inputs, "--output-file", outputs, "--stop-time", end]
-    command += ["--output-interval", STEP, *options, fmu]
+    command += ["--output-interval", step, *options, fmu]
     done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     with outputs.open() as file:  # at an event it records before and after: the last row of an instant counts
-        return list({row["time"]: float(row["force"]) for row in csv.DictReader(file)}.values())
+        return list({row["time"]: forces_of(row) for row in csv.DictReader(file)}.values())
+
+
+def forces_of(row: dict[str, str]):
+    """Force of a recorded row: a number, or the vector of an array or of scalars."""
+    values = " ".join(text for name, text in row.items() if name.partition("[")[0] == "force").split()
+    return float(values[0]) if len(values) == 1 else list(map(float, values))
 
 
 def embedded(fmu: Path, name: str) -> list[float]:
@@ -323,3 +331,20 @@ def test_fmusim_validates_and_reads_the_embedded_references(
     read, expected = fmusim(fmu, tmp_path, *options), embedded(fmu, reference)
     assert read == pytest.approx(expected, rel=0, abs=1e-11)
     assert max(map(abs, expected)) > 1.0
+
+
+@ON_LINUX
+@with_fmusim
+@pytest.mark.parametrize(("version", "options"), [(2, []), (3, []), (3, ["--event-mode-used"])])
+@pytest.mark.usefixtures("without_plots")
+def test_fmusim_reads_the_vectors_of_an_integration_of_its_own(version, options, zig_cache, tmp_path):
+    export_fmus([spatial_export(FIVE)], tmp_path, "own", TARGET, zig_cache)
+    (fmu,) = tmp_path.glob(f"*_fmi{version}.fmu")
+    subprocess.run([FMUSIM, "validate", fmu], check=True, capture_output=True)
+    read = np.array(fmusim(fmu, tmp_path, *options, step="0.001"))
+    cells = (tmp_path / "resources" / "reference_input.csv").read_text().replace(",", " ").splitlines()[1:]
+    expected = integrated(np.array([row.split()[1:] for row in cells], dtype=float), 1e-3)
+    if not options:
+        expected = np.concatenate([expected[:1], expected[:-1]])
+    assert np.abs(expected).max() > 1.0
+    assert np.abs(read - expected).max() <= 1e-12 * np.abs(expected).max()

@@ -41,6 +41,20 @@ def slow_push(sampling_time: float) -> np.ndarray:
     return np.linspace(0.0, 1.0, max(10, round(PUSH / sampling_time)))
 
 
+def element_names(name: str, axes: int) -> tuple[str, ...]:
+    """Names of the elements of a variable with a value for every axis, as FMI 2.0 has them: ``position[1]`` …."""
+    return tuple(f"{name}[{number}]" for number in range(1, axes + 1))
+
+
+ELEMENT = 16
+"""What the value reference of an element is above that of the element before, as in ``sampled_force.h``."""
+
+
+def along_axes(way, axes: int) -> np.ndarray:
+    """A way along a line as positions in space, half as far along each axis as along the one before; of none as it is."""
+    return np.multiply.outer(way, 0.5 ** np.arange(axes)) if axes else way
+
+
 def told_meaning(root: Element) -> dict | None:
     """Return what the annotation of a model description holds; None where there is none that can be read."""
     element = root.find(f"VendorAnnotations/Tool[@name='{ANNOTATION}']/Meaning")

@@ -1,7 +1,7 @@
 """modelDescription.xml of FMI 2.0 and 3.0, and what an FMU says of itself in words: data, valid range, guards."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -12,7 +12,15 @@ from lumbar.base.templates import template
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.guards import LARGEST
 from lumbar.tissue.fmu.build.sources import C_FILES, content_token
-from lumbar.tissue.fmu.conventions import ANNOTATION, PUSH, RATE_LIMIT, base_unit, slow_push
+from lumbar.tissue.fmu.conventions import (
+    ANNOTATION,
+    ELEMENT,
+    PUSH,
+    RATE_LIMIT,
+    base_unit,
+    element_names,
+    slow_push,
+)
 
 
 def sentence(name: str, model: ExportModel, **known) -> str:
@@ -48,7 +56,8 @@ def guards_text(model: ExportModel) -> list[str]:
     """Say what is done to the force before the device receives it, a sentence or two for each guard."""
     guards = model.guards
     there = {"contact": guards.contact, "rate": guards.rate_limit > 0, "passive": guards.passive}
-    return [sentence(f"{name}_guard", model) for name, guard in there.items() if guard]
+    space = [sentence("space", model)] if model.axes else []
+    return [*space, *(sentence(f"{name}_guard", model) for name, guard in there.items() if guard)]
 
 
 def gain_text(model: ExportModel) -> str:
@@ -62,7 +71,7 @@ def switched_on(model: ExportModel) -> tuple[float, float, float] | None:
     None where the range is not known, begins deeper than it ends, or the way out gives nothing.
     """
     deepest = 0.0 if model.valid_for is None else model.valid_for.highest - model.input.offset
-    if model.work_units is None or not deepest > 0:
+    if model.work_units is None or model.axes or not deepest > 0:
         return None
     way = deepest * slow_push(model.sampling_time)
     forces = model.dynamics.response(np.concatenate([way, way[::-1]]))[len(way) :]
@@ -92,10 +101,26 @@ class Variable:
     low: float | None = None
     high: float | None = None
     nominal: float | None = None
+    size: int = 1
+    """Values: one, or one for every axis."""
+
+    @property
+    def elements(self) -> "list[Variable]":
+        """Its values as variables of their own, as FMI 2.0 has them."""
+        if self.size == 1:
+            return [self]
+        names = enumerate(element_names(self.name, self.size))
+        return [
+            replace(self, name=name, reference=self.reference + ELEMENT * row, size=1) for row, name in names
+        ]
+
+
+_VECTORS = (1, 2, 4, 6)
+"""Variables that have a value for every axis, by their numbers."""
 
 
 def variables(model: ExportModel) -> list[Variable]:
-    """Return the variables that a user sees, the same in both versions."""
+    """Return the variables that a user sees, the same in both versions but for vectors."""
     x, y, limit, guards = model.input, model.output, model.output_limit, model.guards
     within, steepest = (-limit, limit, limit), guards.rate_limit
     change = f"{y.unit}/s", steepest, 0.0, steepest, steepest
@@ -116,7 +141,14 @@ def variables(model: ExportModel) -> list[Variable]:
         * guards.passive,
     ]
     return [
-        Variable(name, number, kind, sentence("variable", model, number=number), *values)
+        Variable(
+            name,
+            number,
+            kind,
+            sentence("variable", model, number=number),
+            *values,
+            size=len(model.axes) or 1 if number in _VECTORS else 1,
+        )
         for name, number, kind, *values in listed
     ]
 
@@ -132,7 +164,7 @@ _ROLES = {
 
 def model_description(model: ExportModel, version: str, data: str) -> str:
     """Return modelDescription.xml."""
-    listed = variables(model)
+    listed = _listed(model, version)
     told = meaning(model)
     words = (
         description_text(model, data),
@@ -154,9 +186,14 @@ def model_description(model: ExportModel, version: str, data: str) -> str:
         base_unit=base_unit,
         units_of_variables=list(dict.fromkeys(variable.unit for variable in listed if variable.unit)),
         variables=[_described(variable, number) for number, variable in enumerate(listed, start=1)],
-        outputs=_unknowns(model, initial=False),
-        initial_unknowns=_unknowns(model, initial=True),
+        outputs=_unknowns(model, listed, initial=False),
+        initial_unknowns=_unknowns(model, listed, initial=True),
     )
+
+
+def _listed(model: ExportModel, version: str) -> list[Variable]:
+    found = variables(model)
+    return found if version == "3.0" else [element for variable in found for element in variable.elements]
 
 
 def _escaped(text: str, attribute: bool = True) -> Markup:
@@ -174,27 +211,34 @@ def _described(variable: Variable, index: int) -> dict:
         "index": index,
         "description": _escaped(variable.description),
         "role": _ROLES[variable.kind],
+        "size": variable.size,
         "attributes": {
             **unit,
-            **{key: repr(float(value)) for key, value in given.items() if value is not None},
+            **{
+                key: " ".join([repr(float(value))] * (variable.size if key == "start" else 1))
+                for key, value in given.items()
+                if value is not None
+            },
         },
     }
 
 
-def _unknowns(model: ExportModel, initial: bool) -> list[dict]:
+def _unknowns(model: ExportModel, listed: list[Variable], initial: bool) -> list[dict]:
     """Outputs with the variables that they depend on at a sample instant, or at the first one."""
-    listed = [_described(variable, number) for number, variable in enumerate(variables(model), start=1)]
-    named = {variable["name"]: variable for variable in listed}
-    names = [name for name, variable in named.items() if variable["role"] is _ROLES["parameter"]]
+    described = [(item, _described(item, number)) for number, item in enumerate(listed, start=1)]
+    acting = {item.reference for item in listed if item.kind == "parameter"}
     if model.feedthrough or (initial and model.starts_at_rest):
-        names = [model.input.variable, *names]
+        acting |= {item.reference for item in listed if item.kind == "input"}
     else:
         # Without feed-through the input's offset acts through the states alone.
-        names.remove(f"{model.input.variable}_offset")
+        acting -= {6}
     # The energy is that of the last sample taken.
-    dependencies = {model.output.variable: [named[name] for name in names]}
-    outputs = [variable for variable in listed if variable["role"] is _ROLES["output"]]
-    return [{**variable, "dependencies": dependencies.get(variable["name"], [])} for variable in outputs]
+    dependencies = [given for item, given in described if item.reference in acting]
+    return [
+        {**given, "dependencies": dependencies if item.reference % ELEMENT == 2 else []}
+        for item, given in described
+        if item.kind == "output"
+    ]
 
 
 def model_version(model: ExportModel) -> str:

@@ -1,7 +1,9 @@
 """documentation/index.html of an FMU: equation, variables, fit, timing, and where the data come from."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
 from markupsafe import Markup
 
 from lumbar import __version__
@@ -20,13 +22,24 @@ from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.build.reference_response import reference_plot, reference_push
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place
+from lumbar.tissue.models.model_data import Port
 from lumbar.tissue.models.printing import equation_mathml
 
 
 def pictures(model: ExportModel, version: str) -> list[str]:
     """What the page draws, as SVG elements: the embedded reference."""
     time, inputs, outputs = reference_push(model, version)
-    return [reference_plot(time, [(model.input.label, inputs), (model.output.label, outputs)])]
+    return [
+        reference_plot(time, [*_panels(model, model.input, inputs), *_panels(model, model.output, outputs)])
+    ]
+
+
+def _panels(model: ExportModel, port: Port, values: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    """A signal with its label, in space each of its components."""
+    if not model.axes:
+        return [(port.label, values)]
+    labels = (replace(port, quantity=f"{port.quantity} {axis}").label for axis in model.axes)
+    return list(zip(labels, values.T, strict=True))
 
 
 def documentation_html(model: ExportModel, version: str, data: str, drawn: Sequence[str]) -> str:
@@ -62,7 +75,7 @@ def documentation_html(model: ExportModel, version: str, data: str, drawn: Seque
         on_device=model.on_device,
         variables=[
             (
-                item.name,
+                item.name if item.size == 1 else f"{item.name}[{item.size}]",
                 item.kind,
                 item.unit or "1",
                 *map(_number, (item.start, item.low, item.high)),

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -13,7 +14,7 @@ from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.equation import CStep
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Form, Place
-from lumbar.tissue.models.motion import SampledMotion
+from lumbar.tissue.models.motion import AXES, SampledMotion, SpatialMotion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 
 _MOTION = {
@@ -26,7 +27,19 @@ _MOTION = {
     "path": "double",
 }
 """Members of ``motion`` in ``effect_forms.h`` and their types."""
-_GIVEN = {*_MOTION, "force", "memory", "next", "now", "increments", "matrix", "ring"}
+_ALONG = ("position", "step", "velocity", "acceleration")
+"""Those that have a component along every axis in space, called ``position_x`` …."""
+_GIVEN = {
+    *_MOTION,
+    *(f"{name}_{axis}" for name in _ALONG for axis in AXES),
+    "force",
+    "memory",
+    "next",
+    "now",
+    "increments",
+    "matrix",
+    "ring",
+}
 _KEYWORD = re.compile(
     "auto|bool|break|case|char|const|continue|default|do|double|else|enum|extern|false|float|for|goto|if|inline|int|"
     "long|register|restrict|return|short|signed|sizeof|static|struct|switch|true|typedef|union|unsigned|void|volatile|"
@@ -96,11 +109,14 @@ def step_problems(form: Form) -> list[tuple[str, str]]:
 
 def _code(step: CStep) -> str:
     """Statements and value without comments."""
-    return _COMMENT.sub(" ", f"{step.statements}\n{step.value}")
+    values = (step.value,) if isinstance(step.value, str) else step.value
+    return _COMMENT.sub(" ", "\n".join((step.statements, *values)))
 
 
-def c_function(name: str, form: Form, numbers: dict[str, float], ring: int | None = None) -> str:
-    """Return the C function of a form.
+def c_function(
+    name: str, form: Form, numbers: dict[str, float], ring: int | None = None, axes: Sequence[str] = ()
+) -> str:
+    """Return the C function of a form; in space it adds to forces, or transforms what stands there for every axis.
 
     Parameters
     ----------
@@ -109,24 +125,55 @@ def c_function(name: str, form: Form, numbers: dict[str, float], ring: int | Non
     numbers : dict of str to float
         What `CStep.numbers` returns.
     ring : int, optional
-        Number of the ring that holds the earlier positions, of forms with a history.
+        Number of the ring that holds the earlier positions, of forms with a history; in space of the first axis.
+    axes : sequence of str
+        Names of the axes in space.
     """
+    value, comment = form.c_step.value, f"/* {_comment(f'{form.key}: {form.latex}')} */"
+    motion = {key: (kind, key) for key, kind in _MOTION.items()}
+    if not axes:
+        body = [*_lines(form, numbers, motion, ring), f"return {value};"]
+        return f"{comment}\n{_function(f'double {name}', 'double force', body)}"
+    if not isinstance(value, str):
+        for key in _ALONG:
+            motion |= {f"{key}_{axis}": ("double", f"{key}[{row}]") for row, axis in enumerate(axes)}
+        body = [
+            *_lines(form, numbers, motion),
+            *(f"force[{row}] += {each};" for row, each in enumerate(value)),
+        ]
+        return f"{comment}\n{_function(f'void {name}', 'double force[]', body)}"
+    size, parts, calls = form.c_step.memory_size(numbers), [], []
+    for row, axis in enumerate(axes):
+        motion |= {key: ("double", f"{key}[{row}]") for key in _ALONG}
+        body = [*_lines(form, numbers, motion, None if ring is None else ring + row), f"return {value};"]
+        parts.append(_function(f"double {name}_{axis}", "double force", body))
+        own = f"memory + {row * size}, next + {row * size}"
+        calls.append(f"force[{row}] = {name}_{axis}({own}, now, force[{row}]);")
+    return "\n".join([comment, *parts, _function(f"void {name}", "double force[]", calls)])
+
+
+def _lines(
+    form: Form, numbers: dict[str, float], motion: Mapping[str, tuple[str, str]], ring: int | None = None
+) -> list[str]:
+    """Declarations of all that a form's code uses, and its statements."""
     used = set(_WORD.findall(_code(form.c_step)))
     lines = [
         f"const double {key} = {float(value).hex()}; /* {value:.6g} */"
         for key, value in numbers.items()
         if key in used
     ]
-    lines += [f"const {kind} {key} = now->{key};" for key, kind in _MOTION.items() if key in used]
+    lines += [f"const {kind} {key} = now->{member};" for key, (kind, member) in motion.items() if key in used]
     if ring is not None:
         lines.append(f"enum {{ ring = {ring} }};")
-    lines += form.c_step.statements.splitlines()
-    lines.append(f"return {form.c_step.value};")
-    parameters = "const double memory[], double next[], const motion *now, double force"
+    return [*lines, *form.c_step.statements.splitlines()]
+
+
+def _function(head: str, force: str, lines: list[str]) -> str:
+    parameters = f"const double memory[], double next[], const motion *now, {force}"
     body = "\n".join(
         f"    {line}".rstrip() for line in ["(void)memory, (void)next, (void)now, (void)force;", *lines]
     )
-    return f"/* {_comment(f'{form.key}: {form.latex}')} */\nstatic double {name}({parameters}) {{\n{body}\n}}"
+    return f"static {head}({parameters}) {{\n{body}\n}}"
 
 
 def _comment(text: str) -> str:
@@ -136,8 +183,11 @@ def _comment(text: str) -> str:
 
 MAX_STATES = 512
 """Numbers that a model may keep from sample to sample."""
-_MOTION_STATES = 3
-"""Position, velocity and path: of the tool and behind every input form."""
+
+
+def _motion_states(axes: int) -> int:
+    """Position, velocity and path: of the tool and behind every input form."""
+    return 2 * axes + 1
 
 
 @dataclass(frozen=True)
@@ -154,10 +204,13 @@ class Term:
     motion: int
     """Where the motion that reaches it stands in the state."""
 
+    channels: int = 1
+    """How often it is there: in space what transforms the position or the force acts along every axis by itself."""
+
     @property
     def memory_end(self) -> int:
         """Where its part of the state ends."""
-        return self.memory + self.form.c_step.memory_size(self.numbers)
+        return self.memory + self.channels * self.form.c_step.memory_size(self.numbers)
 
     @property
     def history(self) -> int:
@@ -185,20 +238,27 @@ class EffectModel:
     delay = 0
     phases = 1
 
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes in space; none of one axis."""
+        return self.base.spatial.axes if self.base.spatial else ()
+
     @cached_property
     def terms(self) -> tuple[Term, ...]:
         """Input forms, base and parallel forms, output forms: the order of evaluation. The base is a term too."""
         given = [(self.base.form, *self.base_numbers), *self.forms]
         ordered = [item for place in Place for item in given if item[0].place is place]
         # One number counts the samples taken.
-        memory = 1 + _MOTION_STATES * (1 + sum(form.place is Place.INPUT for form, _, _ in given))
+        size = _motion_states(len(self.axes) or 1)
+        memory = 1 + size * (1 + sum(form.place is Place.INPUT for form, _, _ in given))
         motion, terms = 1, []
         for form, linear, nonlinear in ordered:
             numbers = form_numbers(form, linear, nonlinear, self.sampling_time)
             reached = 1 if form.place is Place.OUTPUT else motion
-            terms.append(Term(form, linear, nonlinear, numbers, memory, reached))
+            channels = len(self.axes) if self.axes and isinstance(form.c_step.value, str) else 1
+            terms.append(Term(form, linear, nonlinear, numbers, memory, reached, channels))
             memory = terms[-1].memory_end
-            motion += _MOTION_STATES if form.place is Place.INPUT else 0
+            motion += size if form.place is Place.INPUT else 0
         return tuple(terms)
 
     @property
@@ -214,7 +274,7 @@ class EffectModel:
     @property
     def histories(self) -> tuple[int, ...]:
         """How many earlier positions each form that asks for some asks for, in the order of `terms`."""
-        return tuple(term.history for term in self.terms if term.history)
+        return tuple(term.history for term in self.terms if term.history for _ in range(term.channels))
 
     @property
     def kept(self) -> int:
@@ -246,8 +306,8 @@ class EffectModel:
 
         Parameters
         ----------
-        inputs : numpy.ndarray, shape (samples,)
-            Deviations from rest.
+        inputs : numpy.ndarray, shape (samples,), in space (samples, axes)
+            Deviations from rest; outputs are of this shape.
 
         Raises
         ------
@@ -258,10 +318,14 @@ class EffectModel:
             outputs = self.structure.simulate(self._motion(inputs), *self._parameters())
         if not np.isfinite(outputs).all():
             raise NumericalError(f"{self.base.name} with effects: the force overflows")
-        return outputs
+        return outputs.reshape(len(self.axes), -1).T if self.axes else outputs
 
-    def _motion(self, inputs: np.ndarray) -> SampledMotion:
-        return SampledMotion.of_positions(np.asarray(inputs, dtype=float), self.sampling_time)
+    def _motion(self, inputs: np.ndarray) -> SampledMotion | SpatialMotion:
+        inputs = np.asarray(inputs, dtype=float)
+        if not self.axes:
+            return SampledMotion.of_positions(inputs, self.sampling_time)
+        parts = (SampledMotion.of_positions(along, self.sampling_time) for along in inputs.T)
+        return SpatialMotion(tuple(parts), self.axes)
 
     def response_from_rest(self, inputs: np.ndarray, late: bool) -> np.ndarray:
         """Return the output from rest at the first input, as all forms begin; shape (samples,)."""
@@ -286,11 +350,13 @@ class EffectModel:
     def c_data(self) -> list[str]:
         """Lines of model_data.h: one C function per form, its numbers in it, and their order."""
         functions, calls, kept = [], [], []
+        size = _motion_states(len(self.axes) or 1)
         for index, term in enumerate(self.terms):
             name, place = f"form_{index}", term.form.place
-            functions.append(c_function(name, term.form, term.numbers, len(kept) if term.history else None))
-            kept += [term.motion] if term.history else []
-            behind = f", {term.motion + _MOTION_STATES}" if place is Place.INPUT else ""
+            ring = len(kept) if term.history else None
+            functions.append(c_function(name, term.form, term.numbers, ring, self.axes))
+            kept += [term.motion + row for row in range(term.channels)] if term.history else []
+            behind = f", {term.motion + size}" if place is Place.INPUT else ""
             calls.append(f"{place.upper()}_FORM({name}, {term.memory}{behind})")
         return [
             *functions,
@@ -319,7 +385,9 @@ def effect_model(model: FittedModel, sampling_time: float) -> EffectModel:
         too much: all problems at once.
     """
     problems = Problems(f"model {model.name!r}")
-    base, forms = model.structure.base, model.structure.forms
+    base = model.structure.base
+    # What the force sensor does to the axes is not the tissue's.
+    forms = tuple(form for form in model.structure.forms if form.place is not Place.FRAME)
     if base.contact:
         problems.add(
             f"base {base.name}",

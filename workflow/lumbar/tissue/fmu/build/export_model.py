@@ -13,8 +13,9 @@ from lumbar.base.files import is_device
 from lumbar.tissue.fmu.build.effect_model import EffectModel, effect_model
 from lumbar.tissue.fmu.build.guards import Guards
 from lumbar.tissue.fmu.build.linear_model import LinearModel, at_rate
-from lumbar.tissue.fmu.conventions import slow_push, work_units
+from lumbar.tissue.fmu.conventions import along_axes, slow_push, work_units
 from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.form import Place
 from lumbar.tissue.models.model_data import GIVEN, MotionRange, Port, identifier
 
 if TYPE_CHECKING:
@@ -67,6 +68,12 @@ class ExportModel:
                 f"{self.input.unit} times {self.output.unit} is no energy",
                 "a length and a force or an angle and a torque are needed; leave the key empty",
             )
+        if self.axes and self.guards.contact:
+            problems.add(
+                "runtime.contact",
+                f"where tissue ends along {', '.join(self.axes)} no position alone says",
+                "false is needed for a model of several axes",
+            )
         if self.starts_at_rest and not self.dynamics.rests_anywhere:
             problems.add(
                 "runtime.start",
@@ -106,6 +113,11 @@ class ExportModel:
     def identifier(self) -> str:
         """FMI's model identifier: a name that C allows."""
         return identifier(self.name)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes in space; none of one axis."""
+        return self.dynamics.axes
 
     @property
     def input(self) -> Port:
@@ -198,7 +210,8 @@ class ExportModel:
     @cached_property
     def resisting_sign(self) -> int:
         """Sign of the output that resists a growing input: 1, or −1 of an inverted model."""
-        return -1 if self.dynamics.response(slow_push(self.sampling_time)).mean() < 0 else 1
+        response = self.dynamics.response(along_axes(slow_push(self.sampling_time), len(self.axes)))
+        return -1 if (response * along_axes(1.0, len(self.axes))).mean() < 0 else 1
 
     @property
     def stable(self) -> bool:
@@ -298,6 +311,18 @@ def _export_model(model: FittedModel, settings: RuntimeSettings) -> ExportModel:
         dynamics=dynamics,
         sampling_time=wanted,
         moving_average=averaged_samples(model.name, settings.moving_average_ms, wanted),
+        runtime=_left_out(model),
+    )
+
+
+def _left_out(model: FittedModel) -> str:
+    """Words on what of the model is no tissue."""
+    forms = getattr(model.structure, "forms", ())
+    found = " and ".join(form.effect.replace("_", " ") for form in forms if form.place is Place.FRAME)
+    return (
+        f"Forces are along the axes of the position: {found} of the force sensor is left out."
+        if found
+        else ""
     )
 
 

@@ -54,9 +54,9 @@ class Guarded:
     """Forces behind the guards."""
 
     forces: np.ndarray
-    """Shape (samples,): of each sample."""
+    """Shape (samples,), in space (samples, axes): of each sample."""
     read: np.ndarray
-    """Shape (samples,): what is read, and displayed, from each sample's instant on: a sample later without event mode."""
+    """Of that shape: what is read, and displayed, from each sample's instant on: a sample later without event mode."""
     energies: np.ndarray
     """Shape (samples,): taken in by FMU and device's damping up to each sample, in J; without event mode the least of what
     it can be."""
@@ -72,7 +72,7 @@ def guard_forces(model, positions: np.ndarray, limited: np.ndarray, event_mode: 
 
     Parameters
     ----------
-    positions : numpy.ndarray, shape (samples,)
+    positions : numpy.ndarray, shape (samples,), in space (samples, axes)
         In the input's unit.
     limited : numpy.ndarray, shape (samples,)
         Force within its limit and, with contact, never a pull.
@@ -81,33 +81,55 @@ def guard_forces(model, positions: np.ndarray, limited: np.ndarray, event_mode: 
     """
     guards, step = model.guards, model.sampling_time
     worst = step / (4.0 * guards.device_damping) if guards.passive else math.inf
-    energy = late = held = earlier = 0.0
+    energy = late = 0.0
+    ways, wishes = (values.reshape(len(values), -1).tolist() for values in (positions, limited))
+    held = earlier = [0.0] * len(ways[0])
     forces, energies = [], []
-    last = float(positions[0])
-    for position, wanted in zip(positions.tolist(), limited.tolist(), strict=True):
+    last = ways[0]
+    for position, force in zip(ways, wishes, strict=True):
         if forces:
-            moved = (position - last) * model.input_unit
-            damped = guards.device_damping * moved * moved / step
+            moved = [(now - before) * model.input_unit for now, before in zip(position, last, strict=True)]
+            damped = _dot([guards.device_damping * part for part in moved], moved) / step
             work = [
-                model.resistance * (force * model.output_unit) * moved + damped for force in (held, earlier)
+                model.resistance * _dot([part * model.output_unit for part in shown], moved) + damped
+                for shown in (held, earlier)
             ]
             energy = min(energy + work[0], guards.energy_reserve)
             late = energy if event_mode else min(late + work[1], guards.energy_reserve)
-        force = wanted
         if guards.rate_limit > 0:
-            change = guards.rate_limit * step
-            force = _within(force, held - change, held + change)
+            force = _near(force, held, guards.rate_limit * step)
         if guards.passive:
-            first = held * model.output_unit
-            at_hand = energy if event_mode else min(energy, late - first * first * worst)
+            first = [part * model.output_unit for part in held]
+            at_hand = energy if event_mode else min(energy, late - _dot(first, first) * worst)
             largest = math.sqrt(at_hand / worst) / model.output_unit if at_hand > 0 else 0.0
-            force = _within(force, -largest, largest)
+            force = _near(force, [0.0] * len(force), largest)
         earlier, held, last = held, force, position
         forces.append(force)
         energies.append(min(energy, late))
-    read = forces if event_mode else [0.0, *forces[:-1]]
-    return Guarded(np.array(forces), np.array(read), np.array(energies))
+    read = forces if event_mode else [[0.0] * len(held), *forces[:-1]]
+    found, shown = (np.array(values).reshape(limited.shape) for values in (forces, read))
+    return Guarded(found, shown, np.array(energies))
 
 
-def _within(value: float, low: float, high: float) -> float:
-    return low if value < low else high if value > high else value
+def _dot(one: list[float], other: list[float]) -> float:
+    return sum(a * b for a, b in zip(one, other, strict=True))
+
+
+def _near(wanted: list[float], centre: list[float], most: float) -> list[float]:
+    """What is wanted, or in its direction the farthest that is allowed."""
+    if len(wanted) == 1:
+        low, high = (centre[0] - most, centre[0] + most) if centre[0] else (-most, most)
+        return [low if wanted[0] < low else high if wanted[0] > high else wanted[0]]
+    away = [a - b for a, b in zip(wanted, centre, strict=True)]
+    length = math.hypot(*away)
+    if length <= most:
+        return wanted
+    return [b + a / length * most for a, b in zip(away, centre, strict=True)]
+
+
+def shortened(vectors: np.ndarray, most: float) -> np.ndarray:
+    """Forces within a limit, shape (samples,); in space, (samples, axes), none longer, each in its direction."""
+    if vectors.ndim == 1:
+        return np.clip(vectors, -most, most)
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > most, vectors / np.where(length > most, length, 1.0) * most, vectors)

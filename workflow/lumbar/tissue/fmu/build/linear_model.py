@@ -29,6 +29,7 @@ class LinearModel:
     phases: int = 1
     """Samples between those that the model itself knows: it runs as many times over, each on its own samples."""
 
+    axes = ()
     c_source = "model_linear.c"
     headers = ()
     waits_for_input = False

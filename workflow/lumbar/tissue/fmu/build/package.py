@@ -33,6 +33,7 @@ from lumbar.tissue.fmu.conventions import (
     REFERENCE,
     ROLES,
     WITHOUT_EVENT_MODE,
+    element_names,
 )
 
 _TO_THE_TOP = "../../"
@@ -151,20 +152,26 @@ def resources(
     """
     time, inputs, outputs = push
     signals = {
-        REFERENCE[0]: _signal(time, inputs, model.input.variable),
-        REFERENCE[1]: _signal(time, outputs, model.output.variable),
+        REFERENCE[0]: _signal(time, inputs, model.input.variable, version),
+        REFERENCE[1]: _signal(time, outputs, model.output.variable, version),
     }
     if version == "3.0":
         late = reference_output(model, inputs, "2.0")
-        signals[WITHOUT_EVENT_MODE] = _signal(time, late, model.output.variable)
+        signals[WITHOUT_EVENT_MODE] = _signal(time, late, model.output.variable, version)
     return signals
 
 
-def _signal(time: np.ndarray, values: np.ndarray, name: str) -> str:
+def _signal(time: np.ndarray, values: np.ndarray, name: str, version: str) -> str:
+    """Time and values; vectors as FMI's own importers take them: of FMI 3.0 an array in a cell, of FMI 2.0 in columns."""
+    names, rows = (name,), values.reshape(len(time), -1).tolist()
+    if values.ndim > 1 and version == "3.0":
+        rows = [[" ".join(map(repr, row))] for row in rows]
+    elif values.ndim > 1:
+        names = element_names(name, values.shape[1])
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("time", name))
-    writer.writerows(zip(time.tolist(), values.tolist(), strict=True))
+    writer.writerow(("time", *names))
+    writer.writerows([moment, *row] for moment, row in zip(time.tolist(), rows, strict=True))
     return text.getvalue()
 
 

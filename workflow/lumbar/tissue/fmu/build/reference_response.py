@@ -10,8 +10,9 @@ import numpy as np
 
 from lumbar.base.errors import NumericalError
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.fmu.build.guards import guard_forces
+from lumbar.tissue.fmu.build.guards import guard_forces, shortened
 from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.fmu.conventions import along_axes
 from lumbar.tissue.models.transfer_function import filtered
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ _DURATIONS = {"rest": 0.1, "push": 0.25, "hold": 0.4, "withdraw": 0.25, "end": 0
 
 def moving_average(deviations: np.ndarray, samples: int, at_rest: bool = False) -> np.ndarray:
     """Return the moving average over the newest samples, from rest at 0 or at the first of them."""
+    if deviations.ndim > 1:
+        return np.stack([moving_average(along, samples, at_rest) for along in deviations.T], axis=1)
     first = deviations[0] if at_rest else 0.0
     return first + filtered([1 / samples] * samples, [1.0], deviations - first)
 
@@ -40,7 +43,7 @@ def model_output(model: ExportModel, inputs: np.ndarray, late: bool = False) -> 
 
     Parameters
     ----------
-    inputs : numpy.ndarray, shape (samples,)
+    inputs : numpy.ndarray, shape (samples,), in space (samples, axes)
         In the input's unit.
     late : bool
         As a client without event mode reads it.
@@ -76,7 +79,7 @@ def reference_output(model: ExportModel, inputs: np.ndarray, version: str) -> np
         raise NumericalError(f"{model.name}: the output overflows within {len(inputs)} samples")
     if model.guards.contact:
         outputs = np.where(model.resistance * outputs < 0, 0.0, outputs)
-    limited = np.clip(outputs, -model.output_limit, model.output_limit)
+    limited = shortened(outputs, model.output_limit)
     return guard_forces(model, inputs, limited, event_mode=not late).read if model.guards.active else limited
 
 
@@ -116,14 +119,15 @@ def push_profile(sampling_time: float) -> tuple[np.ndarray, np.ndarray]:
 
 def push_depth(model: ExportModel, profile: np.ndarray) -> float:
     """Depth of a push at which the model's force comes to half of its limit."""
-    return scale_to(model, profile, _SHARE_OF_LIMIT * model.output_limit)
+    return scale_to(model, along_axes(profile, len(model.axes)), _SHARE_OF_LIMIT * model.output_limit)
 
 
 def reference_push(model: ExportModel, version: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return time, input and output, shape (samples,), of one push, or of its beginning in a fast loop, as the FMU holds them."""
     time, profile = push_profile(model.sampling_time)
     samples = samples_within_range(model, min(len(time), _MOST_EMBEDDED))
-    inputs = model.input.offset + push_depth(model, profile) * profile[:samples]
+    way = along_axes(profile[:samples], len(model.axes))
+    inputs = model.input.offset + push_depth(model, profile) * way
     return time[:samples], inputs, reference_output(model, inputs, version)
 
 
@@ -174,6 +178,6 @@ def _panels(count: int) -> tuple[Figure, list[Axes], list[Line2D]]:
     axes[-1].set_xlabel("Time (s)")
     lines = [
         axis.step([], [], where="post", color=colour, linewidth=1.2)[0]
-        for axis, colour in zip(axes, _COLOURS, strict=True)
+        for axis, colour in zip(axes, np.repeat(_COLOURS, count // 2), strict=True)
     ]
     return figure, axes, lines

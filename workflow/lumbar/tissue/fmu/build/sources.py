@@ -1,6 +1,7 @@
 """The C sources of an FMU: the fixed files of this package, FMI's headers, and the numbers of one model."""
 
 import hashlib
+import re
 import uuid
 from collections.abc import Mapping
 from functools import cache
@@ -20,19 +21,26 @@ _FMI_HEADERS = (
 )
 
 
+_OF_AXES = re.compile(
+    r"#if MODEL_AXES > 1\n(.*?)#else /\* one axis \*/\n(.*?)#endif /\* MODEL_AXES \*/\n", re.DOTALL
+)
+"""What is written twice in the C files: for several axes, and for one."""
+
+
 @cache
-def _fixed_source(name: str) -> str:
+def _fixed_source(name: str, several: bool) -> str:
     import fmpy
 
     if name not in _FMI_HEADERS:
-        return c_source(name)
+        return _OF_AXES.sub(lambda found: found[1 if several else 2], c_source(name))
     header = Path(fmpy.__file__).parent / "c-code" / name
     return header.read_text(encoding="utf-8").replace("\r\n", "\n")
 
 
 def _fixed_sources(model: ExportModel) -> dict[str, str]:
     names = (*C_FILES, model.dynamics.c_source, *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
-    return {name: _fixed_source(name) for name in names}
+    several = ("spatial_force.c",) * bool(model.axes)
+    return {name: _fixed_source(name, bool(model.axes)) for name in (*names, *several)}
 
 
 def source_files(model: ExportModel) -> dict[str, str]:
@@ -75,6 +83,8 @@ def _model_size(model: ExportModel) -> str:
         "MODEL_RING": max(model.dynamics.histories, default=0),
         "MODEL_SOURCE": f'"{model.dynamics.c_source}"',
     }
+    if model.axes:
+        sizes["MODEL_AXES"] = len(model.axes)
     lines = [f"#define {name} {size}" for name, size in sizes.items()]
     return "\n".join(["/* Sizes of a model, written at export. */", *lines, ""])
 

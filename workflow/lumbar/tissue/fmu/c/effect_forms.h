@@ -15,17 +15,28 @@
 typedef struct {
     bool first;          /* the first sample since the start */
     double time;         /* s since the first sample */
+#if MODEL_AXES > 1
+    double position[MODEL_AXES];
+    double step[MODEL_AXES]; /* change of position since the sample before */
+    double velocity[MODEL_AXES];
+    double acceleration[MODEL_AXES];
+#else /* one axis */
     double position;
     double step;         /* change of position since the sample before */
     double velocity;
     double acceleration;
+#endif /* MODEL_AXES */
     double path;         /* distance travelled */
     const model_past *past;
 } motion;
 
 /* The position so many samples ago, 0 to the form's history; `ring` is the form's. */
 static inline double earlier(const motion *now, int ring, int samples) {
+#if MODEL_AXES > 1
+    if (samples == 0 || now->first) return now->position[ring % MODEL_AXES]; /* rings are those of all axes in turn */
+#else /* one axis */
     if (samples == 0 || now->first) return now->position;
+#endif /* MODEL_AXES */
     int64_t place = now->past->newest + 1 - samples;
     return now->past->value[ring][place < 0 ? place + MODEL_RING : place];
 }
@@ -53,7 +64,11 @@ static inline double phi1(double x) { return x == 0 ? 1.0 : portable_expm1(x) / 
  *
  * `matrix` has `size` rows; of the sum the first `states` count, for a clock may be among the unknowns. The series is that
  * of a matrix whose norm is at most 1/2, which is then doubled. */
+#if MODEL_AXES > 1
+enum { LARGEST_SYSTEM = 6 * MODEL_AXES + 1, SERIES_TERMS = 14 }; /* six states along every axis and a clock */
+#else /* one axis */
 enum { LARGEST_SYSTEM = 7, SERIES_TERMS = 14 }; /* six states and a clock */
+#endif /* MODEL_AXES */
 static inline void linearised_step(int states, int size, const double increments[], const double matrix[],
                                    const double memory[], double next[]) {
     double small[LARGEST_SYSTEM * LARGEST_SYSTEM], stretch[LARGEST_SYSTEM * LARGEST_SYSTEM] = {0};

@@ -145,7 +145,10 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
     for (size_t i = 0; i < n; ++i) {
         switch (force_set(&self->state, vr[i], value[i])) {
             case VALUE_OK:
+#if MODEL_AXES > 1
+#else /* one axis */
                 if (vr[i] == VR_INPUT) self->not_finite_logged = false;
+#endif /* MODEL_AXES */
                 break;
             case VALUE_NOT_FINITE:
                 status = not_finite(self, "The input is not finite: the last finite value is kept.");
@@ -155,7 +158,12 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
             default: return failed(self, "fmi2SetReal: unknown value reference.");
         }
     }
+#if MODEL_AXES > 1
+    if (status == fmi2OK) self->not_finite_logged = false;
     return status;
+#else /* one axis */
+    return status;
+#endif /* MODEL_AXES */
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real from, fmi2Real step, fmi2Boolean no_rollback) {

@@ -156,6 +156,75 @@ fmi3Status fmi3Reset(fmi3Instance c) {
     return fmi3OK;
 }
 
+#if MODEL_AXES > 1
+/* All values of the variables, one after the other. */
+static size_t total_size(const fmi3ValueReference vr[], size_t n) {
+    size_t total = 0;
+    for (size_t i = 0; i < n; ++i) total += force_size(vr[i]);
+    return total;
+}
+
+fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[], size_t n_values) {
+    INSTANCE
+    if (n_values != total_size(vr, n)) return failed(self, "fmi3GetFloat64: as many values as the variables have are needed.");
+    for (size_t i = 0; i < n; value += force_size(vr[i++])) {
+        if (force_get_all(&self->state, vr[i], value) != VALUE_OK) {
+            return failed(self, "fmi3GetFloat64: unknown value reference.");
+        }
+    }
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[],
+                          size_t n_values) {
+    INSTANCE
+    fmi3Status status = fmi3OK;
+    if (n_values != total_size(vr, n)) return failed(self, "fmi3SetFloat64: as many values as the variables have are needed.");
+    if (self->state.mode == MODE_TERMINATED) return failed(self, "fmi3SetFloat64 after fmi3Terminate.");
+    for (size_t i = 0; i < n; value += force_size(vr[i++])) {
+        switch (force_set_all(&self->state, vr[i], value)) {
+            case VALUE_OK:
+                if (vr[i] == VR_INPUT) self->not_finite_logged = false;
+                break;
+            case VALUE_NOT_FINITE:
+                status = not_finite(self, "The input is not finite: the last finite value is kept.");
+                break;
+            case VALUE_OUT_OF_RANGE: return failed(self, "fmi3SetFloat64: the value is outside min and max; not set.");
+            case VALUE_NOT_SETTABLE: return failed(self, "fmi3SetFloat64: this variable cannot be set.");
+            default: return failed(self, "fmi3SetFloat64: unknown value reference.");
+        }
+    }
+    return status;
+}
+
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
+                                        const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
+                                        size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
+    INSTANCE
+    if (n_seed != total_size(knowns, n_knowns) || n_sensitivity != total_size(unknowns, n_unknowns)) {
+        return failed(self, "fmi3GetDirectionalDerivative: as many values as the variables have are needed.");
+    }
+    size_t row = 0;
+    for (size_t i = 0; i < n_unknowns; ++i) {
+        for (uint32_t u = 0; u < force_size(unknowns[i]); ++u, ++row) {
+            size_t column = 0;
+            sensitivity[row] = 0.0;
+            for (size_t j = 0; j < n_knowns; ++j) {
+                for (uint32_t k = 0; k < force_size(knowns[j]); ++k, ++column) {
+                    double derivative;
+                    if (force_derivative(&self->state, unknowns[i] + u * VR_ELEMENT, knowns[j] + k * VR_ELEMENT,
+                                         &derivative) != VALUE_OK) {
+                        return failed(self, "fmi3GetDirectionalDerivative: of the output by inputs and parameters only.");
+                    }
+                    sensitivity[row] += derivative * seed[column];
+                }
+            }
+        }
+    }
+    return fmi3OK;
+}
+
+#else /* one axis */
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[], size_t n_values) {
     INSTANCE
     if (n != n_values) return failed(self, "fmi3GetFloat64: all variables are scalars.");
@@ -209,6 +278,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
     return fmi3OK;
 }
 
+#endif /* MODEL_AXES */
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *saved) {
     INSTANCE
     if (!saved) return failed(self, "fmi3GetFMUState: no place for it given.");

@@ -50,16 +50,26 @@ typedef struct {
     int64_t newest; /* place of the newest value in every ring */
 } model_past;
 
+#if MODEL_AXES > 1
+/* Sample k: writes y[k] = h(x[k], u[k]), a force along every axis, and x[k+1] = f(x[k], u[k]) to `next`, which must not be `x`. */
+void model_sample(const double x[], const model_past *past, const double u[], double next[], double y[]);
+#else /* one axis */
 /* Sample k: returns y[k] = h(x[k], u[k]) and writes x[k+1] = f(x[k], u[k]) to `next`, which must not be `x`. */
 double model_sample(const double x[], const model_past *past, double u, double next[]);
+#endif /* MODEL_AXES */
 
 /* Keep of sample k, which led from x to next, what later samples ask for. */
 void model_keep(const double x[], const double next[], model_past *past);
 
+#if MODEL_AXES > 1
+/* States at rest at a constant input. */
+void model_rest(const double u[], double x[]);
+#else /* one axis */
 /* States at rest at a constant input. */
 void model_rest(double u, double x[]);
 
 /* Derivative of y[k] by u[k]; at rest, by an input that has always been u. */
 double model_slope(const double x[], const model_past *past, double u, bool at_rest);
+#endif /* MODEL_AXES */
 
 #endif

@@ -26,6 +26,9 @@ static double tolerance(void) { return INSTANT_TOLERANCE * MODEL.sampling_time; 
 
 static double flushed(double value) { return fabs(value) < NEGLIGIBLE ? 0.0 : value; }
 
+#if MODEL_AXES > 1
+#include "spatial_force.c"
+#else /* one axis */
 static double within(double value, double low, double high) {
     return value < low ? low : value > high ? high : value;
 }
@@ -44,6 +47,7 @@ void force_reset(force_state *state, bool event_mode) {
     state->event_mode = event_mode;
 }
 
+#endif /* MODEL_AXES */
 bool force_start(force_state *state, double start_time) {
     if (!isfinite(start_time)) return false;
     state->start_time = start_time;
@@ -54,6 +58,8 @@ bool force_start(force_state *state, double start_time) {
     return true;
 }
 
+#if MODEL_AXES > 1
+#else /* one axis */
 /* Behind a tool that leaves it, the tissue stays at rest: else it would push before it is touched again. */
 static double deviation(const force_state *state) {
     double depth = state->input - state->input_offset;
@@ -338,6 +344,7 @@ step_status force_take_sample(force_state *state) {
     return finite ? STEP_OK : STEP_NOT_FINITE;
 }
 
+#endif /* MODEL_AXES */
 step_status force_advance(force_state *state, double from, double step, bool stop_at_sample) {
     double end = from + step;
     if (!(step > 0.0) || !isfinite(end) || !(fabs(from - state->time) <= tolerance())) return STEP_WRONG_TIME;

@@ -141,11 +141,14 @@ def _of_signals(found: bytes, expected: bytes) -> Iterator[Difference]:
         yield "its length", f"{len(rows)} rows", f"{len(needed)}"
         return
     cells, expected_cells = (
-        [[float(cell) for cell in row.split(",")] for row in part] for part in (rows, needed)
+        [[float(cell) for cell in row.replace(" ", ",").split(",")] for row in part]
+        for part in (rows, needed)
     )
-    if {len(row) for row in cells} != {2}:
-        raise ValueError("not all rows are two numbers")
-    for column, name in enumerate(head_needed.split(",")):
+    width = len(expected_cells[0])
+    if {len(row) for row in cells} != {width}:
+        raise ValueError(f"not all rows are {'two' if width == 2 else width} numbers")
+    names = head_needed.split(",")
+    for column, name in enumerate([*names, *names[-1:] * (width - len(names))]):
         ours, theirs = ([row[column] for row in part] for part in (cells, expected_cells))
         largest = max(map(abs, theirs)) or 1.0
         worst = max(

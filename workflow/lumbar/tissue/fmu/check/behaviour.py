@@ -8,10 +8,11 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator
 
+import numpy as np
 from fmpy.fmi1 import FMICallException
 
 from lumbar.tissue.fmu.check.instance import Instance, Motion, UnzippedFmu, modes, way_in_words
-from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, slow_push, told_meaning
+from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, along_axes, slow_push, told_meaning
 
 REFERENCE_TOLERANCE = 1e-9
 """Largest difference from the reference, relative to its largest force: the reference comes from Python, and rounding
@@ -38,7 +39,7 @@ def check_bounds(fmu: UnzippedFmu) -> Iterator[str]:
     instance = Instance(fmu)
     for end, beyond in (("min", -math.inf), ("max", math.inf)):
         for name, bound in fmu.numbered(end).items():
-            if fmu.variables[name].causality != "parameter":
+            if fmu.elements[name][0].causality != "parameter":
                 continue
             outside = math.nextafter(bound, beyond)
             if not instance.accepts(name, bound):
@@ -53,9 +54,10 @@ def check_reference(fmu: UnzippedFmu) -> Iterator[str]:
     for event_mode in modes(fmu):
         path = WITHOUT_EVENT_MODE if fmu.version == 3 and not event_mode else REFERENCE[1]
         expected, found = fmu.signal(path), Instance(fmu, event_mode).play(positions)
-        largest = max(map(abs, expected)) or 1.0
-        worst = max(range(len(expected)), key=lambda k: abs(found[k] - expected[k]))
-        if not abs(found[worst] - expected[worst]) <= REFERENCE_TOLERANCE * largest:
+        largest = np.abs(expected).max() or 1.0
+        off = np.abs(np.subtract(found, expected)).reshape(len(expected), -1).max(axis=1)
+        worst = int(off.argmax())
+        if not off[worst] <= REFERENCE_TOLERANCE * largest:
             yield (
                 f"{fmu.ports[1]}: {way_in_words(event_mode)} the library gives {found[worst]!r} at sample {worst} of the "
                 f"reference; {path} says {expected[worst]!r}"
@@ -65,9 +67,11 @@ def check_reference(fmu: UnzippedFmu) -> Iterator[str]:
 def check_sign(fmu: UnzippedFmu) -> Iterator[str]:
     """A push is answered by a force of the sign that the description calls resisting."""
     told = told_meaning(ElementTree.parse(fmu.folder / "modelDescription.xml").getroot()) or {}
-    inward = [Motion(fmu).rest + position for position in slow_push(fmu.sampling_time).tolist()]
-    rest = fmu.numbered("start").get(f"{fmu.ports[1]}_offset", 0.0)
-    mean = sum(force - rest for force in Instance(fmu, modes(fmu)[-1]).play(inward)) / len(inward)
+    inward = Motion(fmu).about_rest(along_axes(slow_push(fmu.sampling_time), fmu.axes))
+    start = fmu.numbered("start")
+    rest = start.get(f"{fmu.ports[1]}_offset", start.get(f"{fmu.ports[1]}_offset[1]", 0.0))
+    forces = np.array(Instance(fmu, modes(fmu)[-1]).play(inward)) - rest
+    mean = float((forces * along_axes(1.0, fmu.axes)).mean())
     if mean * told.get("resisting_sign", 0) < 0:
         yield (
             f"{fmu.ports[1]}: the library answers a push with {mean:.3g} on average; by modelDescription.xml the force "
@@ -89,7 +93,8 @@ def check_dependencies(fmu: UnzippedFmu) -> Iterator[str]:
         (fmu.description.initialUnknowns, "at the start", (1,)),
         (fmu.description.outputs, "at once", (7, _SAMPLES)),
     ):
-        listed = next((item.dependencies for item in unknowns if item.variable.name == force), None)
+        of_force = {force, *fmu.parts(force)}
+        listed = next((item.dependencies for item in unknowns if item.variable.name in of_force), None)
         if listed is None:
             continue  # by the standard it depends on everything
         names = {item.name for item in listed}
@@ -98,25 +103,27 @@ def check_dependencies(fmu: UnzippedFmu) -> Iterator[str]:
         for name in sorted(acting - names):
             yield f"{name}: {force} depends on it {when}; the dependencies in modelDescription.xml leave it out"
     if not _guarded(fmu):  # else the forces before may bound it more
-        for name in sorted((told - found) & {f"{force}_offset", f"{force}_limit"}):
+        for name in sorted(
+            (told - found) & {f"{force}_offset", *fmu.parts(f"{force}_offset"), f"{force}_limit"}
+        ):
             yield f"{name}: {force} never depends on it at once; the dependencies in modelDescription.xml list it"
 
 
-def _acting(fmu: UnzippedFmu, event_mode: bool, positions: list[float]) -> set[str]:
+def _acting(fmu: UnzippedFmu, event_mode: bool, positions: list) -> set[str]:
     """Names of the variables whose change alters the force of the last of these samples."""
     source, force = fmu.ports
     motion, low, high = Motion(fmu), fmu.numbered("min"), fmu.numbered("max")
     instance = Instance(fmu, event_mode)
     instance.play(positions[:-1])
     instance.reach_sample()
-    instance.set(source, positions[-1])
+    instance.put(source, positions[-1])
     acting = set()
     for name in fmu.settable:
-        before, force_before = instance.get(name), instance.get(force)
+        before, force_before = instance.get(name), instance.read(force)
         ends = [low.get(name, before - motion.span), high.get(name, before + motion.span)]
         for value in (*ends, before + 0.01 * (ends[1] - before), before + 0.01 * (ends[0] - before)):
-            if instance.accepts(name, value) and instance.get(force) != force_before:
-                acting.add(name)
+            if instance.accepts(name, value) and instance.read(force) != force_before:
+                acting.add(fmu.elements[name][0].name)
         instance.set(name, before)
     return acting
 
@@ -176,7 +183,7 @@ def answers(fmu: UnzippedFmu) -> Iterator[tuple[str, dict]]:
             yield f"{call} {how}", answer
         for call, answer in _answers_to_steps(fmu, event_mode, motion):
             yield f"{call} {how}", answer
-        far = [motion.rest + _FAR * (item - motion.rest) for item in motion.random(_SAMPLES, 2)]
+        far = motion.about_rest(_FAR * (np.array(motion.random(_SAMPLES, 2)) - motion.rest))
         yield f"{force} far away {how}", _by_sample(Instance(fmu, event_mode).play(far))
         late = Instance(fmu, event_mode).play(motion.random(_LONG, 3))
         yield f"{force} of a long motion {how}", _by_sample(late)
@@ -198,7 +205,7 @@ def _taken(call: Callable, *arguments, **named_arguments) -> dict[str, bool]:
 def _answers_to_values(fmu: UnzippedFmu, event_mode: bool, motion: Motion) -> Iterator[tuple[str, dict]]:
     """Values taken and refused, and what the outputs and derivatives are after each; saved states; a reset."""
     low, high, start = fmu.numbered("min"), fmu.numbered("max"), fmu.numbered("start")
-    outputs = [name for name, item in fmu.variables.items() if item.causality == "output"]
+    outputs = [name for name, (item, _) in fmu.elements.items() if item.causality == "output"]
     instance, fresh = Instance(fmu, event_mode), Instance(fmu, event_mode)
 
     def state(which: Instance, seed: int) -> dict:
@@ -215,7 +222,8 @@ def _answers_to_values(fmu: UnzippedFmu, event_mode: bool, motion: Motion) -> It
         for value in (*beyond, *ends, math.nan, math.inf, start[name] / 1000, changed[name]):
             yield f"set {name} to {value!r}", {"taken": instance.accepts(name, value)}
             yield f"with {name} set to {value!r}", state(instance, 5)
-            yield f"derivative by {name}", {"now": instance.derivative(fmu.ports[1], name)}
+            slopes = [instance.derivative(part, name) for part in fmu.parts(fmu.ports[1])]
+            yield f"derivative by {name}", {"now": slopes}
     saved = instance.save()
     content, samples = instance.serialized(saved)
     content = bytes(content)

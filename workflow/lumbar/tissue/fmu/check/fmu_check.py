@@ -23,6 +23,7 @@ from lumbar.tissue.fmu.build.reference_response import (
 )
 from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
 from lumbar.tissue.fmu.check.lint import open_fmu
+from lumbar.tissue.fmu.conventions import along_axes
 
 TOLERANCE = 1e-12
 """Largest error of a sound FMU, relative to the largest output."""
@@ -76,7 +77,8 @@ def simulate_fmu(path: Path, inputs: np.ndarray) -> np.ndarray:
 
 def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:
     """Return a random walk about the rest position that drives the output to a set share of its limit, shape (samples,)."""
-    walk = np.cumsum(np.random.default_rng([seed, samples]).standard_normal(samples))
+    shape = (samples, len(model.axes)) if model.axes else samples
+    walk = np.cumsum(np.random.default_rng([seed, samples]).standard_normal(shape), axis=0)
     room = _SHARE_OF_LIMIT * model.output_limit - abs(model.output.offset)
     averaged = moving_average(walk, model.moving_average)
     return model.input.offset + scale_to(model, averaged, room) * walk
@@ -192,7 +194,8 @@ def push(models: list[ExportModel], folder: Path) -> Push:
     depth = min(push_depth(model, profile) for model in models)
     outputs = {
         (model.name, version): simulate_fmu(
-            folder / fmu_name(model.name, version), model.input.offset + depth * profile
+            folder / fmu_name(model.name, version),
+            model.input.offset + depth * along_axes(profile, len(model.axes)),
         )
         for model in models
         for version in FMI_VERSIONS

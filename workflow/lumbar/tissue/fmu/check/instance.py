@@ -1,18 +1,21 @@
 """An FMU under check: one instance with the same calls in both versions of FMI, and positions to play to it."""
 
+import math
 import random
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from copy import copy
 from functools import cached_property
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import fmpy
+import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
-from lumbar.tissue.fmu.conventions import REFERENCE
+from lumbar.tissue.fmu.conventions import REFERENCE, element_names
 
 _NUMBERS = count()
 
@@ -24,7 +27,7 @@ class UnzippedFmu:
         self.folder = folder
         self.description = fmpy.read_model_description(str(folder), validate=False)
         self.variables = {item.name: item for item in self.description.modelVariables}
-        self._signals: dict[str, list[float]] = {}
+        self._signals: dict[str, list] = {}
 
     @cached_property
     def version(self) -> int:
@@ -43,12 +46,40 @@ class UnzippedFmu:
     @cached_property
     def ports(self) -> tuple[str, str]:
         """Names of the position and of the force: what the reference signals hold."""
-        return tuple(self._lines(path)[0].split(",")[1] for path in REFERENCE)
+        return tuple(self._lines(path)[0].split(",")[1].partition("[")[0] for path in REFERENCE)
 
-    def signal(self, path: str) -> list[float]:
-        """Values of a reference signal by its path in the FMU."""
+    @cached_property
+    def elements(self) -> dict[str, tuple[Any, int | None]]:
+        """Every value by its name, with the variable that holds it and, of an array of FMI 3.0, where."""
+        found: dict[str, tuple[Any, int | None]] = {}
+        for name, item in self.variables.items():
+            size = math.prod(part.start for part in item.dimensions or ())
+            rows = {name: (item, None)}
+            if item.dimensions:
+                rows = {each: (item, row) for row, each in enumerate(element_names(name, size))}
+            found |= rows
+        return found
+
+    def parts(self, port: str) -> list[str]:
+        """Names of the values of a variable, one for every axis in space."""
+        return [name for name in self.elements if name.partition("[")[0] == port]
+
+    @cached_property
+    def axes(self) -> int:
+        """How many axes there are in space; 0 of one axis."""
+        count = len(self.parts(self.ports[0]))
+        return count if count > 1 else 0
+
+    def references(self, port: str) -> list[int]:
+        """Value references under which a variable with a value for every axis, or one, is set and read."""
+        return list(dict.fromkeys(self.elements[name][0].valueReference for name in self.parts(port)))
+
+    def signal(self, path: str) -> list:
+        """Values of a reference signal by its path in the FMU; in space vectors."""
         if path not in self._signals:
-            self._signals[path] = [float(line.split(",")[1]) for line in self._lines(path)[1:]]
+            cells = (line.partition(",")[2].replace(",", " ").split() for line in self._lines(path)[1:])
+            rows = [list(map(float, row)) for row in cells]
+            self._signals[path] = rows if self.axes else [row[0] for row in rows]
         return self._signals[path]
 
     def _lines(self, path: str) -> list[str]:
@@ -62,15 +93,19 @@ class UnzippedFmu:
 
     def numbered(self, attribute: str) -> dict[str, float]:
         """Return ``start``, ``min`` or ``max`` of the variables that have it."""
-        given = {name: getattr(item, attribute) for name, item in self.variables.items()}
-        return {name: float(value) for name, value in given.items() if value is not None}
+        given = {name: (getattr(item, attribute), row) for name, (item, row) in self.elements.items()}
+        return {
+            name: float(value if row is None or attribute != "start" else str(value).split()[row])
+            for name, (value, row) in given.items()
+            if value is not None
+        }
 
     @property
     def settable(self) -> list[str]:
         """Names of the input and of the parameters that may be set while the FMU runs."""
         return [
             name
-            for name, item in self.variables.items()
+            for name, (item, _) in self.elements.items()
             if item.causality == "input" or (item.causality == "parameter" and item.variability == "tunable")
         ]
 
@@ -130,14 +165,34 @@ class Instance:
         self.initialize()
 
     def get(self, name: str) -> float:
-        """Value of a variable."""
-        getter = self.slave.getReal if self.fmu.version == 2 else self.slave.getFloat64
-        return getter([self.fmu.variables[name].valueReference])[0]
+        """A value by its name."""
+        item, row = self.fmu.elements[name]
+        return self._read([item.valueReference], 1 if row is None else self.fmu.axes)[row or 0]
 
     def set(self, name: str, value: float) -> None:
-        """Set a variable; an exception of fmpy where it is refused."""
-        setter = self.slave.setReal if self.fmu.version == 2 else self.slave.setFloat64
-        setter([self.fmu.variables[name].valueReference], [value])
+        """Set a value; an exception of fmpy where it is refused."""
+        item, row = self.fmu.elements[name]
+        values = [value] if row is None else self._read([item.valueReference], self.fmu.axes)
+        values[row or 0] = value
+        self._setter([item.valueReference], values)
+
+    def read(self, port: str):
+        """Position or force: a number, in space a vector."""
+        values = self._read(self.fmu.references(port), self.fmu.axes or 1)
+        return values if self.fmu.axes else values[0]
+
+    def put(self, port: str, value) -> None:
+        """Set position or force."""
+        self._setter(self.fmu.references(port), value if self.fmu.axes else [value])
+
+    @property
+    def _setter(self) -> Callable:
+        return self.slave.setReal if self.fmu.version == 2 else self.slave.setFloat64
+
+    def _read(self, references: list[int], count: int) -> list[float]:
+        if self.fmu.version == 2:
+            return self.slave.getReal(references)
+        return self.slave.getFloat64(references, count)
 
     def accepts(self, name: str, value: float) -> bool:
         """Set a variable; whether the FMU took it."""
@@ -149,29 +204,33 @@ class Instance:
 
     def derivative(self, unknown: str, known: str) -> float:
         """Derivative of one variable by another at this moment."""
-        references = ([self.fmu.variables[name].valueReference] for name in (unknown, known))
-        return self.slave.getDirectionalDerivative(*references, [1.0])[0]
+        (of, row), (by, column) = (self.fmu.elements[name] for name in (unknown, known))
+        seed = [1.0] if column is None else [float(index == column) for index in range(self.fmu.axes)]
+        given = [of.valueReference], [by.valueReference], seed
+        if row is None:
+            return self.slave.getDirectionalDerivative(*given)[0]
+        return self.slave.getDirectionalDerivative(*given, self.fmu.axes)[row]
 
-    def sample(self, position: float) -> float:
+    def sample(self, position):
         """Force that a client reads at the next sample instant, where it sets this position.
 
         With event mode it reads after it has set the position, without one before; at the start always after.
         """
         source, force = self.fmu.ports
         if self.samples == 0:
-            self.set(source, position)
+            self.put(source, position)
             self.slave.exitInitializationMode()
         else:
             self.reach_sample()
             if self.event_mode:
-                self.set(source, position)
+                self.put(source, position)
         if self.event_mode:
             self.next_event = self.slave.updateDiscreteStates()[-1]
-        read = self.get(force)
+        read = self.read(force)
         if self.event_mode:
             self.slave.enterStepMode()
         else:
-            self.set(source, position)
+            self.put(source, position)
         self.samples += 1
         return read
 
@@ -193,7 +252,7 @@ class Instance:
             return False
         return True
 
-    def play(self, positions: Iterable[float]) -> list[float]:
+    def play(self, positions: Iterable) -> list:
         """Force at each of the next sample instants."""
         return [self.sample(position) for position in positions]
 
@@ -221,7 +280,7 @@ class Instance:
 
 
 class Motion:
-    """Positions to play, about rest and of the reference push's size.
+    """Positions to play, about rest and of the reference push's size; in space vectors.
 
     Attributes
     ----------
@@ -230,17 +289,26 @@ class Motion:
     """
 
     def __init__(self, fmu: UnzippedFmu):
+        self.axes = fmu.axes
         self.push = fmu.signal(REFERENCE[0])
-        self.rest = self.push[0]
-        self.span = max(abs(position - self.rest) for position in self.push) or 1.0
+        self.rest = np.array(self.push[0])
+        self.span = float(np.abs(self.push - self.rest).max()) or 1.0
 
-    def random(self, samples: int, seed: int, scale: float = 0.5) -> list[float]:
+    def about_rest(self, way) -> list:
+        """Positions of a way from rest."""
+        return (self.rest + np.asarray(way)).tolist()
+
+    def random(self, samples: int, seed: int, scale: float = 0.5) -> list:
         """A random walk within the push's span, mirrored at its ends."""
+        walks = [self._walk(samples, seed + 100 * axis, scale) for axis in range(self.axes or 1)]
+        return self.about_rest(np.transpose(walks) if self.axes else walks[0])
+
+    def _walk(self, samples: int, seed: int, scale: float) -> list[float]:
         generator, position, positions = random.Random(seed), 0.0, []
         for _ in range(samples):
             position += generator.gauss(0.0, 0.2)
             position = max(-2.0 - position, min(2.0 - position, position))
-            positions.append(self.rest + scale * self.span * position)
+            positions.append(scale * self.span * position)
         return positions
 
 

@@ -140,8 +140,8 @@ def _numbers(attributes: dict[str, str], keys: tuple[str, ...]) -> tuple[dict[st
     given, problems = {}, []
     for key in keys:
         if key in attributes:
-            try:
-                given[key] = float(attributes[key])
+            try:  # of an array the value that is farthest from 0
+                given[key] = max(map(float, attributes[key].split()), key=abs)
             except ValueError:
                 given[key] = math.nan
             if not math.isfinite(given[key]):
@@ -180,7 +180,9 @@ def _lint_variables(variables: list[tuple[str, dict]], root: ElementTree.Element
         problems += [
             f"{label} {value!r} stands twice" for value, count in Counter(values).items() if count > 1
         ]
-    causalities = Counter(attributes.get("causality") for _, attributes in variables)
+    # Scalars named position[1], … are one input.
+    kinds = {(attributes.get("causality"), name.partition("[")[0]) for name, attributes in variables}
+    causalities = Counter(kind for kind, _ in kinds)
     if causalities["input"] != 1:
         problems.append(f"there are {causalities['input']} inputs; a force model has one")
     if not causalities["output"]:

@@ -1,0 +1,130 @@
+"""FMUs of models of several axes: every form, both versions of FMI against an integration of its own, vectors as FMI has them."""
+
+import zipfile
+from collections import defaultdict
+
+import numpy as np
+import pytest
+from c_programs import ON_LINUX
+from effect_entries import FORM_NUMBERS
+from fmpy.fmi1 import FMICallException
+from runtime_models import TARGET
+from spatial_models import FIVE, integrated, spatial_export, spatial_model
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.fmu.build.package import export_fmus
+from lumbar.tissue.fmu.check.file_check import check_files
+from lumbar.tissue.fmu.check.fmu_check import check_fmus, simulate_fmu
+from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
+
+pytestmark = [ON_LINUX, pytest.mark.usefixtures("without_plots")]
+AXES = ("x", "y", "z")
+
+
+def numbers_in_space(key: str) -> tuple[list, list] | None:
+    """Numbers of a form in space; None where it has no meaning there."""
+    effect, name = key.split("/")
+    form = next(item for item in TISSUE[effect].forms if item.name == name)
+    try:
+        linear = form.in_space(AXES).linear
+    except InputError:
+        return None
+    given, nonlinear = FORM_NUMBERS[key]
+    return [value for value in given for _ in range(len(linear) // len(given))] if given else [], nonlinear
+
+
+def combinations() -> list[dict]:
+    """Every form in space once, no two of one effect together."""
+    found: dict[int, dict] = defaultdict(dict)
+    for key in FORM_NUMBERS:
+        if (numbers := numbers_in_space(key)) is not None:
+            taken = sum(
+                other.startswith(key.split("/")[0] + "/") for each in found.values() for other in each
+            )
+            found[taken][key] = numbers
+    return list(found.values())
+
+
+@pytest.mark.parametrize("effects", combinations(), ids=lambda effects: f"{len(effects)} effects")
+def test_every_form_in_space_is_the_catalogues(effects, zig_cache, tmp_path):
+    model = spatial_export(effects)
+    export_fmus([model], tmp_path, "own", TARGET, zig_cache)
+    for check in check_fmus([model], tmp_path, 400, seed=5):
+        assert check.largest_output > 0.1
+
+
+def test_a_model_of_two_axes_with_every_guard_is_what_its_file_says(zig_cache, tmp_path):
+    """Moving average, limits of the vector's length, passivity; the files hold together, play, and compile to themselves."""
+    guards = {"moving_average_ms": 3.0, "output_rate_limit": 300.0, "device_damping": 2.75}
+    model = spatial_export({"delay/pure": FIVE["delay/pure"]}, ("x", "z"), **guards)
+    paths = export_fmus([model], tmp_path, "own", TARGET, zig_cache)
+    check_fmus([model], tmp_path, 1500, seed=4)
+    for check in check_files(paths, zig_cache):
+        assert check.same_bytes, check.problems
+
+
+@pytest.fixture(scope="module")
+def five(zig_cache, tmp_path_factory):
+    """Folder of the FMUs of KB with five effects, at 1 kHz."""
+    folder = tmp_path_factory.mktemp("five")
+    export_fmus([spatial_export(FIVE)], folder, "own", TARGET, zig_cache)
+    return folder
+
+
+def fmu_of(folder, version: int) -> UnzippedFmu:
+    (path,) = folder.glob(f"*_fmi{version}.fmu")
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(folder / str(version))
+    return UnzippedFmu(folder / str(version))
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_forces_are_those_of_an_integration_of_its_own(version, five):
+    generator = np.random.default_rng(8)
+    walk = np.cumsum(generator.standard_normal((3000, 3)), axis=0) * 0.02
+    walk[1000:1200] = walk[1000]  # at rest, where a direction of travel is none
+    walk -= walk[0]
+    expected = integrated(walk, 1e-3)
+    if version == 2:
+        expected = np.concatenate([expected[:1], expected[:-1]])
+    (path,) = five.glob(f"*_fmi{version}.fmu")
+    found = simulate_fmu(path, walk)
+    assert np.abs(expected).max(axis=0).min() > 0.5
+    assert np.abs(found - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_vectors_are_set_whole_and_refused_whole(version, five):
+    """FMI 2.0 has scalars with names of elements, FMI 3.0 arrays; no longer force than its limit, in its direction."""
+    fmu = fmu_of(five, version)
+    assert fmu.parts("force_offset") == [f"force_offset[{k}]" for k in (1, 2, 3)]
+    assert ("position" in fmu.variables) == (version == 3)
+    instance = Instance(fmu, event_mode=version == 3)
+    instance.put("position", [1.0, -2.0, 0.5])
+    force = np.array(instance.read("force"))
+    slopes = [[instance.derivative(f"force[{i}]", f"position[{j}]") for j in (1, 2, 3)] for i in (1, 2, 3)]
+    np.testing.assert_allclose(slopes, np.transpose(slopes), atol=1e-6)
+    assert np.abs(slopes[0][1]) > 0.05
+    instance.set("force_limit", 0.5)
+    np.testing.assert_allclose(instance.read("force"), 0.5 * force / np.linalg.norm(force), rtol=1e-14)
+    assert not instance.accepts("force_offset[2]", 16.0)
+    if version == 3:
+        vector = [fmu.variables["position"].valueReference]
+        for wrong in ([1.0], [1.0] * 4):
+            with pytest.raises(FMICallException):
+                instance.slave.setFloat64(vector, wrong)
+        instance.slave.setFloat64(vector, [9.0, np.nan, 9.0])
+        assert instance.read("position") == [1.0, -2.0, 0.5]
+
+
+def test_what_no_model_of_several_axes_has_is_said():
+    with pytest.raises(InputError, match=r"runtime\.contact.*x, y, z"):
+        spatial_export({}, contact=True)
+    turned = spatial_export({"crosstalk/couplings": ([], [0.1] * 6)})
+    assert "crosstalk of the force sensor is left out" in turned.runtime
+    moved = np.cumsum(np.ones((5, 3)), axis=0)
+    np.testing.assert_array_equal(
+        turned.dynamics.response(moved), spatial_export({}).dynamics.response(moved)
+    )
+    assert spatial_model(FIVE).to_json()["structure"]["space"]["axes"] == list(AXES)
