@@ -43,7 +43,7 @@ def combinations() -> list[dict]:
                 other.startswith(key.split("/")[0] + "/") for each in found.values() for other in each
             )
             found[taken][key] = numbers
-    return list(found.values())
+    return [*found.values(), {"drift/linear": ([0.4] * 3, []), "saturation/sharp_y": ([], [0.5])}]
 
 
 @pytest.mark.parametrize("effects", combinations(), ids=lambda effects: f"{len(effects)} effects")

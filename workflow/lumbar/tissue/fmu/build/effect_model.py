@@ -144,6 +144,8 @@ def c_function(
         return f"{comment}\n{_function(f'void {name}', 'double force[]', body)}"
     size, parts, calls = form.c_step.memory_size(numbers), [], []
     for row, axis in enumerate(axes):
+        if form.channel not in ("", axis):
+            continue
         motion |= {key: ("double", f"{key}[{row}]") for key in _ALONG}
         body = [*_lines(form, numbers, motion, None if ring is None else ring + row), f"return {value};"]
         parts.append(_function(f"double {name}_{axis}", "double force", body))
