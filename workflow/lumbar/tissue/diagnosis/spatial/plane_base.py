@@ -7,16 +7,19 @@ from itertools import product
 import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit_at
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit, fit_at
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, refit
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.plane_contact import PlaneContact, frame_of
 from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.symmetry import symmetric_base
 
 KINDS = ("KB-contact", "KV-contact", "LE-contact")
 """Bases of a tool that is not fastened."""
+SPRINGS = 0.9
+"""Squared error of a spring that is met, in those of a fastened one, up to which contact is tried."""
 _DEPTHS = 40
 """Depths at which the surface is looked for."""
 _STRONG = 0.25
@@ -26,11 +29,19 @@ _STRONG = 0.25
 def at_plane(
     experiment: Experiment, axes: tuple[str, ...], forms: tuple[Form, ...], acting: Sequence[float]
 ) -> Candidate | None:
-    """The best base that meets the tissue at a plane, beside forms of effects; None where forces point nowhere."""
+    """The best base that meets the tissue at a plane, beside forms of effects.
+
+    None where a spring that is met there leaves no less than one that is fastened, of any symmetry.
+    """
     training = experiment.training
+    fastened = fit_at(Structure(symmetric_base(BASES["LE"], axes)), training, np.zeros(0))
     started = _nearest_spring(training, axes)
     if started is None:
         return None
+    spring = fit(Structure(started.structural), training, next(_starts(started, training)))
+    if spring.squared_error > SPRINGS * fastened.squared_error:
+        return None
+    started = started.held(spring.nonlinear)
     found = []
     for name in KINDS:
         plane = replace(started, base=BASES[name])

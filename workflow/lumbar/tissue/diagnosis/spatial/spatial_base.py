@@ -7,7 +7,7 @@ import numpy as np
 
 from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, refit
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, refit
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.spatial.plane_base import at_plane
 from lumbar.tissue.models.bases import BASES
@@ -18,8 +18,6 @@ from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, matrices_of, sy
 
 KINDS = ("KB", "KV", "Maxwell", "LE")
 """Bases of a fastened tool that are tried."""
-_SPRINGS = 0.9
-"""Squared error of the best base with contact, in those of the best fastened one, up to which contact is told."""
 
 
 def choose_base(
@@ -47,10 +45,10 @@ def choose_base(
         for base_in in _symmetries(kind, axes)
     ]
     fastened = min(found, key=lambda item: item.score)
-    touched = at_plane(experiment, axes, forms, acting) if kinds == KINDS else None
-    if touched is None or touched.fit.squared_error > _SPRINGS * fastened.fit.squared_error:
+    if kinds != KINDS or is_adequate(fastened, experiment):
         return fastened
-    return touched if touched.score < fastened.score - TIED else fastened
+    touched = at_plane(experiment, axes, forms, acting)
+    return fastened if touched is None or touched.score > fastened.score - TIED else touched
 
 
 def _fit_symmetric(kind, experiment, axes, forms, acting) -> joint_fit.Fit:
