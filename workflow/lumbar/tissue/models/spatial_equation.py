@@ -40,7 +40,7 @@ from lumbar.tissue.models.expression import (
     to_text,
     whole_power,
 )
-from lumbar.tissue.models.motion import FORCE, SIGNALS, VECTORS, OneMotion, SpatialMotion
+from lumbar.tissue.models.motion import FORCE, SIGNALS, SUBSTEPS, VECTORS, OneMotion, SpatialMotion
 from lumbar.tissue.models.parameter import LinearParameter
 from lumbar.tissue.models.state_equation import StateEquation
 
@@ -250,8 +250,11 @@ class SpatialEquation(Equation):
         """States at every sample: in closed form where those of an axis know nothing of another one."""
         names = [name for name, _ in self.states]
         if solution is None or not self._apart:
-            return state.trajectory(motion, self.parameters(nonlinear))
-        found: dict[str, np.ndarray] = {}
+            # What turns between two samples is followed there.
+            fine = motion.keep("in steps between samples", lambda: motion.each(lambda part: part.finer))
+            found = state.trajectory(fine, self.parameters(nonlinear))
+            return {name: values[::SUBSTEPS] for name, values in found.items()}
+        found = {}
         for axis, part in zip(self.axes, motion.parts, strict=True):
             solved = part.remember("states in closed form", nonlinear, partial(solution, part, nonlinear))
             found |= {f"{name}_{axis}": value for name, value in zip(names, solved, strict=True)}

@@ -1,0 +1,226 @@
+"""Equations and bases in space: what holds in any frame, what is left of them along one axis, what means nothing."""
+
+import numpy as np
+import pytest
+import scipy
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
+from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.models.bases import BASES
+from lumbar.tissue.models.expression import Symbol, parse, to_text
+from lumbar.tissue.models.motion import JoinedMotions, Motion, SpatialMotion
+from lumbar.tissue.models.plane_contact import PlaneContact, frame_of
+from lumbar.tissue.models.spatial_equation import in_space
+from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.symmetry import SpatialBase, Symmetry, force_sensor_effects, turn
+
+XYZ = ("x", "y", "z")
+TIME = np.arange(800) * 0.01
+
+
+def _motion(axes: int, seed: int = 0) -> SpatialMotion:
+    rng = np.random.default_rng(seed)
+    waves = [
+        sum(rng.normal() * np.sin(2 * np.pi * f * TIME + rng.uniform(0, 6)) / f for f in (0.3, 0.7, 1.1, 1.9))
+        for _ in range(axes)
+    ]
+    return SpatialMotion(tuple(Motion(TIME, wave, 0.01) for wave in waves), names=XYZ[:axes])
+
+
+def _turned(motion: SpatialMotion, matrix: np.ndarray) -> SpatialMotion:
+    rows = matrix @ motion.position.reshape(len(matrix), -1)
+    return SpatialMotion(tuple(Motion(TIME, row, 0.01) for row in rows), names=motion.names)
+
+
+FORMS = [
+    (form, form.in_space(XYZ))
+    for effect in TISSUE.values()
+    if effect.in_space(XYZ)[0] is not None and effect.name not in ("delay", "saturation")
+    for form in effect.forms
+    if not form.one_axis and (not form.hand_written or form.hand_written.spatial)
+]
+
+
+def _numbers(form, motion) -> np.ndarray:
+    return np.array(
+        [
+            item.grid(motion.scale(item.scale) if item.scale != "force" else 1.0, 0.01)[0]
+            for item in form.nonlinear
+        ]
+    )
+
+
+def _forces(form, motion: SpatialMotion, nonlinear) -> np.ndarray:
+    """Shape (linear parameters, axes, samples); of a form at the output what it makes of a force."""
+    if form.place == "output":
+        force = motion.position + 0.3 * motion.velocity
+        return form.output_transform(force, motion, nonlinear).reshape(1, len(motion.names), -1)
+    return np.array([item.reshape(len(motion.names), -1) for item in form.columns(motion, nonlinear)])
+
+
+@pytest.mark.parametrize(("form", "spatial"), FORMS, ids=[form.key for form, _ in FORMS])
+def test_a_form_holds_in_every_frame(form, spatial):
+    """A turned motion has the turned force; what has a parameter in every axis (a drift) does not hang on the motion."""
+    motion, matrix = _motion(3), turn(np.array([0.4, -0.7, 0.2]))
+    nonlinear = _numbers(spatial, motion)
+    forces, turned = (_forces(spatial, item, nonlinear) for item in (motion, _turned(motion, matrix)))
+    assert np.isfinite(forces).all() and np.any(forces)
+    wanted = forces if len(spatial.linear) > len(form.linear) else matrix @ forces
+    assert np.allclose(turned, wanted, atol=1e-9 * np.abs(forces).max())
+
+
+@pytest.mark.parametrize(("form", "spatial"), FORMS, ids=[form.key for form, _ in FORMS])
+def test_along_one_axis_a_form_is_that_of_one_axis(form, spatial):
+    motion = _motion(1)
+    along = SpatialMotion((motion.parts[0], *(Motion(TIME, 0 * TIME, 0.01),) * 2), names=XYZ)
+    nonlinear = _numbers(form, motion.parts[0])
+    if form.effect == "hysteresis":
+        nonlinear = 20 * nonlinear  # where it turns between two samples is told by neither to the last digit
+    found = _forces(spatial, along, nonlinear)
+    if form.place == "output":
+        single = form.output_transform(motion.position + 0.3 * motion.velocity, motion.parts[0], nonlinear)[
+            None
+        ]
+    else:
+        single = np.array(form.columns(motion.parts[0], nonlinear))
+    of_x = found[:: 3 if len(spatial.linear) > len(form.linear) else 1]
+    # A state in closed form is exact where the solver takes the position as straight in a quarter of a sample.
+    tolerance = 1e-3 if form.solution and "hysteresis" in form.key else 1e-9
+    assert np.allclose(of_x[:, 0], single, atol=tolerance * np.abs(single).max())
+    assert np.allclose(of_x[:, 1:], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "read"),
+    [
+        (
+            "v*abs(v)",
+            ["sqrt(max(v_x*v_x + v_y*v_y, 1e-300))*v_x", "sqrt(max(v_x*v_x + v_y*v_y, 1e-300))*v_y"],
+        ),
+        ("dot(z, v)*z", ["(z_x*v_x + z_y*v_y)*z_x", "(z_x*v_x + z_y*v_y)*z_y"]),
+        ("norm(z)", "sqrt(max(z_x*z_x + z_y*z_y, 1e-300))"),
+    ],
+)
+def test_an_expression_in_components(text, read):
+    vectors = {name: (Symbol(f"{name}_x"), Symbol(f"{name}_y")) for name in "zv"}
+    found = in_space(parse(text), vectors)
+    told = [*map(to_text, found)] if isinstance(found, tuple) else to_text(found)
+    assert told == (
+        [to_text(parse(item)) for item in read] if isinstance(read, list) else to_text(parse(read))
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["quadratic_stiffness", "contact_loss", "depth_dependent_damping", "backlash"]
+)
+def test_what_has_no_form_in_space_says_so(name):
+    found, without = TISSUE[name].in_space(XYZ)
+    assert found is None
+    assert len(without) == len(TISSUE[name].forms)
+    assert all(
+        "direction in space" in why or "meaning for vectors" in why or "one axis" in why
+        for why in without.values()
+    )
+
+
+def _base(symmetry: Symmetry, kind: str = "KB") -> SpatialBase:
+    frames = [turn(np.array([0.3, 0.8, -0.5])), turn(np.array([-0.2, 0.1, 0.6]))]
+    frames = frames[: 2 if symmetry is Symmetry.FULL else 1]
+    return SpatialBase(BASES[kind], symmetry, XYZ, tuple(tuple(frame.ravel()) for frame in frames))
+
+
+@pytest.mark.parametrize("symmetry", Symmetry)
+def test_a_base_is_its_matrices(symmetry):
+    """Forces of the columns are K_e z + K_b q with the matrices that it tells, q by an independent integration."""
+    base, motion = _base(symmetry), _motion(3)
+    rng = np.random.default_rng(1)
+    linear = rng.uniform(0.3, 2.0, len(base.linear))
+    nonlinear = np.array([0.15, *np.exp(rng.normal(0, 0.2, len(base.nonlinear) - 1))])
+    found = Structure(base.structural).simulate(motion, linear, nonlinear).reshape(3, -1)
+    matrices = base.matrices(linear, nonlinear)
+    assert all(
+        np.linalg.eigvalsh(matrix)[0] > 0 and np.allclose(matrix, matrix.T) for matrix in matrices.values()
+    )
+    splines = [scipy.interpolate.make_interp_spline(TIME, part.position, k=5) for part in motion.parts]
+
+    def rate(time, q):
+        return [spline(time, 1) - value / 0.15 for spline, value in zip(splines, q, strict=True)]
+
+    q = scipy.integrate.solve_ivp(rate, (0, TIME[-1]), np.zeros(3), t_eval=TIME, rtol=1e-10, atol=1e-12).y
+    wanted = matrices["spring_stiffness"] @ motion.position.reshape(3, -1) + matrices["branch_stiffness"] @ q
+    assert np.allclose(found, wanted, atol=1e-5 * np.abs(wanted).max())
+
+
+def test_a_held_base_stays_where_it_was_turned():
+    base, motion = _base(Symmetry.FULL), _motion(3)
+    nonlinear = np.array([0.15, *np.exp([0.1, -0.2, 0.3, 0.0, 0.2, -0.1])])
+    linear = np.arange(1.0, 7.0)
+    held = base.held(nonlinear)
+    assert [item.name for item in held.nonlinear] == ["relaxation_time"]
+    before, after = (
+        Structure(item.structural).simulate(motion, linear, numbers)
+        for item, numbers in ((base, nonlinear), (held, nonlinear[:1]))
+    )
+    assert np.allclose(before, after, atol=1e-12)
+
+
+def test_the_plane_presses_across_and_rubs_along():
+    normal = np.array([0.6, 0.0, 0.8])
+    plane = PlaneContact(BASES["LE-contact"], XYZ, tuple(frame_of(normal).ravel()), 0.2, 1.0)
+    motion, nonlinear = _motion(3), np.array([1e-3, 1.0, 1.0, 1.0])
+    forces = Structure(plane.structural).simulate(motion, np.array([2.0, 0.5]), nonlinear).reshape(3, -1)
+    position, velocity = motion.position.reshape(3, -1), motion.velocity.reshape(3, -1)
+    into = 2.0 * np.maximum(normal @ position - 0.2, 0.0)
+    assert np.allclose(normal @ forces, into, atol=1e-9)
+    along = velocity - np.outer(normal, normal @ velocity)
+    touching = into > 0
+    assert np.allclose(np.linalg.norm(forces - np.outer(normal, into), axis=0), 0.25 * into, atol=1e-3)
+    assert np.all(np.sum(forces * along, axis=0)[touching] > 0) and not forces[:, ~touching].any()
+
+
+def test_the_sensor_turns_and_mixes():
+    effects, motion = force_sensor_effects(XYZ), _motion(3)
+    base = _base(Symmetry.ISOTROPIC, "LE")
+    plain = Structure(base.structural).simulate(motion, np.array([2.0]), np.zeros(0)).reshape(3, -1)
+    vector = np.array([0.1, -0.2, 0.3])
+    turned = Structure(base.structural, effects["turned_frame"].forms)
+    assert np.allclose(
+        turned.simulate(motion, np.array([2.0]), np.exp(vector)).reshape(3, -1), turn(vector) @ plain
+    )
+    mixed = Structure(base.structural, effects["crosstalk"].forms)
+    shares = np.array([0.1, 0.0, 0.0, 0.0, 0.0, -0.05])
+    matrix = np.array([[1, 0.1, 0], [0, 1, 0], [0, -0.05, 1]])
+    assert np.allclose(mixed.simulate(motion, np.array([2.0]), np.exp(shares)).reshape(3, -1), matrix @ plain)
+
+
+@pytest.mark.parametrize(
+    ("zeros", "wanted"), [((1, 2, 3), (1, 2, 3, 1, 2, 3)), ((1, 2, 3, 4, 5, 6), (1, 2, 3, 4, 5, 6))]
+)
+def test_a_zero_belongs_to_a_channel(zeros, wanted):
+    """Of all records, or of each."""
+    motions = JoinedMotions((_motion(3), _motion(3, 1)))
+    fit = Fit(
+        Structure(_base(Symmetry.ISOTROPIC, "LE").structural),
+        np.zeros(1),
+        np.zeros(0),
+        0.0,
+        zeros=np.array(zeros, float),
+    )
+    assert np.allclose(fit.simulate(motions), np.repeat(np.array(wanted, float), len(TIME)))
+
+
+def test_a_form_of_one_channel_leaves_the_others():
+    forms = TISSUE["saturation"].in_space(XYZ)[0].forms
+    assert [form.name for form in forms] == ["sharp", "sharp_x", "sharp_y", "sharp_z", "soft", "rounded"]
+    motion, limit = _motion(3), np.array([0.2])
+    found = forms[2].output_transform(motion.position, motion, limit).reshape(3, -1)
+    position = motion.position.reshape(3, -1)
+    assert np.array_equal(found[[0, 2]], position[[0, 2]]) and np.array_equal(
+        found[1], np.clip(position[1], -0.2, 0.2)
+    )
+
+
+def test_an_equation_that_hangs_on_a_component_needs_its_axis():
+    with pytest.raises(InputError, match="direction in space"):
+        TISSUE["quadratic_stiffness"].forms[0].in_space(XYZ)
