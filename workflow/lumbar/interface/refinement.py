@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
@@ -38,6 +38,13 @@ from lumbar.tissue.diagnosis.selection.refine import (
     refined_document,
 )
 from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
+from lumbar.tissue.diagnosis.spatial.spatial_data import prepare as prepare_in_space
+from lumbar.tissue.diagnosis.spatial.spatial_reports import (
+    SpatialReport,
+    of_axes,
+    spatial_location_table,
+    spatial_reports,
+)
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.perception.thresholds import Hands
 
@@ -144,16 +151,16 @@ class Refinement(Result):
 
     def compare(self) -> Comparisons:
         """Compare the model with every record."""
-
-        return Comparisons(self.model, self._on_records, self.data, self.findings)
+        return Comparisons.of(self.model, self._on_records, self.data, self.findings)
 
     def locate(self) -> Locations:
         """See where the model fails on every record."""
-
-        return Locations(self.model, self._on_records, self.data, self.findings)
+        return Locations.of(self.model, self._on_records, self.data, self.findings)
 
     @cached_property
-    def _on_records(self) -> list[ResidualReport]:
+    def _on_records(self) -> Sequence[ResidualReport | SpatialReport]:
+        if self.records[0].axes:
+            return spatial_reports(self.model, self.experiment, self.seed)
         return compare_and_locate(self.experiment, self.path[-1].fit, self.seed)
 
     def rows(self) -> list[dict]:
@@ -232,7 +239,7 @@ def compare(
     >>> f"{found['other'].comparison.vaf.value:.1f} % of the variance"
     '100.0 % of the variance'
     """
-    return Comparisons(*_on_records(records, model, train, settings, data))
+    return Comparisons.of(*_on_records(records, model, train, settings, data))
 
 
 def locate(
@@ -254,12 +261,12 @@ def locate(
     >>> print(found["other"].location.sentences[0].split(";")[0])
     other: 0.224 N of the error's 0.225 N are not noise
     """
-    return Locations(*_on_records(records, model, train, settings, data))
+    return Locations.of(*_on_records(records, model, train, settings, data))
 
 
 def _on_records(
     records, model, train, settings, data
-) -> tuple[FittedModel, list[ResidualReport], str, tuple]:
+) -> tuple[FittedModel, Sequence[ResidualReport | SpatialReport], str, tuple]:
     settings = settings_or_default(settings)
     session = settings.improvement.session
     data = label_of(data, records)
@@ -269,6 +276,10 @@ def _on_records(
         raise InputError(f"model is {found}: give one model, e.g. identification['KB'] or diagnosis.model")
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
+    if any(record.axes for record in records):
+        chosen = DiagnosisSettings.from_study(settings, None, train)
+        in_space = spatial_reports(model, prepare_in_space(records, chosen), settings.seed)
+        return model, in_space, data, changed
     experiment = prepare(records, train, settling_s=settings.tissue.settling_s)
     experiment = replace(experiment, hands=Hands.of(settings.perception))
     simulate = in_session(records, model.simulate) if session else model.simulate
@@ -285,25 +296,48 @@ class OnRecords(Result):
     data: str
     findings: tuple[Finding, ...] = ()
     """Records that were too long or too fast, and what was used of them."""
+    in_space: Sequence[SpatialReport] = ()
+    """Records of several axes; `simulated` has each of their axes then, with the axis behind the record's name."""
     stem: ClassVar[str]
     picture: ClassVar[str]
+
+    @classmethod
+    def of(
+        cls,
+        model: FittedModel,
+        reports: Sequence[ResidualReport | SpatialReport],
+        data: str,
+        findings: tuple[Finding, ...],
+    ) -> Self:
+        """A model beside records of one axis or of several."""
+        in_space = [item for item in reports if isinstance(item, SpatialReport)]
+        alone = [item for item in reports if isinstance(item, ResidualReport)]
+        return cls(model, alone or of_axes(in_space), data, findings, in_space)
 
     def __len__(self) -> int:
         return len(self.simulated)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} of {self.model.name} on {len(self)} records>"
+        records = f"{len(self.in_space or self)} records"
+        axes = f" of {len(self.in_space[0].axes)} axes" if self.in_space else ""
+        return f"<{type(self).__name__} of {self.model.name} on {records}{axes}>"
 
     def __iter__(self) -> Iterator[ResidualReport]:
         return iter(self.simulated)
 
-    def __getitem__(self, name: str) -> ResidualReport:
-        """What was found on the record of this name."""
-        found = next((item for item in self.simulated if item.record.name == name), None)
+    def __getitem__(self, name: str) -> Any:
+        """What was found on the record of this name; of several axes along one of them too, e.g. ``"multisine (x)"``."""
+        every: list[Any] = [*self.in_space, *self.simulated]
+        found = next((item for item in every if item.record.name == name), None)
         if found is None:
-            known = ", ".join(item.record.name for item in self.simulated)
+            known = ", ".join(item.record.name for item in every)
             raise InputError(f"no record {name!r}; there are {known}")
         return found
+
+    @property
+    def pictured(self) -> list[str]:
+        """Names of what pictures are drawn of."""
+        return [item.record.name for item in self.in_space or self.simulated]
 
     @property
     def _finding_lines(self) -> list[str]:
@@ -314,10 +348,12 @@ class OnRecords(Result):
         from lumbar.publishing.figures.style import save
 
         folder, pictures = Path(folder), {}
-        for item in self.simulated:
-            stem = folder / f"{self.picture}_{item.record.name}"
-            save(self.figure(item.record.name), stem, self.data)
-            pictures[item.record.name] = stem.with_name(f"{stem.name}.svg")
+        for name in self.pictured:
+            of_axis = self.in_space and name.endswith(")")
+            file = "_".join(name[:-1].rsplit(" (", 1)) if of_axis else name
+            stem = folder / f"{self.picture}_{file}"
+            save(self.figure(name), stem, self.data)
+            pictures[name] = stem.with_name(f"{stem.name}.svg")
         self.table.write(folder / self.stem)
         write_text(folder / f"{self.stem}_page.html", self._page(pictures))
 
@@ -350,13 +386,17 @@ class Comparisons(OnRecords):
         from lumbar.publishing.figures.comparison_figures import comparison_figure
 
         shown = self[name]
+        if shown in self.in_space:
+            from lumbar.publishing.figures.space_figures import comparison_in_space
+
+            return comparison_in_space(shown, self.model.name)
         comparisons = [item.comparison for item in self.simulated]
         return comparison_figure(shown.record, shown.values, comparisons, self.model.name)
 
     def _page(self, pictures: dict[str, Path]) -> str:
         from lumbar.publishing.pages.html import comparison_page
 
-        return comparison_page(self.simulated, self.model.name, self.data, pictures)
+        return comparison_page(self.simulated, self.model.name, self.data, pictures, self.in_space)
 
     def __str__(self) -> str:
         return "\n".join([*(item.comparison.sentence for item in self.simulated), *self._finding_lines])
@@ -371,6 +411,8 @@ class Locations(OnRecords):
     @property
     def table(self) -> Table:
         """Numbers behind the pictures."""
+        if self.in_space:
+            return spatial_location_table(self.in_space, self.data)
         return location_table([item.location for item in self.simulated], self.data)
 
     @property
@@ -383,18 +425,35 @@ class Locations(OnRecords):
         super().save(folder)
         self.felt.write(Path(folder) / "felt")
 
+    @property
+    def pictured(self) -> list[str]:
+        """Names of what pictures are drawn of: of records of several axes each of their axes too."""
+        axes = [item.record.name for item in self.simulated]
+        return [*super().pictured, *axes] if self.in_space else axes
+
     def figure(self, name: str) -> Figure:
-        """Return the nine pictures of one record's error."""
+        """Return the nine pictures of one record's error; of one of several axes its path and error in space."""
+        shown = self[name]
+        if shown in self.in_space:
+            from lumbar.publishing.figures.space_figures import location_in_space
+
+            return location_in_space(shown)
         from lumbar.publishing.figures.location_figure import location_figure
 
-        return location_figure(self[name].location)
+        return location_figure(shown.location)
 
     def _page(self, pictures: dict[str, Path]) -> str:
         from lumbar.publishing.pages.html import location_page
 
-        return location_page(self.simulated, self.model.name, self.data, pictures)
+        return location_page(self.simulated, self.model.name, self.data, pictures, self.in_space)
 
     def __str__(self) -> str:
         locations = [item.location for item in self.simulated]
         told = ["\n  ".join(located_sentences(item)) for item in self.simulated]
-        return "\n".join([all_records_sentence(locations), *told, *self._finding_lines])
+        if self.in_space:
+            told = [
+                "\n  ".join([*item.sentences, *(axis.location.headline for axis in item.axes)])
+                for item in self.in_space
+            ]
+        axes = len(self.in_space[0].axes) if self.in_space else 0
+        return "\n".join([all_records_sentence(locations, axes), *told, *self._finding_lines])

@@ -100,7 +100,7 @@ def test_a_record_that_cannot_tell_says_so():
     )
     play = [Cause("linear dynamics", 0.79, 0.79), Cause("reversals", 0.1, 0.47)]
     assert "21 % of it is not linear in the motion; then reversals (10 %)" in causes_sentence(
-        play, 2, "error"
+        play, "All 2 records", "error"
     )
     noise = located(lambda z, v, t: 0 * z)
     assert all_records_sentence([noise]) == "All records: what is left is noise, or all but noise."

@@ -76,23 +76,31 @@ def comparison_figure(
     shares = figure.add_subplot(grid[:, 1])
     look = MODELS.get(model.split("+")[0], MODELS["KB"])
     output, time = record.channels["output"], record.time[inside]
-    response.plot(time, output.values[inside], color=MEASURED, linewidth=0.9, label="measured")
-    dashed = {"linestyle": (0, (4, 1.2)), "linewidth": 1.4}
-    response.plot(time, simulated[inside], color=look["color"], label=f"{model}, free run", **dashed)
+    draw_response(response, time, output.values[inside], simulated[inside], f"{model}, free run", look)
     response.set(
         ylabel=f"{output.quantity.capitalize()} ({unit_in_print(output.unit)})",
         title=record.name.replace("_", " "),
     )
     response.legend(loc="upper right", ncols=2)
     head_room(response, 0.18)
-    _draw_residual(residual, time, (output.values - simulated)[inside], mine, look)
+    draw_residual(residual, time, (output.values - simulated)[inside], mine, look)
     residual.set_xlim(low, high)
     _draw_shares(shares, comparisons)
     label_panels([response, shares, residual])
     return figure
 
 
-def _draw_residual(axis, time: np.ndarray, values: np.ndarray, comparison: Comparison, look: dict) -> None:
+def draw_response(
+    axis, time: np.ndarray, measured: np.ndarray, simulated: np.ndarray, label: str, look: dict
+) -> None:
+    """Draw measured output and a model's; `label` stands in the legend, `look` is the model's."""
+    axis.plot(time, measured, color=MEASURED, linewidth=0.9, label="measured")
+    dashed = {"linestyle": (0, (4, 1.2)), "linewidth": 1.4}
+    axis.plot(time, simulated, color=look["color"], label=label, **dashed)
+
+
+def draw_residual(axis, time: np.ndarray, values: np.ndarray, comparison: Comparison, look: dict) -> None:
+    """Draw what a model leaves over time beside the noise floor."""
     if comparison.floor is not None:
         band = 2 * comparison.floor.rms
         axis.axhspan(-band, band, color="#cccccc", linewidth=0, label="± 2 × noise floor")

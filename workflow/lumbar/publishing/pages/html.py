@@ -13,11 +13,12 @@ from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.residuals.felt_where import located_sentences
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence
+from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 from lumbar.tissue.models.printing import equation_mathml
 
 PAGE = "publishing/pages/page.html.jinja"
 _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-LOCATION_CAPTION = _SAID["location"]
+LOCATION_CAPTION, SPACE_CAPTION = _SAID["location"], _SAID["location_in_space"]
 
 
 def _macros():
@@ -77,13 +78,17 @@ def _coded(svg: str | Path) -> str:
     return base64.b64encode(content).decode("ascii")
 
 
-def comparison_page(simulated: list[ResidualReport], model: str, data: str, pictures: dict[str, Path]) -> str:
-    """Return the page of a comparison; `pictures` are SVG files by record."""
+def comparison_page(
+    simulated: list[ResidualReport],
+    model: str,
+    data: str,
+    pictures: dict[str, Path],
+    in_space: Sequence[SpatialReport] = (),
+) -> str:
+    """Return the page of a comparison; `pictures` are SVG files by record, `in_space` records of several axes."""
     blocks = [paragraph(_SAID["comparison"]), *comparison_blocks(simulated)]
-    for item in simulated:
-        name = item.record.name
-        caption = f"{name}: measured and simulated, residual, and what is left of every record."
-        blocks.append(figure(pictures[name], caption))
+    caption = _SAID["compared_in_space" if in_space else "compared"]
+    blocks += [figure(svg, f"{name}: {caption}") for name, svg in pictures.items()]
     return document(f"The {model} model against every record", data, blocks)
 
 
@@ -103,17 +108,25 @@ def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
     return [listing(item.comparison.sentence for item in simulated), table(head, rows)]
 
 
-def location_page(simulated: list[ResidualReport], model: str, data: str, pictures: dict[str, Path]) -> str:
+def location_page(
+    simulated: list[ResidualReport],
+    model: str,
+    data: str,
+    pictures: dict[str, Path],
+    in_space: Sequence[SpatialReport] = (),
+) -> str:
     """Return the page that says and shows where a model fails; parameters as for `comparison_page`."""
+    sections = [(item, item.sentences, SPACE_CAPTION) for item in in_space]
+    sections += [(item, located_sentences(item), LOCATION_CAPTION) for item in simulated]
     blocks = []
-    for item in simulated:
+    for item, (headline, *sentences), caption in sections:
         name = item.record.name
-        headline, *sentences = located_sentences(item)
         blocks += [
             heading(name),
             paragraph(headline, "headline"),
             listing(sentences),
-            figure(pictures[name], LOCATION_CAPTION),
+            figure(pictures[name], caption),
         ]
-    told = paragraph(all_records_sentence([item.location for item in simulated]), "headline")
+    axes = len(in_space[0].axes) if in_space else 0
+    told = paragraph(all_records_sentence([item.location for item in simulated], axes), "headline")
     return document(f"Where the {model} model fails", data, [told, *blocks])

@@ -48,9 +48,10 @@ VIEWS = (
     whiteness_view,
     correlation_view,
 )
-_ALL_BUT_NOISE = 1.05
+ALL_BUT_NOISE = 1.05
 _RANKED = ("time", "position and velocity", "depth", "reversals", "linear dynamics")
 """Views whose shares compete; that of the spectrum is about all of a repeating error."""
+_WITHOUT_SHARE = ("cycles", "whiteness", "correlations", "work")
 
 
 def locate(
@@ -148,7 +149,7 @@ class Location:
     def is_all_but_noise(self) -> bool:
         """Whether the error hardly exceeds the noise floor."""
         floor = self.residual.floor
-        return floor is not None and self.residual.variance < (_ALL_BUT_NOISE * floor.rms) ** 2
+        return floor is not None and self.residual.variance < (ALL_BUT_NOISE * floor.rms) ** 2
 
     @property
     def headline(self) -> str:
@@ -205,12 +206,15 @@ def residual_reports(
     `simulate` goes from a record to the model's free run, shape (samples,). What is noise, and from where on records count, is
     that of the `experiment`; `seed` is that of the intervals.
     """
-    simulated = [simulate(record) for record in records]
-    residuals = [residual_of(*pair, experiment) for pair in zip(records, simulated, strict=True)]
+    return reports_of([(record, simulate(record), experiment) for record in records], seed)
+
+
+def reports_of(simulated: Sequence[tuple[Record, np.ndarray, Experiment]], seed: int) -> list[ResidualReport]:
+    """Compare and locate free runs that were made, each with the experiment that its record belongs to; else as above."""
+    residuals = [residual_of(*one) for one in simulated]
     causes, found = rank_causes(residuals), []
-    for number, record in enumerate(track(records, "records compared and located")):
-        values, source = simulated[number], _floor_from(record, experiment)
-        start = _start(record, experiment)
+    for number, (record, values, experiment) in enumerate(track(simulated, "records compared and located")):
+        source, start = _floor_from(record, experiment), _start(record, experiment)
         comparison = compare_record(
             record, values, experiment.floor, source, start, seed + number, experiment.hands
         )
@@ -232,11 +236,17 @@ class ResidualReport:
     """What hands can tell."""
 
 
-def all_records_sentence(locations: Sequence[Location]) -> str:
-    """Say of all records that were looked at together what their error comes from, as far as that is told from the rest."""
+def all_records_sentence(locations: Sequence[Location], axes: int = 0) -> str:
+    """Say of all records that were looked at together what their error comes from, as far as that is told from the rest.
+
+    Locations of records of several axes are those of every axis.
+    """
     if all(item.is_noise or item.is_all_but_noise for item in locations):
         return "All records: what is left is noise, or all but noise."
-    return causes_sentence(locations[0].causes, len(locations), locations[0].residual.base_words)
+    records = len(locations) // (axes or 1)
+    where = f"All {records} records" if records > 1 else "This record"
+    where += f" of {axes} axes, axis by axis" if axes else ""
+    return causes_sentence(locations[0].causes, where, locations[0].residual.base_words)
 
 
 def least_explained(simulated: list[ResidualReport]) -> ResidualReport:
@@ -252,15 +262,21 @@ def _counted_folding(folding: Folding, first: int) -> Folding | None:
 
 def location_table(locations: list[Location], data: str) -> Table:
     """Share, p-value and sentence of every view of every record, as ``location.csv`` publishes it."""
+    seen = [(item.record, list(item.views.values())) for item in locations]
+    return table_of_views(seen, data)
+
+
+def table_of_views(seen: Sequence[tuple[str, Sequence[View]]], data: str) -> Table:
+    """The same of views by record."""
     rows = [
         {
-            "record": location.record,
+            "record": record,
             "view": view.name,
-            "share": view.share if view.name in (*_RANKED, "frequency") else None,
+            "share": None if view.name in _WITHOUT_SHARE else view.share,
             "p_value": view.p_value,
             "finding": view.sentence,
         }
-        for location in locations
-        for view in location.views.values()
+        for record, views in seen
+        for view in views
     ]
     return described(__file__, "location", rows, data)

@@ -5,6 +5,7 @@ noise would make it? Noise of spectrum S gives Σ wₙeₙ the variance ∫ S |W
 else decides what is significant.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -117,12 +118,16 @@ class Residual:
         """Covariance of the sums Σₙ weights[i, n] eₙ under noise alone; shape (sums, sums)."""
         if self.floor is not None and len(self.whitening) == 1:
             return self.floor.rms**2 * (weights @ weights.T)
+        parts = self.noise_parts(weights)
+        return parts @ parts.T
+
+    def noise_parts(self, weights: np.ndarray) -> np.ndarray:
+        """What noise adds to the sums of `covariance` from each of its independent parts; shape (sums, parts)."""
         length = 1 << int(np.ceil(np.log2(weights.shape[1])))
         transform = np.fft.rfft(weights, length, axis=1)
         power = self.noise_power(np.fft.rfftfreq(length, self.sampling_time)) * 2 / length
         power[[0, -1]] /= 2
-        parts = (transform * np.sqrt(power)).view(float)  # real and imaginary parts side by side
-        return parts @ parts.T
+        return (transform * np.sqrt(power)).view(float)  # real and imaginary parts side by side
 
     def averages(self, groups: np.ndarray, count: int) -> Average:
         """Means over groups of samples; `groups` holds each sample's group, from 0 on, −1 for none."""
@@ -150,25 +155,30 @@ class Residual:
         return self.covariance((groups == filled[:, None]) / number[filled, None])
 
     def share_beyond_chance(self, explained, noise: float) -> float:
-        """Share of the explainable variance that a relation accounts for beyond chance.
-
-        An error that is smooth in time resembles any smooth signal to some extent, and its mean resembles all. What
-        the relation explains of the same error shifted in time, round the end, is that chance: (S − S₀)/(1 − S₀), with
-        S₀ the mean over shifts, as in Cohen's κ.
-
-        `explained` gives the mean square that the relation explains of a signal of the residual's length; `noise` is
-        that of noise.
-        """
-        if self.explainable <= 0:
-            return 0.0
+        """Share of the explainable variance that a relation accounts for, as `share_beyond_chance` of the residual."""
         span = self.folding.samples if self.folding is not None else len(self.values)
-        shifts = np.unique(np.linspace(0.1, 0.9, _SHIFTS) * span).astype(int)
-        found = (explained(self.values) - noise) / self.explainable
-        chance = (
-            np.mean([explained(np.roll(self.values, shift)) for shift in shifts]) - noise
-        ) / self.explainable
-        chance = min(max(float(chance), 0.0), 1.0)
-        return float(np.clip((found - chance) / (1 - chance), 0.0, 1.0)) if chance < 0.999 else 0.0
+        return share_beyond_chance(self.values, self.explainable, span, explained, noise)
+
+
+def share_beyond_chance(
+    values: np.ndarray, explainable: float, span: int, explained: Callable[[np.ndarray], float], noise: float
+) -> float:
+    """Share of the explainable variance that a relation accounts for beyond chance.
+
+    An error that is smooth in time resembles any smooth signal to some extent, and its mean resembles all. What
+    the relation explains of the same error shifted in time, round the end, is that chance: (S − S₀)/(1 − S₀), with
+    S₀ the mean over shifts, as in Cohen's κ.
+
+    `values` has the samples along its last axis, `span` of which are a period or the record. `explained` gives the mean
+    square that the relation explains of a signal of their shape; `noise` is that of noise.
+    """
+    if explainable <= 0:
+        return 0.0
+    shifts = np.unique(np.linspace(0.1, 0.9, _SHIFTS) * span).astype(int)
+    found = (explained(values) - noise) / explainable
+    chance = (np.mean([explained(np.roll(values, shift, axis=-1)) for shift in shifts]) - noise) / explainable
+    chance = min(max(float(chance), 0.0), 1.0)
+    return float(np.clip((found - chance) / (1 - chance), 0.0, 1.0)) if chance < 0.999 else 0.0
 
 
 def chi_square_p(sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-6) -> float:

@@ -354,9 +354,8 @@ def _time_share(residuals: Sequence[Residual], of_windows: float) -> float:
     return sum(time_view(item).share * item.explainable for item in repeating) / total
 
 
-def causes_sentence(causes: Sequence[Cause], records: int, of: str) -> str:
+def causes_sentence(causes: Sequence[Cause], where: str, of: str) -> str:
     """Say which cause is told best from the others, with its share `of` the error, and what the next ones take."""
-    where = f"All {records} records" if records > 1 else "This record"
     told = [item for item in causes if item.share >= _LEAST]
     if not told:
         return f"{where}: no cause that was tried accounts for the error."

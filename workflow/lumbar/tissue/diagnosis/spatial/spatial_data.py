@@ -94,7 +94,7 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
     sound, faults = _repaired([with_force_frame(record, settings.force_frame) for record in records])
     chosen, others = choose_training(sound, settings.train)
     first = chosen[0]
-    floors = _floors(first)
+    floors = axis_floors(first)
     whitening = [np.ones(1) if floors is None else floor.whitening for floor in floors or first.axes]  # type: ignore[union-attr]
 
     def data(record: Record) -> SpatialData:
@@ -124,11 +124,16 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
     )
 
 
+def axis_record(record: Record, axis: str) -> Record:
+    """The record of one axis, which it has behind its name."""
+    return replace(record.axis(axis), name=f"{record.name} ({axis})")
+
+
 def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
     """Records and findings of their sensors, axis by axis; a finding's record has the axis behind its name."""
     sound, faults = list(records), []
     for axis in records[0].axes:
-        single = [replace(record.axis(axis), name=f"{record.name} ({axis})") for record in records]
+        single = [axis_record(record, axis) for record in records]
         moving = [index for index, record in enumerate(single) if np.ptp(record["input"]) > 0]
         repaired, found = repair([single[index] for index in moving])
         faults += found
@@ -138,7 +143,7 @@ def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
     return sound, faults
 
 
-def _floors(record: Record) -> list[NoiseFloor] | None:
+def axis_floors(record: Record) -> list[NoiseFloor] | None:
     """Noise floor of every axis of a record, or None where its motion does not repeat."""
     moving = record.widest
     period = record.period or find_period(moving) or find_period(moving, FEWEST_PERIODS - 1)

@@ -1,0 +1,128 @@
+"""Where in space a model fails: errors whose direction, size and work are known, and noise of several kinds."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.records.record import Channel, Record
+from lumbar.tissue.diagnosis.spatial.location_in_space import cells, directions
+
+STEP, PERIODS, SAMPLES = 0.01, 5, 800
+TIME = np.arange(PERIODS * SAMPLES) * STEP
+STIFFNESS, NOISE = 0.8, 0.02
+RATES = 2 * np.pi / (SAMPLES * STEP) * np.array([[1, 5, 9], [2, 7, 12], [3, 8, 13]])
+PHASES = np.array([[0.1, 2.0, 4.0], [1.0, 3.3, 5.1], [0.4, 2.7, 1.9]])
+POSITION = np.sum(np.sin(RATES[:, :, None] * TIME + PHASES[:, :, None]), axis=1)
+VELOCITY = np.sum(RATES[:, :, None] * np.cos(RATES[:, :, None] * TIME + PHASES[:, :, None]), axis=1)
+TRAVEL = VELOCITY / np.linalg.norm(VELOCITY, axis=0)
+SIDE = np.cross(VELOCITY, np.array([0.3, -0.5, 0.8]), axis=0)
+WAY = np.array([2, -1, 2]) / 3
+
+
+def white(seed=1) -> np.ndarray:
+    return NOISE * np.random.default_rng(seed).standard_normal(POSITION.shape)
+
+
+def record(error: np.ndarray, noise: np.ndarray | None = None, axes="xyz") -> Record:
+    """Periodic motion of a spring alike in every direction, with an error of the force and noise."""
+    force = STIFFNESS * POSITION + error + (white() if noise is None else noise)
+    channels = {}
+    for place, axis in enumerate(axes):
+        channels[f"input_{axis}"] = Channel(POSITION[place], "position", "mm")
+        channels[f"output_{axis}"] = Channel(force[place], "force", "N")
+    return Record("multisine", TIME, channels)
+
+
+@pytest.fixture(scope="module")
+def spring():
+    return lumbar.refine([record(np.zeros_like(POSITION))], [], base="LE").model
+
+
+def located(error, spring, noise=None):
+    return lumbar.locate([record(error, noise)], spring)["multisine"]
+
+
+def test_friction_lies_along_the_travel_and_costs_its_way(spring):
+    found = located(0.4 * TRAVEL, spring)
+    travel, work = found.views["travel"], found.views["work"]
+    assert travel.numbers["along"] > 0.98 and travel.share > 0.9
+    assert travel.table["mean"] == pytest.approx(0.4, abs=0.01)
+    assert "resists the motion more than the model does" in travel.sentence
+    way = float(np.linalg.norm(VELOCITY[:, :SAMPLES], axis=0).sum() * STEP)
+    missing = work.table["measured"] - work.table["simulated"]
+    assert missing.sum() == pytest.approx(0.4 * way, rel=0.01) and missing.min() > 0
+    mean = np.stack([found.views["direction of travel"].table[f"mean_{axis}"] for axis in "xyz"], axis=1)
+    assert np.nanmin(np.sum(mean * directions(3), axis=1)) > 0.3
+
+
+def test_a_force_across_the_travel_does_no_work(spring):
+    found = located(0.02 * SIDE, spring)
+    assert found.views["travel"].numbers["across"] > 0.98
+    assert "nothing of the mean error" in found.views["travel"].sentence
+    assert "as much, noise aside" in found.views["work"].sentence
+    assert found.views["direction of travel"].share > 0.5
+
+
+def test_a_stiffness_that_is_missing_has_no_mean_along_the_travel(spring):
+    found = located(0.2 * np.multiply.outer(WAY, WAY @ POSITION), spring)
+    assert found.views["travel"].share < 0.05
+    assert found.views["direction of the error"].share > 0.97
+    pointing = [found.views["direction of the error"].table[f"direction_{axis}"][0] for axis in "xyz"]
+    assert np.abs(pointing @ WAY) == pytest.approx(1, abs=1e-3)
+
+
+NOISES = {
+    "white": lambda draw: draw,
+    "coloured": lambda draw: lfilter([0.4], [1, -0.9], draw),
+    "of different size along every axis": lambda draw: draw * np.array([[1.0], [4.0], [0.3]]),
+    "shared by the axes": lambda draw: (np.eye(3) + 0.6) @ draw,
+}
+
+
+@pytest.mark.parametrize("kind", NOISES)
+def test_noise_is_seen_nowhere_in_space(spring, kind):
+    found = located(np.zeros_like(POSITION), spring, NOISES[kind](white(4)))
+    assert min(view.p_value for view in found.views.values()) > 0.01
+    assert found.headline == "multisine: no view in space shows more than noise would."
+
+
+def test_cells_have_one_size_and_hold_their_middles():
+    for axes in (2, 3):
+        middles = directions(axes)
+        assert cells(middles.T).tolist() == list(range(len(middles)))
+        drawn = np.random.default_rng(0).standard_normal((axes, 200_000))
+        shares = np.bincount(cells(drawn), minlength=len(middles)) / 200_000
+        assert shares == pytest.approx(1 / len(middles), rel=0.1)
+
+
+def test_axes_are_compared_and_located_one_by_one_and_pictures_are_named_after_them(spring, tmp_path):
+    records = [record(0.4 * TRAVEL)]
+    compared, found = lumbar.compare(records, spring), lumbar.locate(records, spring)
+    names = [f"multisine ({axis})" for axis in "xyz"]
+    assert list(compared.table.frame["record"]) == names
+    assert compared["multisine (y)"].comparison.floor.rms == pytest.approx(NOISE, rel=0.05)
+    assert str(found).startswith("This record of 3 axes, axis by axis: ")
+    found.save(tmp_path)
+    drawn = {path.stem for path in tmp_path.glob("*.svg")}
+    assert drawn == {"location_multisine", *(f"location_multisine_{axis}" for axis in "xyz")}
+    assert set(found.table.frame["record"]) == {"multisine", *names}
+    page = (tmp_path / "location_page.html").read_text(encoding="utf-8")
+    assert page.count("<figure>") == 4 and "Along the travel: 99 %" in page.replace("100 %", "99 %")
+
+
+def test_a_model_of_one_axis_is_refused_with_what_does(spring):
+    model = lumbar.refine([record(0 * POSITION).axis("x")], [], base="LE").model
+    with pytest.raises(
+        InputError, match="LE is a model of one axis, multisine of several: give one that refine"
+    ):
+        lumbar.compare([record(0 * POSITION)], model)
+
+
+def test_a_plane_has_a_picture_of_its_own(spring, tmp_path):
+    records = [record(0.4 * TRAVEL, axes="xy")]
+    flat = lumbar.refine(records, [], base="LE")
+    flat.locate().save(tmp_path)
+    assert (tmp_path / "location_multisine.svg").is_file()
+    assert flat.locate()["multisine"].views["travel"].numbers["along"] > 0.6

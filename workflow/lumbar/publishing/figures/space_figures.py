@@ -1,0 +1,156 @@
+"""A model beside records of several axes: forces along every axis, the path in space, the error over the direction of travel."""
+
+from itertools import combinations, pairwise
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from lumbar.publishing.figures.comparison_figures import default_segment, draw_residual, draw_response
+from lumbar.publishing.figures.palette import MODELS
+from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
+from lumbar.tables.layout import unit_in_print
+from lumbar.tissue.diagnosis.spatial.location_in_space import BANDS, TURNS, SpatialResidual, directions
+from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
+
+_ON_WHITE = {"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.6}
+_STEPS = 4
+"""Steps in which a cell's bent edge is drawn."""
+_PIECES = 600
+"""Pieces of the path that are drawn."""
+_DARK, _SIGNED = "cividis_r", "cividis"
+"""One lightness per value, which can be read in grey: of sizes the largest is the darkest."""
+
+
+@house_style
+def comparison_in_space(report: SpatialReport, model: str) -> Figure:
+    """Draw measured and simulated force along every axis over a typical segment of a record, and what the model leaves.
+
+    `model` is its name as it is to stand in the legend.
+    """
+    widest = max(report.axes, key=lambda item: item.comparison.rms.value)
+    low, high = default_segment(widest.record, widest.values, widest.comparison.start)
+    count = len(report.axes)
+    figure, axes = new_figure(
+        DOUBLE_COLUMN, 0.7 + 1.5 * count, nrows=count, ncols=2, sharex=True, width_ratios=(1.25, 1)
+    )
+    look = MODELS.get(model.split("+")[0].split()[-1], MODELS["KB"])
+    for row, item, axis in zip(axes, report.axes, report.record.axes, strict=True):
+        record, comparison = item.record, item.comparison
+        inside = (record.time >= low - 1e-9) & (record.time <= high + 1e-9)
+        time, output = record.time[inside], record.channels["output"]
+        draw_response(row[0], time, output.values[inside], item.values[inside], f"{model}, free run", look)
+        quantity = f"{output.quantity.capitalize()} {axis}"
+        row[0].set(ylabel=f"{quantity} ({unit_in_print(output.unit)})")
+        row[0].set_title(f"VAF {comparison.vaf.value:.4g} %", loc="right")
+        draw_residual(row[1], time, (output.values - item.values)[inside], comparison, look)
+    for axis in axes[:-1, 1]:
+        axis.set_xlabel("")
+    shown = [axis.lines[0].get_ydata() for axis in axes[:, 1]]
+    bands = [2 * item.comparison.floor.rms for item in report.axes if item.comparison.floor]
+    largest = 1.1 * max([*bands, *(float(np.abs(values).max()) for values in shown)])
+    for axis in axes[:, 1]:
+        axis.set_ylim(-largest, largest)
+        if axis.get_legend():
+            axis.get_legend().remove()
+    handles = [pair for axis in axes[0] for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
+    figure.legend(*zip(*handles, strict=True), loc="outside upper center", ncols=3)
+    axes[-1, 0].set_xlabel("Time (s)")
+    axes[0, 0].set_xlim(low, high)
+    return figure
+
+
+@house_style
+def location_in_space(report: SpatialReport) -> Figure:
+    """Draw the path seen along every axis with the error on it, and the error over the direction of travel."""
+    residual = report.residual
+    pairs = list(combinations(range(len(residual.axes)), 2))
+    figure = new_figure(DOUBLE_COLUMN, 4.9)[0]
+    figure.clear()
+    above, below = figure.subfigures(2, 1, height_ratios=(1.1, 1))
+    panels = np.atleast_1d(above.subplots(1, len(pairs)))
+    unit = unit_in_print(residual.unit)
+    lines = [_draw_path(panel, residual, pair) for panel, pair in zip(panels, pairs, strict=True)]
+    above.colorbar(lines[0], ax=panels.tolist(), label=f"Error ({unit} RMS)", shrink=0.9)
+    view = report.views["direction of travel"]
+    mean = np.stack([view.table[f"mean_{axis}"] for axis in residual.axes], axis=1)
+    along = np.sum(mean * directions(len(residual.axes)), axis=1)
+    reach = float(np.nanmax(np.abs(along), initial=0.0)) or 1.0
+    largest = float(np.nanmax(view.table["rms"], initial=0.0)) or 1.0
+    drawn = (
+        ("Error by direction of travel", f"Error ({unit} RMS)", view.table["rms"], _DARK, 0.0, largest),
+        ("Mean error along the travel", f"Mean ({unit})", along, _SIGNED, -reach, reach),
+    )
+    projection = "mollweide" if len(residual.axes) == 3 else "polar"
+    maps = below.subplots(1, 2, subplot_kw={"projection": projection})
+    draw = _draw_sphere if len(residual.axes) == 3 else _draw_circle
+    for panel, (title, label, values, colours, low, high) in zip(maps, drawn, strict=True):
+        found = draw(panel, values, residual.axes, cmap=colours, vmin=low, vmax=high)
+        panel.set_title(title)
+        below.colorbar(found, ax=panel, label=label, shrink=0.75)
+    return figure
+
+
+def _draw_path(panel, residual: SpatialResidual, pair: tuple[int, int]) -> LineCollection:
+    """Draw one projection of the path; of a record that repeats the last period, with the error of all of them."""
+    shown, square = _shown_path(residual)
+    position = np.stack([residual.parts[axis].position[shown] for axis in pair], axis=1)
+    bounds = list(pairwise(np.unique(np.linspace(0, len(shown) - 1, _PIECES + 1).astype(int))))
+    pieces = [position[first : last + 1] for first, last in bounds]
+    error = np.sqrt([square[first : last + 1].mean() for first, last in bounds])
+    largest = float(error.max()) or 1.0
+    order = np.argsort(error, kind="stable")
+    lines = LineCollection(
+        [pieces[index] for index in order],
+        array=error[order],
+        cmap=_DARK,
+        clim=(0.0, largest),
+        linewidths=0.5 + 2.0 * error[order] / largest,
+        capstyle="round",
+    )
+    panel.add_collection(lines)
+    panel.autoscale()
+    panel.set_aspect("equal", adjustable="datalim" if len(residual.axes) > 2 else "box")
+    unit = unit_in_print(residual.parts[0].position_unit)
+    name = residual.parts[0].moved.capitalize()
+    one, other = (residual.axes[axis] for axis in pair)
+    panel.set(xlabel=f"{name} {one} ({unit})", ylabel=f"{name} {other} ({unit})")
+    return lines
+
+
+def _shown_path(residual: SpatialResidual) -> tuple[np.ndarray, np.ndarray]:
+    """Samples of the path that are drawn, and the squared error there."""
+    square = np.sum(residual.values**2, axis=0)
+    folding = residual.parts[0].folding
+    if folding is None:
+        return np.arange(residual.samples), square
+    return folding.rows[-1], folding.fold(square).mean(axis=0)
+
+
+def _draw_sphere(panel, values: np.ndarray, axes: tuple[str, ...], **look):
+    """Map of the sphere, equal in area: the last axis points up, the first to the middle."""
+    turn = np.linspace(-np.pi, np.pi, TURNS + 1)
+    height = np.arcsin(np.linspace(-1, 1, BANDS * _STEPS + 1))
+    cells = np.ma.masked_invalid(np.repeat(values.reshape(BANDS, TURNS), _STEPS, axis=0))
+    found = panel.pcolormesh(turn, height, cells, edgecolors="face", linewidth=0.2, **look)
+    panel.set(xticks=[], yticks=[])
+    quarter = np.pi / 2
+    places = ((-quarter, 0), (0, 0), (quarter, 0), (0, 0.85 * quarter), (0, -0.85 * quarter))
+    first, second, third = axes
+    for place, name in zip(
+        places, (f"−{second}", f"+{first}", f"+{second}", f"+{third}", f"−{third}"), strict=True
+    ):
+        panel.text(*place, name, ha="center", va="center", size=7, bbox=_ON_WHITE)
+    panel.grid(visible=False)
+    return found
+
+
+def _draw_circle(panel, values: np.ndarray, axes: tuple[str, ...], **look):
+    """Ring of the plane's directions."""
+    turn = np.linspace(0, 2 * np.pi, len(values) + 1)
+    found = panel.pcolormesh(turn, [0.55, 1.0], np.ma.masked_invalid(values[None]), **look)
+    first, second = axes
+    panel.set_xticks(np.arange(4) * np.pi / 2, [f"+{first}", f"+{second}", f"−{first}", f"−{second}"])
+    panel.set(yticks=[], ylim=(0, 1))
+    panel.grid(visible=False)
+    return found

@@ -1,0 +1,122 @@
+"""A model beside records of several axes: compared and located axis by axis, each by its own noise, and located in space."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lumbar.base.errors import InputError
+from lumbar.records.record import Record
+from lumbar.tables.table import Table
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
+from lumbar.tissue.diagnosis.noise.periods import fold_periods
+from lumbar.tissue.diagnosis.residuals.locate import ALL_BUT_NOISE, ResidualReport, reports_of, table_of_views
+from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View, said
+from lumbar.tissue.diagnosis.spatial.location_in_space import SpatialResidual, views_in_space
+from lumbar.tissue.diagnosis.spatial.spatial_data import axis_floors, axis_record
+from lumbar.tissue.models.fitted_model import FittedModel
+from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.symmetry import Symmetry
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialReport:
+    """A record of several axes beside a model's free run, and what is seen of the error."""
+
+    record: Record
+    values: np.ndarray
+    """Shape (axes, samples): free run."""
+    axes: list[ResidualReport]
+    """Along every axis; the record's name has the axis behind it."""
+    residual: SpatialResidual
+    views: dict[str, View]
+    """In space."""
+
+    @property
+    def headline(self) -> str:
+        """The main finding in one sentence; errors are those of an axis, root mean square over all of them."""
+        axes, explainable = len(self.axes), self.residual.explainable
+        rms = np.sqrt(np.mean(self.residual.values**2))
+        floor = np.sqrt(np.trace(self.residual.noise) / axes)
+        what = "space_error" if floor else "space_unknown"
+        if min(view.p_value for view in self.views.values()) * len(self.views) >= SIGNIFICANT:
+            what = "space_noise"
+        elif rms < ALL_BUT_NOISE * floor:
+            what = "space_all_but_noise"
+        words = {"record": self.record.name, "unit": self.residual.unit, "floor": floor}
+        return said(what, rms=rms, explainable=np.sqrt(explainable / axes), **words)
+
+    @property
+    def sentences(self) -> list[str]:
+        """What is seen in space."""
+        return [self.headline, *(view.sentence for view in self.views.values())]
+
+
+def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> list[SpatialReport]:
+    """Simulate a model in space on the records of an experiment, compare it, and see where it fails.
+
+    Work is told along the model's principal axes, where it has some; `seed` is that of the intervals.
+
+    Raises
+    ------
+    InputError
+        If the model is one of one axis.
+    """
+    space = model.structure.base.spatial if isinstance(model.structure, Structure) else None
+    if space is None:
+        names = ", ".join(record.name for record in experiment.records)
+        raise InputError(
+            f"{model.name} is a model of one axis, {names} of several: give one that refine or diagnose fitted to them"
+        )
+    frame = None
+    if space.symmetry is not Symmetry.ISOTROPIC:
+        frame = np.reshape(space.frames[0], (len(space.axes), -1))
+    records = experiment.records
+    axes = records[0].axes
+    first = next(item for item in records if item.name == experiment.floor_from)
+    floors = axis_floors(first) or [None] * len(axes)
+    alone = [
+        replace(experiment, floor=floor, floor_from=f"{first.name} ({axis})")
+        for axis, floor in zip(axes, floors, strict=True)
+    ]
+    forces = [model.simulate(record) for record in records]
+    simulated = [
+        (axis_record(record, axis), values, own)
+        for record, force in zip(records, forces, strict=True)
+        for axis, values, own in zip(axes, force, alone, strict=True)
+    ]
+    correlation = _noise_correlation(first, floors)
+    found = reports_of(simulated, seed)
+    grouped = [found[place : place + len(axes)] for place in range(0, len(found), len(axes))]
+    made = []
+    for record, values, reports in zip(records, forces, grouped, strict=True):
+        parts = tuple(item.location.residual for item in reports)
+        force = record.stacked("output")[:, -len(parts[0].values) :]
+        residual = SpatialResidual(axes, parts, force, correlation)
+        made.append(SpatialReport(record, values, reports, residual, views_in_space(residual, frame)))
+    return made
+
+
+def _noise_correlation(record: Record, floors: Sequence[NoiseFloor | None]) -> np.ndarray:
+    """Correlation of the noise of a record's axes, from what differs between a period and the next."""
+    if floors[0] is None:
+        return np.eye(len(floors))
+    folding = fold_periods(record.widest, floors[0].period)
+    changes = np.stack([np.diff(folding.fold(values), axis=0).ravel() for values in record.stacked("output")])
+    found = np.corrcoef(changes)
+    return found if np.isfinite(found).all() else np.eye(len(floors))
+
+
+def of_axes(reports: Sequence[SpatialReport]) -> list[ResidualReport]:
+    """What is seen along every axis of every record."""
+    return [item for report in reports for item in report.axes]
+
+
+def spatial_location_table(reports: Sequence[SpatialReport], data: str) -> Table:
+    """The table ``location`` of records of several axes: of every record the views in space, then those of its axes."""
+    seen = []
+    for report in reports:
+        seen.append((report.record.name, list(report.views.values())))
+        seen += [(item.record.name, list(item.location.views.values())) for item in report.axes]
+    return table_of_views(seen, data)
