@@ -24,9 +24,10 @@ sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
 import numpy as np  # noqa: E402
 
 from acceptance_page import write_section  # noqa: E402
+from lumbar.lifting.quality.drift import smallest_seen  # noqa: E402
 from lumbar.lifting.quality.gate import examine, unchecked_properties  # noqa: E402
 from lumbar.lifting.quality.landmarks import landmarks  # noqa: E402
-from lumbar.lifting.quality.sheet import FINE_RATE, LEFT_OUT, Finding  # noqa: E402
+from lumbar.lifting.quality.sheet import FINE_RATE, LEFT_OUT, Finding, Legend  # noqa: E402
 from lumbar.records.markers import read_markers  # noqa: E402
 from lumbar.settings.layout import MarkerLayout  # noqa: E402
 
@@ -68,6 +69,8 @@ class Case:
     """Those alone may be left out; None where that is not asked."""
     untold: str = ""
     """Entry of `unchecked_properties` that says that the fault cannot be seen here."""
+    size_m: float = 0.0
+    """Of a drift: where the smallest that is seen is larger, the sheet says so."""
 
 
 def read(name: str, up: str) -> tuple[Points, float]:
@@ -139,15 +142,16 @@ def _direction(rng: np.random.Generator) -> np.ndarray:
 
 
 def _drifts(points: Points, rate: float, label: str, rng: np.random.Generator) -> Iterator[Case]:
-    """Of 30 to 100 mm over the whole recording, and within a second from a random instant on."""
-    count = len(points[label])
-    share = np.arange(count) / (count - 1)
+    """Of 30 to 100 mm from the first frame it is seen to the last, straight and slowing down, and within a second in between."""
+    seen = np.flatnonzero(np.isfinite(points[label][:, 0]))
+    share = np.clip((np.arange(len(points[label])) - seen[0]) / np.ptp(seen), 0, 1)
+    length = min(0.4, rate / np.ptp(seen))
     for size in (0.03, 0.05, 0.075, 0.1):
-        length = min(0.4, rate / count)
         start = rng.uniform(0.1, 0.9 - length)
-        for ramp in (share, np.clip((share - start) / length, 0, 1)):
+        slowing = (1 - np.exp(-3 * share)) / (1 - np.exp(-3))
+        for ramp in (share, slowing, np.clip((share - start) / length, 0, 1)):
             moved = {**points, label: points[label] + size * ramp[:, None] * _direction(rng)}
-            yield Case(f"drift of {size * 1e3:.0f} mm", moved, rate, ("drift", (label,)))
+            yield Case(f"drift of {size * 1e3:.0f} mm", moved, rate, ("drift", (label,)), size_m=size)
 
 
 def _clipped(points: Points, rate: float, label: str) -> Iterator[Case]:
@@ -177,7 +181,7 @@ def verdict(case: Case) -> str:
     """named, other (something else is, too or instead), said (that it cannot be told) or missed."""
     found = findings_of(case.points, case.rate)
     if not found:
-        return "said" if case.untold in unchecked_properties(case.points) else "missed"
+        return "said" if _said(case) else "missed"
     right = {(item.kind, item.markers) for item in found} == {case.expected}
     if case.frames is not None:
         inside = [
@@ -186,6 +190,16 @@ def verdict(case: Case) -> str:
         ]
         right = right and all(inside) and all(item.outcome == LEFT_OUT for item in found)
     return "named" if right else "other"
+
+
+def _said(case: Case) -> bool:
+    """Whether the sheet says that this cannot be seen in the recording."""
+    time = np.arange(len(next(iter(case.points.values())))) / case.rate
+    if case.size_m:
+        named = {label: landmark for landmark, label in landmarks(case.points).items()}
+        size, _ = smallest_seen(case.points, Legend(time, case.rate, named))[case.expected[1][0]]
+        return size > case.size_m
+    return case.untold in unchecked_properties(case.points, time, case.rate)
 
 
 def main() -> int:

@@ -5,7 +5,7 @@ import pytest
 from quality_corruptions import CORRUPTIONS, Trunk, changed, corrupted, exchanged
 
 from lumbar.lifting.quality.displacement import off_its_part
-from lumbar.lifting.quality.gate import examine
+from lumbar.lifting.quality.gate import examine, unchecked_properties
 from lumbar.lifting.quality.landmarks import side_pairs
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
@@ -266,11 +266,23 @@ def test_a_marker_off_a_box_that_is_carried_is_found(two_feet):
 def test_a_marker_that_creeps_is_left_out_from_where_it_begins(recordings, label, start, stop):
     recording, _ = recordings("weird_squat_trc/markers_Squat2.trc")
     share = np.interp(np.linspace(0, 1, len(recording)), [start, stop], [0, 1])
-    away = recording.positions[label] + np.outer(share, [0.024, 0.03, -0.032])
+    away = recording.positions[label] + np.outer(share, [0.0144, 0.018, -0.0192])
     points = changed(recording.positions, label, slice(None), away)
     (finding,) = examine(points, recording.time, recording.rate)
     assert (finding.kind, finding.outcome, finding.markers) == ("drift", "left out", (label,))
     assert finding.frames.start == pytest.approx(start * len(recording), abs=0.11 * len(recording))
+
+
+def test_of_a_short_trial_the_drift_that_may_go_unseen_is_told_and_a_larger_one_found(recordings):
+    recording, _ = recordings("sts_trunk_flexion_trc/sts_perturbed_2.trc")
+    points, clock = recording.positions, (recording.time, recording.rate)
+    told = unchecked_properties(points, *clock)["slow drift"]
+    size = next(int(part.split()[2]) for part in told.split("; ") if "Clavical" in part) * 1e-3
+    assert 0.05 < size < 0.2
+    for direction in np.eye(3):
+        away = points["Clavical"] + np.outer(np.linspace(0, size, len(recording)), direction)
+        (finding,) = examine(changed(points, "Clavical", slice(None), away), *clock)
+        assert (finding.kind, finding.markers) == ("drift", ("Clavical",))
 
 
 @pytest.mark.parametrize("pair", [("LKNE", "LANK"), ("RKNE", "RANK")])

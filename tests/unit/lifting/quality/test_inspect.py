@@ -99,7 +99,7 @@ def test_what_could_not_be_checked_is_said(lift_file, points, tmp_path):
         assert what in line
     assert "rate (" not in line
     # Which a lift without force plates leaves open.
-    clock = ["rate off by less than four times", "order of the frames"]
+    clock = ["slow drift", "rate off by less than four times", "order of the frames"]
     assert list(lumbar.inspect(lift_file, height_m=1.75).sheet.unchecked) == clock
     assert list(lumbar.inspect(lift_file).sheet.unchecked) == ["stature", *clock]
 

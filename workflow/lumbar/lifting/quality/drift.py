@@ -1,10 +1,12 @@
 """Markers of the trunk that creep from their place: seen by their neighbours, less what the person's posture explains.
 
-The positions of a marker in the frame of the markers that keep their distances from it best change with posture, since skin
-moves. What changes of the body's shape explain of that, by a linear Gaussian process, is set aside; a drift is a ramp in what
-is left. A drift that goes along with the only change of posture of a short trial cannot be told from it.
+The places of a marker in the frame of its neighbours change with posture, since skin moves. What changes of the body's shape
+explain of that, by a linear Gaussian process, is set aside; a drift is a ramp in what is left, larger than what skin does and
+than what the frame itself wavers where the marker is: the farther the neighbours and the less rigid among themselves, the more.
+Along with the only change of posture of a short trial a drift must be large to be told from it: `smallest_seen` says how large.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,99 +19,194 @@ from lumbar.lifting.quality.sheet import Finding, Legend
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "drift")
 
 
+@dataclass(frozen=True)
+class _Within:
+    """A marker in the frame of its mates, in the samples in which all of them are seen."""
+
+    mates: list[str]
+    frames: np.ndarray
+    place: np.ndarray
+    """Shape (n_samples, 3), less its mean."""
+    shape: np.ndarray
+    """The same of all other markers, shape (n_samples, n), divided by the root of their number."""
+    wavers: np.ndarray
+    """Covariance of the place by the frame's own scatter, shape (3, 3)."""
+
+
+@dataclass(frozen=True)
+class _Ramps:
+    """What ramps between all pairs of some instants explain of a marker's place, shape (n,) each."""
+
+    within: _Within
+    edges: np.ndarray
+    """Shape (n, 2): where they begin and end, as shares of the recording."""
+    sizes: np.ndarray
+    """Metres."""
+    clear: np.ndarray
+    """Sizes after that which counts in their direction, less what posture leaves of the ramp."""
+    share: np.ndarray
+    """Of the movement that posture does not explain."""
+    faintest: np.ndarray
+    """Size that would count in the worst direction, metres."""
+
+
 def drifts(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
     """Markers on the trunk that drift, the clearest first; each is looked at without those found before."""
-    found: list[Finding] = []
-    every = np.linspace(0, len(legend.time) - 1, min(_AT.samples, len(legend.time))).astype(int)
-    sample = {label: positions[every] for label, positions in points.items()}
-    while len(found) < _AT.most and len(legend.time) >= _AT.shortest_s * legend.rate:
-        trunk = [
-            label for label in legend.named if label in sample and level(legend.named[label]) is not None
-        ]
-        each = [drift for label in trunk if (drift := _drift(sample, label, legend))]
-        clear, finding = max(each, key=lambda one: one[0], default=(0, None))
-        if finding is None or clear < 1:
+    points, found = dict(points), []
+    while len(found) < _AT.most:
+        each = {
+            label: ramps for label in _on_trunk(points, legend) if (ramps := _ramps(points, label, legend))
+        }
+        best = {label: int(np.argmax(ramps.share)) for label, ramps in each.items()}
+        told = {
+            label: ramps.clear[best[label]] * (ramps.share[best[label]] > _AT.share)
+            for label, ramps in each.items()
+        }
+        label = max(told, key=told.__getitem__, default="")
+        if not label or told[label] < 1:
             break
-        found.append(finding)
-        del sample[finding.markers[0]]
+        found.append(_finding(label, each[label], best[label], legend))
+        del points[label]
     return found
 
 
-def _drift(sample: dict[str, np.ndarray], label: str, legend: Legend) -> tuple[float, Finding] | None:
-    """The ramp that explains most of what posture leaves of a marker's place, after its size by that from which it counts.
+def smallest_seen(points: dict[str, np.ndarray], legend: Legend) -> dict[str, tuple[float, slice]]:
+    """Size in metres from which a drift of a second or more is seen, in whatever direction, by marker of the trunk.
 
-    None where its neighbours do not tell.
+    With the frames in which it is looked for; infinite and none where too few neighbours tell.
     """
-    mates, weights = constant_mates(sample, label)
-    within = _in_frame(sample, label, mates, weights) if mates else None
+    found = {}
+    for label in _on_trunk(points, legend):
+        found[label] = (np.inf, slice(0))
+        if ramps := _ramps(points, label, legend):
+            size = _AT.surely * float(ramps.faintest.max())
+            found[label] = (size, slice(int(ramps.within.frames[0]), int(ramps.within.frames[-1]) + 1))
+    return found
+
+
+def _on_trunk(points: dict[str, np.ndarray], legend: Legend) -> list[str]:
+    return [label for label, name in legend.named.items() if label in points and level(name) is not None]
+
+
+def _finding(label: str, ramps: _Ramps, best: int, legend: Legend) -> Finding:
+    start, stop = (round(share * (len(legend.time) - 1)) for share in ramps.edges[best])
+    words = {"size": ramps.sizes[best] * 1e3, "mates": ", ".join(ramps.within.mates[: _AT.fewest_mates])}
+    words |= {"start": legend.time[start], "stop": legend.time[stop]}
+    return legend.finding("drift", (label,), slice(start, len(legend.time)), **words)
+
+
+def _ramps(points: dict[str, np.ndarray], label: str, legend: Legend) -> _Ramps | None:
+    """None where the neighbours of a marker do not tell."""
+    within = _within(points, label) if len(legend.time) >= _AT.shortest_s * legend.rate else None
     if within is None:
         return None
-    place, shape, seen = within
-    ramps, edges = _ramps(len(seen))
-    ramps = ramps[seen] - ramps[seen].mean(axis=0)
-    scatter = np.eye(len(shape)) + (_AT.skin / _AT.noise_m) ** 2 * (shape @ shape.T)
-    left, own = np.split(np.linalg.solve(scatter, np.hstack([ramps, place])), [ramps.shape[1]], axis=1)
-    power = (ramps * left).sum(axis=0)
-    free = power / np.maximum((ramps**2).sum(axis=0), 1e-9)
-    steps = left.T @ place / np.maximum(power, 1e-9)[:, None]
-    explained = np.where(free > _AT.free, (steps**2).sum(axis=1) * power, 0)
-    best = int(np.argmax(explained))
-    if explained[best] < _AT.share * (place * own).sum():
+    instants = np.linspace(0, 1, _AT.edges)
+    edges = np.array([(a, b) for index, a in enumerate(instants) for b in instants[index + 1 :]])
+    ramps = np.clip((within.frames[:, None] / (len(legend.time) - 1) - edges[:, 0]) / np.diff(edges).T, 0, 1)
+    slow = np.diff(edges)[:, 0] * len(legend.time) >= _AT.slow_s * legend.rate
+    whole = slow & (np.ptp(ramps, axis=0) > _AT.inside)
+    if not whole.any():
         return None
+    edges, ramps = edges[whole], ramps[:, whole] - ramps[:, whole].mean(axis=0)
+    scatter = np.eye(len(ramps)) + (_AT.skin / _AT.noise_m) ** 2 * (within.shape @ within.shape.T)
+    left, own = np.split(np.linalg.solve(scatter, np.hstack([ramps, within.place])), [len(edges)], axis=1)
+    power = (ramps * left).sum(axis=0)
+    free = power / (ramps**2).sum(axis=0)
+    steps = left.T @ within.place / power[:, None]
     smallest = _AT.smallest_m * (_AT.shoulder if legend.named[label].endswith("SHOULDER") else 1)
-    size = float(np.linalg.norm(steps[best]))
-    start, stop = (round(share * (len(legend.time) - 1)) for share in edges[best])
-    words = {"size": size * 1e3, "mates": ", ".join(mates[: _AT.fewest_mates])}
-    words |= {"start": legend.time[start], "stop": legend.time[stop]}
-    finding = legend.finding("drift", (label,), slice(start, len(legend.time)), **words)
-    return size * float(np.sqrt(free[best])) / smallest, finding
+    counts = smallest**2 * np.eye(3) + _AT.wavers**2 * within.wavers
+    squares = (steps * np.linalg.solve(counts, steps.T).T).sum(axis=1)
+    total = np.trace(np.linalg.solve(counts, within.place.T @ own)) + np.finfo(float).tiny
+    explained = np.where(free > _AT.free, squares * power, 0)
+    # To be told a drift must exceed what counts, and make its share of all movement.
+    least = np.maximum(1 / free, _AT.share / (1 - _AT.share) * (total - explained.max()) / power)
+    faintest = np.sqrt(np.linalg.eigvalsh(counts)[-1] * least)
+    sizes = np.linalg.norm(steps, axis=1)
+    return _Ramps(within, edges, sizes, np.sqrt(squares * free), explained / total, faintest)
 
 
-def constant_mates(sample: dict[str, np.ndarray], label: str) -> tuple[list[str], np.ndarray]:
-    """Markers at the most constant distance, and their weights; none where there are too few."""
+def _within(points: dict[str, np.ndarray], label: str) -> _Within | None:
+    """By the markers at the most constant distance, or by the nearest: which of them a large drift leaves as they are."""
+    seen = np.flatnonzero(np.isfinite(points[label]).all(axis=1))
+    if len(seen) < _AT.fewest:
+        return None
+    frames = seen[np.linspace(0, len(seen) - 1, min(_AT.samples, len(seen))).astype(int)]
+    sample = {other: positions[frames] for other, positions in points.items()}
+    steady = _by(sample, frames, label, *_mates(sample, label, near=False))
+    if steady and np.trace(steady.wavers) < _AT.steady_m**2:
+        return steady
+    near = _by(sample, frames, label, *_mates(sample, label, near=True))
+    return (
+        near
+        if near and (not steady or np.trace(near.wavers) < _AT.steadier * np.trace(steady.wavers))
+        else steady
+    )
+
+
+def constant_mates(sample: dict[str, np.ndarray], label: str) -> list[str]:
+    """Markers at the most constant distance; none where there are too few."""
+    return _mates(sample, label, near=False)[0]
+
+
+def _mates(sample: dict[str, np.ndarray], label: str, near: bool) -> tuple[list[str], np.ndarray]:
+    """Markers at the most constant distance, or the nearest, and by how much it varies, metres; none where there are too few."""
     labels = list(sample)
     distance = np.linalg.norm(np.stack([sample[other] for other in labels]) - sample[label], axis=2)
     low, middle, high = percentiles(distance, (0.05, 0.5, 0.95))
     known = (middle > _AT.apart_m) & (np.isfinite(distance).mean(axis=1) > _AT.seen)
-    spread = np.where(known, np.hypot(high - low, _AT.bends * middle), np.inf)
-    chosen = [int(index) for index in np.argsort(spread)[: _AT.mates] if spread[index] < _AT.loose_m]
-    if len(chosen) < _AT.fewest_mates:
-        return [], np.zeros(0)
-    weights = 1 / (_AT.soft_m**2 + spread[chosen] ** 2)
-    return [labels[index] for index in chosen], weights / weights.sum()
+    spread = np.hypot(high - low, _AT.bends * middle)
+    usable = known if near else known & (spread < _AT.loose_m)
+    order = np.argsort(np.where(usable, middle if near else spread, np.inf))[: _AT.mates]
+    chosen = order[usable[order]] if usable.sum() >= _AT.fewest_mates else order[:0]
+    return [labels[index] for index in chosen], spread[chosen]
 
 
-def _in_frame(
-    sample: dict[str, np.ndarray], label: str, mates: list[str], weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Place of a marker and of all others in the frame of its mates, less their means, and the samples where all are seen.
+def _by(
+    sample: dict[str, np.ndarray], frames: np.ndarray, label: str, mates: list[str], spread: np.ndarray
+) -> _Within | None:
+    """None where the mates are too few, or seen together in too few samples.
 
-    None where those are too few. The frame is where weighted squares of the mates' distances from their mean places are least
-    (Kabsch).
+    The frame is where weighted squares of the mates' distances from their mean places are least (Kabsch); then once more, with
+    weights by those distances.
     """
-    parts = np.stack([sample[mate] for mate in mates], axis=1)
-    seen = np.isfinite(parts).all(axis=(1, 2)) & np.isfinite(sample[label]).all(axis=1)
-    if seen.sum() < _AT.fewest:
+    told = np.isfinite(np.stack([sample[mate] for mate in mates])).all(axis=(0, 2)) if mates else frames[:0]
+    if told.sum() < _AT.fewest:
         return None
-    centre = (weights[:, None] * parts[seen]).sum(axis=1)
-    parts = parts[seen] - centre[:, None]
+    sample = {other: positions[told] for other, positions in sample.items()}
+    parts = np.stack([sample[mate] for mate in mates], axis=1)
+    far = np.nanmedian(np.linalg.norm(parts - sample[label][:, None], axis=2), axis=0)
+    for _ in range(2):
+        weights = 1 / (_AT.soft_m**2 + spread**2)
+        centre = np.average(parts, axis=1, weights=weights)
+        turn, mean, off = _turned(parts - centre[:, None], weights)
+        spread = np.hypot(np.sqrt(off), _AT.bends * far)
+    others = np.stack([positions for other, positions in sample.items() if other != label])
+    others = others[np.isfinite(others).all(axis=2).mean(axis=1) > _AT.seen]
+    local = np.einsum("kti,tji->tkj", np.concatenate([sample[label][None], others]) - centre, turn)
+    wavers = _wavers(local[:, 0].mean(axis=0), mean, 1 / (_AT.least_scatter_m**2 + off))
+    local -= np.nanmean(local, axis=0)
+    shape = np.nan_to_num(local[:, 1:]).reshape(len(local), -1) / np.sqrt(len(others))
+    return _Within(mates, frames[told], local[:, 0], shape, wavers)
+
+
+def _turned(parts: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Turns into the frame, mean places in it, and each mate's mean square from its own, by as many as weigh."""
     mean = parts[len(parts) // 2]
     for _ in range(3):
         u, _, vt = np.linalg.svd(np.einsum("ki,k,tkj->tij", mean, weights, parts))
         u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
         turn = u @ vt
-        mean = np.einsum("tki,tji->tkj", parts, turn).mean(axis=0)
-    others = np.stack([positions for other, positions in sample.items() if other != label])[:, seen]
-    others = others[np.isfinite(others).all(axis=2).mean(axis=1) > _AT.seen]
-    local = np.einsum("kti,tji->tkj", np.concatenate([sample[label][None, seen], others]) - centre, turn)
-    local -= np.nanmean(local, axis=0)
-    shape = np.nan_to_num(local[:, 1:]) / np.sqrt(len(others))
-    return local[:, 0], shape.reshape(len(shape), -1), seen
+        local = np.einsum("tki,tji->tkj", parts, turn)
+        mean = local.mean(axis=0)
+    # A frame takes six of the three numbers that each mate gives: so much smaller is what is left.
+    count = weights.sum() ** 2 / (weights**2).sum()
+    off = ((local - mean) ** 2).sum(axis=2).mean(axis=0)
+    return turn, mean, off * count / max(count - 2, _AT.least_free)
 
 
-def _ramps(count: int) -> tuple[np.ndarray, list[tuple[float, float]]]:
-    """Ramps from 0 to 1 between all pairs of some instants, shape (count, n), and the pairs, as shares of the recording."""
-    instants = np.linspace(0, 1, _AT.edges)
-    edges = [(float(a), float(b)) for i, a in enumerate(instants) for b in instants[i + 1 :]]
-    time = np.linspace(0, 1, count)
-    return np.stack([np.clip((time - a) / (b - a), 0, 1) for a, b in edges], axis=1), edges
+def _wavers(place: np.ndarray, mates: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Covariance of a place in a frame by mates whose places have the inverse of these variances, shape (3, 3)."""
+    centre = np.average(mates, axis=0, weights=weights)
+    lever, *arms = (np.cross(np.eye(3), arm) for arm in (place - centre, *(mates - centre)))
+    turn = np.linalg.pinv(sum(weight * arm @ arm.T for weight, arm in zip(weights, arms, strict=True)))
+    return np.eye(3) / weights.sum() + lever.T @ turn @ lever

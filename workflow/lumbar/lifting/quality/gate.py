@@ -1,5 +1,6 @@
 """The gate before anything is computed from a marker recording: whether its points can be a person's body."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from lumbar.lifting.quality.body import (
     stature_found,
 )
 from lumbar.lifting.quality.displacement import Displacement, displacements, length, off_its_part
-from lumbar.lifting.quality.drift import constant_mates, drifts
+from lumbar.lifting.quality.drift import constant_mates, drifts, smallest_seen
 from lumbar.lifting.quality.landmarks import landmarks, side_pairs
 from lumbar.lifting.quality.leaps import (
     Exchange,
@@ -86,12 +87,12 @@ def examine(
     findings += found
     for label, stretch, evidence in off_its_part(points, legend.rate):
         findings.append(legend.finding("off its part", (label,), stretch, evidence=evidence))
+    noisy = _jitter({label: points[label] for label in points if label not in stepping}, legend)
     partly = {label for finding in findings if finding.outcome != NOTED for label in finding.markers}
     found = drifts({label: points[label] for label in points if label not in partly}, legend)
     findings += found
     points = mask_findings(points, found)
-    findings += _stature(points, legend, height_m)
-    findings += _jitter({label: points[label] for label in points if label not in stepping}, legend)
+    findings += _stature(points, legend, height_m) + noisy
     if not any(finding.outcome == ERROR for finding in findings):
         findings += _tempo(points, legend) or walking_findings(points, legend)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
@@ -99,9 +100,14 @@ def examine(
 
 
 def unchecked_properties(
-    points: dict[str, np.ndarray], height_m: float | None = None, meant: dict[str, str] | None = None
+    points: dict[str, np.ndarray],
+    time: np.ndarray,
+    rate: float,
+    height_m: float | None = None,
+    meant: dict[str, str] | None = None,
+    findings: Sequence[Finding] = (),
 ) -> dict[str, str]:
-    """Return what `examine` cannot compare with a body in a recording, with the reason; parameters as there."""
+    """Return what `examine` cannot compare with a body in a recording, with the reason; parameters as there, and its findings."""
     if not points:
         return {}
     named = {label: landmark for landmark, label in landmarks(points, meant).items()}
@@ -123,6 +129,9 @@ def unchecked_properties(
         found["order along the trunk"] = "the labels name no trunk"
     if not tells_tempo(points):
         found["rate"] = "too short, or the person hardly moves"
+    if not any(finding.outcome == ERROR for finding in findings):
+        kept = usable_markers(points, findings)
+        found |= _unseen_drifts(smallest_seen(kept, Legend(time, rate, named)), time)
     walked = walk(sampled, named)
     if walked is None or not np.isfinite(walked.steps):
         found[FINE_RATE] = (
@@ -131,6 +140,20 @@ def unchecked_properties(
     if walked is None or not np.isfinite(walked.facing):
         found["order of the frames"] = "only a walk tells whether they stand in reverse"
     return found
+
+
+def _unseen_drifts(smallest: dict[str, tuple[float, slice]], time: np.ndarray) -> dict[str, str]:
+    """Markers that may drift by more than is usual without being seen, or in frames in which it is not looked for."""
+    grouped: dict[str, list[str]] = {}
+    for label, (size, seen) in smallest.items():
+        if size > _AT.unseen_drift_m:
+            much = f"up to {np.ceil(size * 100) * 10:.0f} mm" if np.isfinite(size) else "of any size"
+            grouped.setdefault(much, []).append(label)
+        if np.isfinite(size) and seen.stop - seen.start < _AT.most_frames * len(time):
+            when = f"before {time[seen.start]:.2f} and after {time[seen.stop - 1]:.2f} s"
+            grouped.setdefault(when, []).append(label)
+    told = "; ".join(f"{what} of {', '.join(labels)}" for what, labels in grouped.items())
+    return {"slow drift": f"{told}: movement or too few steady neighbours may hide it"} if told else {}
 
 
 def mask_findings(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
@@ -283,7 +306,7 @@ def _exchange_findings(
     """One finding per stretch, with the lengths to a third marker, which changes no place, as they are and as they would be."""
     pair = (exchange.first, exchange.second)
     others = {one: points for one, points in _sampled(straight).items() if one not in changing - {pair[0]}}
-    partner = constant_mates(others, exchange.first)[0][:1]
+    partner = constant_mates(others, exchange.first)[:1]
     findings = []
     for stretch in stretches:
         evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to where the other was"

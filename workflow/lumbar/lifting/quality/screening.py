@@ -49,7 +49,7 @@ class Screening:
         meant = meant_labels(self.aliases, points)
         meant = meant_in_rules(self.aliases, points, meant) | meant
         self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
-        self.unchecked = unchecked_properties(points, self.height_m, meant)
+        self.unchecked = unchecked_properties(points, time, rate, self.height_m, meant, self.findings)
         if self.refuse:
             self.raise_errors()
         screened = mask_findings(points, self.findings)
