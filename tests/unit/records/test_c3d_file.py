@@ -214,6 +214,19 @@ def test_every_missing_byte_is_noticed(tmp_path, points, missing_bytes):
         read_c3d(write(tmp_path, content[:-missing_bytes]))
 
 
+@pytest.mark.parametrize("padding", [b"", bytes(512)])
+@pytest.mark.parametrize(("bytes_more", "refused"), [(4, False), (48, True), (100, True), (512, False)])
+def test_bytes_inserted_among_the_frames_are_noticed(tmp_path, points, padding, bytes_more, refused):
+    """One word pushes out the last residual, which is 0, as a block's filling is."""
+    content = build_c3d(points, LABELS)
+    content += padding[len(content) % 512 :]
+    path = write(tmp_path, content[:-900] + (2 * bytes(range(256)))[:bytes_more] + content[-900:])
+    if refused or (bytes_more == 512 and not padding):
+        assert "bytes were inserted into the file" in refusal(read_c3d, path)
+    else:
+        assert "if bytes were inserted" in " ".join(read_c3d(path).notes)
+
+
 def member(content, name, group):
     """Give the parameter `name` another group's number; to a group its own, negative."""
     place = content.index(name) - 1

@@ -284,7 +284,7 @@ def _of_processor(
     structure = replace(header, n_frames=frames, first_frame=first)
     available = len(content) - header.data_start
     _check_analog(path, available, structure, notes)
-    _check_size(path, available, structure)
+    _check_size(path, content, structure, notes)
     return replace(structure, notes=tuple(notes))
 
 
@@ -441,11 +441,22 @@ def _is_text(value) -> bool | None:
     return True if isinstance(value, str) else False if np.isfinite(value) else None
 
 
-def _check_size(path: Path, available: int, structure: C3dStructure) -> None:
-    """Every frame must be in the file."""
-    size = structure.frame_bytes
+def _check_size(path: Path, content: mmap.mmap, structure: C3dStructure, notes: list[str]) -> None:
+    """Every frame must be in the file, and behind the last nothing but what fills the block."""
+    size, available = structure.frame_bytes, len(content) - structure.data_start
     if available < structure.n_frames * size:
         raise InputError(
             f"{path}: {structure.n_frames} frames of {size} bytes are announced, but the file holds "
             f"{available // size}; it is cut short: copy or export it again"
         )
+    behind = content[structure.data_start + structure.n_frames * size :]
+    ends = {frames * size for frames in _stated_frames(structure).values()}
+    if available in ends or (len(behind) < BLOCK and not len(content) % BLOCK):
+        return
+    found = f"{len(behind)} bytes follow the last of {structure.n_frames} frames"
+    # A writer's own filling is all alike; so may be, by chance, the last word that an inserted one has pushed out.
+    if len(content) % BLOCK and len(set(behind)) > 1:
+        raise InputError(
+            f"{path}: {found}, and do not fill a block of {BLOCK}: bytes were inserted into the file; copy or export it again"
+        )
+    notes.append(f"{found} and were not read: if bytes were inserted, coordinates are displaced")
