@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ from lumbar.lifting.quality.drift import smallest_seen  # noqa: E402
 from lumbar.lifting.quality.gate import examine, unchecked_properties  # noqa: E402
 from lumbar.lifting.quality.landmarks import landmarks  # noqa: E402
 from lumbar.lifting.quality.sheet import FINE_RATE, LEFT_OUT, Finding, Legend  # noqa: E402
+from lumbar.records.c3d_file import analog_channels  # noqa: E402
+from lumbar.records.c3d_structure import check_structure  # noqa: E402
+from lumbar.records.force_plates import read_force_plates  # noqa: E402
 from lumbar.records.markers import read_markers  # noqa: E402
 from lumbar.settings.layout import MarkerLayout  # noqa: E402
 
@@ -54,6 +58,8 @@ SOUND = {
     },
 }
 Points = dict[str, np.ndarray]
+FEWEST_CUT = 10
+"""Samples beyond a limit that make a fault of it."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +79,13 @@ class Case:
     """Of a drift: where the smallest that is seen is larger, the sheet says so."""
 
 
+def _folder() -> Path:
+    return Path(os.environ.get("LUMBAR_SHARED", PROJECT.parent / "shared")) / "real"
+
+
 def read(name: str, up: str) -> tuple[Points, float]:
     """Markers of a recording of the shared folder by the file's labels, and frames per second."""
-    folder = Path(os.environ.get("LUMBAR_SHARED", PROJECT.parent / "shared")) / "real"
-    recording = read_markers(folder / name, MarkerLayout(up=up, forward="+x", check_axes=False))
+    recording = read_markers(_folder() / name, MarkerLayout(up=up, forward="+x", check_axes=False))
     return recording.positions, recording.rate
 
 
@@ -162,7 +171,7 @@ def _clipped(points: Points, rate: float, label: str) -> Iterator[Case]:
             values = sign * positions[:, axis]
             limit = np.nanmax(values) - 0.1 * (np.nanmax(values) - np.nanmin(values))
             positions[:, axis] = sign * np.where(values > limit, limit, values)
-            if (values > limit).sum() >= 10:
+            if (values > limit).sum() >= FEWEST_CUT:
                 yield Case("clipping", {**points, label: positions}, rate, ("clipped", (label,)))
 
 
@@ -192,6 +201,34 @@ def verdict(case: Case) -> str:
     return "named" if right else "other"
 
 
+def clipped_plates(name: str) -> Counter:
+    """Verdicts on the channels of a file's force plates, cut off one by one at nine tenths of their largest size."""
+    judged: Counter = Counter()
+    path = _folder() / name
+    structure = check_structure(path) if path.suffix == ".c3d" else None
+    channels = analog_channels(path, structure) if structure else ()
+    used = structure.parameters.get("FORCE_PLATFORM:CHANNEL", []) if len(channels) else []
+    for channel in {int(number) - 1 for number in used}:
+        content = np.fromfile(path, np.uint8)
+        stop = structure.data_start + structure.n_frames * structure.frame_bytes
+        frames = content[structure.data_start : stop].reshape(structure.n_frames, -1)
+        words = frames.view("<f4" if structure.scale < 0 else "<i2")[:, 4 * structure.n_points :]
+        samples = (
+            words.reshape(structure.n_frames, -1, len(channels))[:, :, channel] - channels.offset[channel]
+        )
+        limit = 0.9 * np.abs(samples).max()
+        if np.count_nonzero(np.abs(samples) > limit) < FEWEST_CUT or np.ptp(samples) == 0:
+            continue
+        words[:, channel :: len(channels)] = np.clip(samples, -limit, limit) + channels.offset[channel]
+        with tempfile.NamedTemporaryFile(suffix=".c3d") as cut:
+            content.tofile(cut.name)
+            plates = read_force_plates(cut.name, MarkerLayout(up=SOUND[name], forward="+x"))
+        notes = [note for plate in plates for note in plate.notes if "is clipped" in note]
+        right = len(notes) == 1 and notes[0].startswith(f"channel {channel + 1} ")
+        judged["named" if right else "other" if notes else "missed"] += 1
+    return judged
+
+
 def _said(case: Case) -> bool:
     """Whether the sheet says that this cannot be seen in the recording."""
     time = np.arange(len(next(iter(case.points.values())))) / case.rate
@@ -213,6 +250,7 @@ def main() -> int:
     print("\n".join(found))
     counted: dict[str, Counter] = {}
     for name, up in SEEDED.items():
+        counted.setdefault("clipped channel of a force plate", Counter()).update(clipped_plates(name))
         points, rate = read(name, up)
         for case in cases(points, rate, rng):
             judged = verdict(case)

@@ -62,8 +62,11 @@ def plate(kind, sign=1.0, moment_unit="Nmm", turn=0.0, depth=-30.0):
     return np.array(corners), sign * signals, origin, units
 
 
-def write(tmp_path, kind, change=None, points=POINTS, labels=("A", "B"), **options):
+def write(tmp_path, kind, change=None, points=POINTS, labels=("A", "B"), cut=None, **options):
     corners, signals, origin, units = plate(kind, **options)
+    if cut is not None:
+        limit = 0.9 * np.abs(signals[:, cut]).max()
+        signals[:, cut] = np.clip(signals[:, cut], -limit, limit)
     extra = {
         "ANALOG:LABELS": [f"c{number}" for number in range(signals.shape[1])],
         "ANALOG:UNITS": units,
@@ -105,6 +108,14 @@ def test_a_known_push_is_found(tmp_path, kind, sign, turn):
     assert ("the file holds the force on the plate; that on the person was taken" in found.notes) == (
         sign < 0
     )
+
+
+@pytest.mark.parametrize(("kind", "cut"), [(1, 2), (2, 0), (2, 5), (3, 7), (1, 3), (2, None)])
+def test_a_channel_at_the_end_of_its_range_is_named(tmp_path, kind, cut):
+    """But not a centre of pressure, which rests where a person stands."""
+    [found] = read_force_plates(write(tmp_path, kind, cut=cut))
+    named = [f"channel {cut + 1} (c{cut}) is clipped"] if cut not in (None, 3) else []
+    assert [note.partition(":")[0] for note in found.notes if "clipped" in note] == named
 
 
 @pytest.mark.parametrize(("kind", "depth"), [(2, 30.0), (3, 30.0)])

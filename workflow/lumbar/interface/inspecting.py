@@ -196,6 +196,7 @@ class Inspected:
             "prefixes": list(self.prefixes),
             "axes": self.axes,
             "force_plates": plates,
+            "force_plate_notes": self._plate_notes(),
             "filled": dict(self.meant),
             "analysed": runs,
             "pipeline": words,
@@ -215,6 +216,7 @@ class Inspected:
             "subjects' prefixes taken off": ", ".join(self.prefixes),
             "axes": self.axes,
             "force plates": plates or "none",
+            "their notes": "; ".join(self._plate_notes()),
             "standard markers": ", ".join(filled) or "none",
             "recognised, but no alias names it": suggested,
             "estimated": "; ".join(f"{name} ({rule})" for name, rule in sheet.estimated.items()),
@@ -226,6 +228,10 @@ class Inspected:
         }
         lines = [*sheet.lines(), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
         return [*lines, *(f"  {line}" for line in words.splitlines())]
+
+    def _plate_notes(self) -> list[str]:
+        plates = () if isinstance(self.plates, str) else self.plates
+        return [f"{plate.name}: {note}" for plate in plates for note in plate.notes]
 
     def _suggested(self) -> dict[str, str]:
         """Landmarks whose usual labels the file has, which no alias of the settings takes."""

@@ -23,6 +23,7 @@ from lumbar.records.c3d_structure import C3dStructure, check_structure
 from lumbar.records.ground_forces import UNLOADED_N, ForcePlate, read_mot
 from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, metres_per_unit
+from lumbar.records.stretches import flat_tops
 from lumbar.records.unpacking import ending_of, read_readable
 from lumbar.settings.layout import MarkerLayout
 
@@ -32,6 +33,8 @@ _LEVEL = 0.5
 """Smallest vertical part of a plate's z axis: walls and handles are no floor."""
 _SQUARENESS = 0.02
 """Largest cosine between two sides of a plate, and largest square of the gap between them in areas."""
+_RANGE_ENDS = 0.9
+"""Share of the largest size of a channel's signal from which on a limit is one of the converter: at rest signals repeat too."""
 _CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Analog channels by type of plate."""
 _FORCE_UNITS = {"n": 1.0, "nt": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3, "lb": 4.4482216152605}
@@ -66,6 +69,7 @@ class _Plate:
     def signals(self, path: Path, structure: C3dStructure, channels: AnalogChannels) -> np.ndarray:
         """Channels of the plate in N, N·m and (type 1) m, less the baseline; shape (n, 6 or 8)."""
         values = read_analog(path, structure, channels, self.channels)
+        self.notes.extend(self._clipped(values, channels))
         if self.calibration is not None:
             values = values @ self.calibration.T
             factors = [1.0] * 3 + [self.metres] * 3
@@ -76,6 +80,20 @@ class _Plate:
             each = enumerate(zip(self.channels, _QUANTITIES[self.kind], strict=True), 1)
             factors = [self._factor(channel, what, channels.units[at]) for channel, (at, what) in each]
         return self._without_baseline(values * factors, structure, channels)
+
+    def _clipped(self, values: np.ndarray, channels: AnalogChannels) -> list[str]:
+        """Channels that stay at the largest size they reach: a converter's range ends at about the same on both sides."""
+        quantities = _QUANTITIES.get(self.kind, "F" * 6)
+        notes = []
+        for channel, quantity, own in zip(self.channels, quantities, values.T, strict=True):
+            tops = [top for top in flat_tops(own) if abs(top.level) > _RANGE_ENDS * np.abs(own).max()]
+            if tops and quantity != "L":
+                levels = " or ".join(f"{top.level:.6g} {channels.units[channel]}".rstrip() for top in tops)
+                notes.append(
+                    f"channel {channel + 1} ({channels.labels[channel]}) is clipped: {sum(top.samples for top in tops)} "
+                    f"samples lie exactly at {levels}; what exceeded it is lost: record with a larger range"
+                )
+        return notes
 
     def _factor(self, channel: int, quantity: str, unit: str) -> float:
         """Factor to N, m or N·m."""
