@@ -10,7 +10,8 @@
  *                                              With GAIN, the largest, the hand switches the tissue as well
  *   fmu_client threads LIBRARY TOKEN STEPS     eight instances in threads: number of hashes that differ
  *
- * FMI 2.0; `hash` also plays FMI 3.0 in event mode and prints both hashes.
+ * FMI 2.0; `hash` also plays FMI 3.0 in event mode and prints both hashes. How many axes an FMU has, it is asked; `hash`,
+ * `mistimed` and `threads` are for one.
  */
 #define _POSIX_C_SOURCE 200809L
 #include <stdint.h>
@@ -72,6 +73,11 @@ static uint64_t hashed(uint64_t hash, double value) {
     return (hash ^ bits) * 1099511628211u;
 }
 
+/* Axes of the FMU, and the value references of position and force along each. */
+enum { MOST_AXES = 3 };
+static int axes = 1;
+static const uint32_t INPUT[MOST_AXES] = {1, 17, 33}, OUTPUT[MOST_AXES] = {2, 18, 34};
+
 static fmi2Component start2(void) {
     static const fmi2CallbackFunctions CALLBACKS = {.logger = silent2};
     LOAD(fmi2InstantiateTYPE, fmi2Instantiate)
@@ -81,6 +87,9 @@ static fmi2Component start2(void) {
     fmi2Component c = fmi2Instantiate("client", fmi2CoSimulation, token, "", &CALLBACKS, 0, 0);
     REQUIRE(c && !fmi2SetupExperiment(c, 0, 0, 0.0, 0, 0) && !fmi2EnterInitializationMode(c));
     REQUIRE(!fmi2ExitInitializationMode(c));
+    LOAD(fmi2GetRealTYPE, fmi2GetReal)
+    double unused;
+    for (axes = 1; axes < MOST_AXES && !fmi2GetReal(c, &OUTPUT[axes], 1, &unused);) ++axes;
     return c;
 }
 
@@ -133,33 +142,47 @@ static uint64_t play3(long steps, double h) {
 /* A hand that means harm: half of its steps are random, of all sizes, the others take out all that the force then held can
  * give, more or less. Returned is the least energy at any sample: what went into device and FMU, the damping's share included
  * by its least, b d^2 / h. */
-typedef struct { uint32_t seed; double energy, least, most, damping, unit, position, h, largest_gain; } hand;
+typedef struct {
+    uint32_t seed;
+    double energy, least, most, damping, unit, position[MOST_AXES], h, largest_gain;
+} hand;
 
 static double share(hand *a) {
     a->seed = a->seed * 1664525u + 1013904223u;
     return (double)(a->seed >> 8) * 0x1p-24;
 }
 
-static double moved_by(hand *a, double force) {
-    double size = 1.0, step;
+static double dot(const double a[], const double b[]) {
+    double sum = 0.0;
+    for (int i = 0; i < axes; ++i) sum += a[i] * b[i];
+    return sum;
+}
+
+static void moved_by(hand *a, const double force[]) {
+    double size = 1.0, step[MOST_AXES], metres[MOST_AXES];
     for (int i = (int)(share(a) * 12.0); i > 0; --i) size *= 0.5;
-    step = (2.0 * share(a) - 1.0) * size;
-    if (share(a) < 0.5) step = -2.0 * share(a) * force * a->h / (2.0 * a->damping) / a->unit;
-    double next = a->position + step;
-    if (next > 20.0 || next < -20.0) step = -0.5 * a->position;
-    a->position += step;
-    double metres = step * a->unit;
-    a->energy += force * metres + a->damping * metres * metres / a->h;
+    for (int i = 0; i < axes; ++i) step[i] = (2.0 * share(a) - 1.0) * size;
+    if (share(a) < 0.5) {
+        const double part = -2.0 * share(a);
+        for (int i = 0; i < axes; ++i) step[i] = part * force[i] * a->h / (2.0 * a->damping) / a->unit;
+    }
+    for (int i = 0; i < axes; ++i) {
+        double next = a->position[i] + step[i];
+        if (next > 20.0 || next < -20.0) step[i] = -0.5 * a->position[i];
+        a->position[i] += step[i];
+        metres[i] = step[i] * a->unit;
+    }
+    const double work = dot(force, metres);
+    a->energy += work + a->damping * dot(metres, metres) / a->h;
     if (a->energy < a->least) a->least = a->energy;
-    a->most += force * metres > 0 ? force * metres : 0;
-    return a->position;
+    a->most += work > 0 ? work : 0;
 }
 
 /* What the hand does to the parameters before a step: gain, and where and how much the tissue presses at rest. The gain: none on
  * the way in and all on the way out, off and on, a little more or less, or the one of which `force` is the largest now. */
 enum { GAIN = 3, FORCE_OFFSET, POSITION_OFFSET = 6 };
 typedef void setter(void *fmu, uint32_t variable, double value);
-typedef double getter(void *fmu);
+typedef double getter(void *fmu); /* the force's square */
 
 static double gain_of(hand *a, double gain, void *fmu, setter *set, getter *force) {
     static const double SHARES[] = {0.0, 0.01, 0.3, 1.0};
@@ -167,23 +190,23 @@ static double gain_of(hand *a, double gain, void *fmu, setter *set, getter *forc
     if (kind < 0.5) return gain;
     if (kind < 0.6) return share(a) < 0.5 ? 0.0 : 1.0;
     if (kind < 0.7) return a->largest_gain * share(a);
-    if (kind < 0.8) return a->position < 10.0 * share(a) ? 0.0 : a->largest_gain;
+    if (kind < 0.8) return a->position[0] < 10.0 * share(a) ? 0.0 : a->largest_gain;
     if (kind < 0.9) return gain * 0.9 + a->largest_gain * 0.1 * share(a);
     for (int i = 0; force && i < 4; ++i) {
         set(fmu, GAIN, SHARES[i] * a->largest_gain);
         double found = force(fmu);
-        if (found * found > most) most = found * found, best = SHARES[i] * a->largest_gain;
+        if (found > most) most = found, best = SHARES[i] * a->largest_gain;
     }
     return best;
 }
 
 /* Of what was taken in before a rise of the gain, less what the force `still` to be displayed may give, the hand gets the share that
  * the old gain has of the new one: more would throw it. */
-static void switched(hand *a, double *gain, double still, void *fmu, setter *set, getter *force) {
+static void switched(hand *a, double *gain, double still_squared, void *fmu, setter *set, getter *force) {
     if (!(a->largest_gain > 0.0)) return;
     if (share(a) < 0.01) set(fmu, FORCE_OFFSET, 2.0 * share(a) - 1.0);
     if (share(a) < 0.01) set(fmu, POSITION_OFFSET, 10.0 * share(a) - 5.0);
-    double next = gain_of(a, *gain, fmu, set, force), owed = still * still * a->h / (4.0 * a->damping);
+    double next = gain_of(a, *gain, fmu, set, force), owed = still_squared * a->h / (4.0 * a->damping);
     set(fmu, GAIN, next);
     if (next > *gain) a->energy = owed + *gain / next * (a->energy - owed);
     *gain = next;
@@ -196,15 +219,19 @@ static void set2(void *fmu, uint32_t variable, double value) {
 
 static void set3(void *fmu, uint32_t variable, double value) {
     LOAD(fmi3SetFloat64TYPE, fmi3SetFloat64)
-    REQUIRE(!fmi3SetFloat64(fmu, &variable, 1, &value, 1));
+    const double values[MOST_AXES] = {value, -value, 0.5 * value};
+    REQUIRE(!fmi3SetFloat64(fmu, &variable, 1, values, variable == GAIN ? 1 : (size_t)axes));
+}
+
+static void forces3(void *fmu, double force[]) {
+    LOAD(fmi3GetFloat64TYPE, fmi3GetFloat64)
+    REQUIRE(!fmi3GetFloat64(fmu, OUTPUT, 1, force, (size_t)axes));
 }
 
 static double force3(void *fmu) {
-    LOAD(fmi3GetFloat64TYPE, fmi3GetFloat64)
-    const fmi3ValueReference output = 2;
-    double force;
-    REQUIRE(!fmi3GetFloat64(fmu, &output, 1, &force, 1));
-    return force;
+    double force[MOST_AXES];
+    forces3(fmu, force);
+    return dot(force, force);
 }
 
 /* A force is displayed at once, as where a device's clock waits for the step, or `late`, from the step's end on. */
@@ -214,16 +241,16 @@ static void passive2(hand *a, long steps, int late) {
     LOAD(fmi2DoStepTYPE, fmi2DoStep)
     LOAD(fmi2FreeInstanceTYPE, fmi2FreeInstance)
     fmi2Component c = start2();
-    const fmi2ValueReference input = 1, output = 2;
-    double force, before, gain = 1.0;
-    REQUIRE(!fmi2GetReal(c, &output, 1, &force));
-    before = force;
+    const size_t count = (size_t)axes;
+    double force[MOST_AXES], before[MOST_AXES], gain = 1.0;
+    REQUIRE(!fmi2GetReal(c, OUTPUT, count, force));
+    memcpy(before, force, sizeof force);
     for (long k = 0; k < steps; ++k) {
-        double position = k ? moved_by(a, late ? before : force) : 0.0;
-        before = force;
-        switched(a, &gain, late ? force : 0.0, c, set2, NULL);
-        REQUIRE(!fmi2SetReal(c, &input, 1, &position) && !fmi2DoStep(c, (double)k * a->h, a->h, 1));
-        REQUIRE(!fmi2GetReal(c, &output, 1, &force));
+        if (k) moved_by(a, late ? before : force);
+        memcpy(before, force, sizeof force);
+        switched(a, &gain, late ? dot(force, force) : 0.0, c, set2, NULL);
+        REQUIRE(!fmi2SetReal(c, INPUT, count, a->position) && !fmi2DoStep(c, (double)k * a->h, a->h, 1));
+        REQUIRE(!fmi2GetReal(c, OUTPUT, count, force));
     }
     fmi2FreeInstance(c);
 }
@@ -234,16 +261,18 @@ static void passive3(hand *a, long steps) {
     LOAD(fmi3ExitInitializationModeTYPE, fmi3ExitInitializationMode)
     LOAD(fmi3EnterEventModeTYPE, fmi3EnterEventMode)
     LOAD(fmi3EnterStepModeTYPE, fmi3EnterStepMode)
+    LOAD(fmi3SetFloat64TYPE, fmi3SetFloat64)
     LOAD(fmi3DoStepTYPE, fmi3DoStep)
     LOAD(fmi3FreeInstanceTYPE, fmi3FreeInstance)
     fmi3Instance c = fmi3InstantiateCoSimulation("client", token, NULL, 0, 0, 1, 0, NULL, 0, NULL, silent3, NULL);
     REQUIRE(c && !fmi3EnterInitializationMode(c, 0, 0, 0.0, 0, 0) && !fmi3ExitInitializationMode(c));
-    double force = 0.0, reached, gain = 1.0;
+    double force[MOST_AXES] = {0.0}, reached, gain = 1.0;
     for (long k = 0; k < steps; ++k) {
         fmi3Boolean event, ends, early;
-        set3(c, 1, k ? moved_by(a, force) : 0.0);
+        if (k) moved_by(a, force);
+        REQUIRE(!fmi3SetFloat64(c, INPUT, 1, a->position, (size_t)axes));
         switched(a, &gain, 0.0, c, set3, force3);
-        force = force3(c);
+        forces3(c, force);
         REQUIRE(!fmi3EnterStepMode(c) && !fmi3DoStep(c, (double)k * a->h, a->h, 1, &event, &ends, &early, &reached));
         REQUIRE(event && !fmi3EnterEventMode(c));
     }
@@ -301,19 +330,19 @@ static void timed_steps(long taken[], long steps, double h, int decayed, long cl
     LOAD(fmi2DoStepTYPE, fmi2DoStep)
     LOAD(fmi2FreeInstanceTYPE, fmi2FreeInstance)
     fmi2Component c = start2();
-    const fmi2ValueReference input = 1, output = 2;
-    walk w = {.seed = 1};
+    walk w[MOST_AXES] = {{.seed = 1}, {.seed = 2}, {.seed = 3}};
     long k = 0;
-    double force = 0.0;
+    const size_t count = (size_t)axes;
+    double position[MOST_AXES], force[MOST_AXES];
     for (; k < 20000; ++k) { /* warm; a decayed model is left alone after a push of 100 samples */
-        double position = decayed ? (k < 100 ? 1.0 : 0.0) : next_position(&w);
-        REQUIRE(!fmi2SetReal(c, &input, 1, &position) && !fmi2DoStep(c, (double)k * h, h, 1));
+        for (int i = 0; i < axes; ++i) position[i] = decayed ? (k < 100 ? 1.0 : 0.0) : next_position(&w[i]);
+        REQUIRE(!fmi2SetReal(c, INPUT, count, position) && !fmi2DoStep(c, (double)k * h, h, 1));
     }
     for (long i = 0; i < steps; ++i, ++k) {
-        double position = decayed ? 0.0 : next_position(&w);
+        for (int j = 0; j < axes; ++j) position[j] = decayed ? 0.0 : next_position(&w[j]);
         long begin = nanoseconds();
-        int status = fmi2SetReal(c, &input, 1, &position) | fmi2DoStep(c, (double)k * h, h, 1);
-        status |= fmi2GetReal(c, &output, 1, &force);
+        int status = fmi2SetReal(c, INPUT, count, position) | fmi2DoStep(c, (double)k * h, h, 1);
+        status |= fmi2GetReal(c, OUTPUT, count, force);
         taken[i] = nanoseconds() - begin - clock_cost;
         REQUIRE(!status);
     }

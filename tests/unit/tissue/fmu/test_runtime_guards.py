@@ -1,12 +1,10 @@
 """Forces made to be felt: start at rest, contact, rate limit and passivity, in Python and C alike."""
 
-import subprocess
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
-from c_programs import ON_LINUX, loader_program
+from c_programs import CLIENT, DAMPING, ON_LINUX, energies, loader_program
 from effect_entries import COMBINATIONS, effect_entry
 from runtime_models import (
     ENERGY,
@@ -39,8 +37,6 @@ DEVICE = changed(
 EFFECTS = effect_entry(*COMBINATIONS[0])
 HIGH_ORDER = entry("HO", [0.0, 5.0, -8.0, 3.5], [1.0, 0.1, -0.2, 0.05])
 """As in the default study: a sample late, and with poles that no continuous model has."""
-DAMPING = 2.75
-"""N s/m, half of that of the stylus below."""
 
 
 def models(settings, *entries):
@@ -161,23 +157,6 @@ def test_device_and_fmu_never_give_out_more_than_they_took_in(settings, names, z
     unguarded = [model for model in models(settings) if model.name == "HO"]
     export_fmus(unguarded, tmp_path / "free", "synthetic twin", TARGET, zig_cache)
     assert max(energies(client, unguarded[0], tmp_path / "free", 100_000)[:3]) < -0.1
-
-
-CLIENT = Path(__file__).parents[2] / "fmu_client.c"
-
-
-def energies(client, model, folder, steps: int, gain: float = 0.0) -> list[float]:
-    """Least energies in FMI 2.0, with forces displayed at once and late, and in FMI 3.0's event mode, in J; work done."""
-    unzipped = folder / f"{model.identifier}_unzipped"
-    with zipfile.ZipFile(folder / f"{model.name}_fmi3.fmu") as archive:
-        archive.extractall(unzipped)
-        description = archive.read("modelDescription.xml").decode()
-    token = description.split('instantiationToken="')[1].split('"')[0]
-    library = unzipped / "binaries" / "x86_64-linux" / f"{model.identifier}.so"
-    unit = model.input_unit * model.resistance
-    command = [client, "passive", library, token, steps, model.sampling_time, unit, DAMPING, gain]
-    done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=True)
-    return [float(word) for word in done.stdout.split()]
 
 
 def test_guards_can_be_lowered_while_the_model_runs(zig_cache, tmp_path, fmu_instance):

@@ -5,7 +5,7 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from c_programs import ON_LINUX
+from c_programs import CLIENT, DAMPING, ON_LINUX, energies, loader_program
 from effect_entries import FORM_NUMBERS
 from fmpy.fmi1 import FMICallException
 from runtime_models import TARGET
@@ -128,3 +128,15 @@ def test_what_no_model_of_several_axes_has_is_said():
         turned.dynamics.response(moved), spatial_export({}).dynamics.response(moved)
     )
     assert spatial_model(FIVE).to_json()["structure"]["space"]["axes"] == list(AXES)
+
+
+@pytest.mark.parametrize("steps", [100_000, pytest.param(10_000_000, marks=pytest.mark.nightly)])
+def test_device_and_fmu_never_give_out_more_than_they_took_in(steps, zig_cache, tmp_path):
+    """A hand that means harm in three axes; then it also switches the tissue, scales it, and moves where it rests."""
+    model = spatial_export(FIVE, device_damping=DAMPING)
+    export_fmus([model], tmp_path, "own", TARGET, zig_cache)
+    client = loader_program(CLIENT, TARGET[0], tmp_path, zig_cache)
+    for gain in (0.0, model.gain_limit):
+        found = energies(client, model, tmp_path, steps, gain)
+        assert min(found[:3]) >= -1e-12
+        assert min(found[3:]) > 0.01
