@@ -58,6 +58,7 @@ class PlaneContact:
         ]
         return (*self.base.nonlinear, speed, *turns, signed("moved", "1", "delta", _DEEPEST))
 
+    symmetry: ClassVar[str] = "plane"
     turning: ClassVar[tuple[NonlinearParameter, ...]] = ()
     """Parameters that a model of it has no need of: none."""
 
