@@ -4,7 +4,9 @@ Every candidate is refitted jointly with base and effects. Candidates are compar
 record and of the unseen records together: a wrong effect also lowers the training error, but not the others'.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -127,15 +129,20 @@ def _promising(fit: Fit, forms: list[Form], experiment: Experiment, most: int, a
 
 
 def pairs(
-    base: Candidate, singles: list[Candidate], catalogue: dict[str, Effect], experiment: Experiment
+    singles: list[Candidate],
+    catalogue: dict[str, Effect],
+    experiment: Experiment,
+    polished: Callable[[Candidate], Candidate],
 ) -> list[Candidate]:
     """Pairs of effects that begin with one of the best single ones, best first.
 
-    Further first effects are not tried once a pair leaves nothing but noise; `exchange` looks for others like it.
+    Further first effects are not tried once a pair leaves nothing but noise; `exchange` looks for others like it. The first
+    effects, and the best pair with each, are `polished`.
     """
     found: list[Candidate] = []
     for first in best_by_effect(singles)[:LOOK_AHEAD]:
-        found += extend(first, catalogue, experiment, REFITTED, all_forms=False)
+        best, *others = extend(polished(first), catalogue, experiment, REFITTED, all_forms=False)
+        found += [polished(best), *others]
         if any(is_adequate(pair, experiment) for pair in found):
             break
     return sorted(found, key=lambda item: item.score)
@@ -171,7 +178,7 @@ class Selection:
 
     def diagnosis(self) -> Verdict:
         """Select effects and judge what was selected."""
-        path = self.selected_path()
+        path = list(self.selected_path)
         model = path[-1] = self.settled(path[-1])
         tied = self.ties(model)
         share = self.share_removed(model)
@@ -188,6 +195,10 @@ class Selection:
             verdict_after=verdict if model is self.base else self.verdict_after(model, further),
             further=further,
         )
+
+    def polished(self, model: Candidate) -> Candidate:
+        """A model with what its base holds fixed in a search fitted anew; nothing is, along one axis."""
+        return model
 
     def settled(self, model: Candidate) -> Candidate:
         """A model whose fit has stopped before its optimum fitted on from there, and that of another start if it is better."""
@@ -232,6 +243,7 @@ class Selection:
         """Whether an effect passes and explains more than what the smaller model has being slightly wrong."""
         return self.passes(before, after) and is_worthwhile(self.base, before, after, self.experiment)
 
+    @cached_property
     def selected_path(self) -> list[Candidate]:
         """Select effects one after the other; return the path from the base to the model."""
         single = next((item for item in self.singles if self.passes(self.base, item)), None)
@@ -243,7 +255,7 @@ class Selection:
 
     def best_pair(self, before: Candidate) -> Candidate | None:
         """Return the best pair if it is worth a second effect; pairs are tried even where no single effect passes."""
-        found = pairs(self.base, self.singles, self.settings.catalogue, self.experiment)
+        found = pairs(self.singles, self.settings.catalogue, self.experiment, self.polished)
         self.tried += found
         found = [item for item in found if self.is_further(before, item)]
         if not found:

@@ -91,18 +91,35 @@ def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
 def _search(
     experiment: Experiment, settings: DiagnosisSettings, axes: tuple[str, ...], kinds: tuple[str, ...]
 ) -> Verdict:
-    """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen."""
-    base = choose_base(experiment, axes, kinds)
-    for _ in range(_ROUNDS):
-        found = Selection(experiment, held(base, experiment), settings).diagnosis()
-        forms = found.model.fit.structure.forms
-        acting = found.model.fit.nonlinear[len(found.model.fit.structure.base.nonlinear) :]
-        again = choose_base(experiment, axes, kinds, forms, acting) if forms else base
-        if again.score > found.model.score - TIED:
+    """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen.
+
+    One effect at first: beside axes that are not right yet a second one would be looked for in vain.
+    """
+    base, singles = choose_base(experiment, axes, kinds), None
+    alone = replace(settings, most_effects=1)
+    for chosen in (alone, *[settings] * _ROUNDS):
+        selection = _Selection(experiment, held(base, experiment), chosen, singles)
+        model = selection.selected_path[-1]
+        structure = model.fit.structure
+        acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
+        again = choose_base(experiment, axes, kinds, structure.forms, acting) if model.effects else model
+        if again.score < model.score - TIED:
+            base, singles = _alone(again, experiment), None
+            continue
+        singles = selection.singles
+        if chosen is settings:
             break
-        base = _alone(again, experiment)
+    found = selection.diagnosis()
     path = [freed(item, experiment) for item in found.path]
     return replace(found, base=path[0], path=path)
+
+
+class _Selection(Selection):
+    """A search with the principal axes where they are, which pairs of effects have fitted anew."""
+
+    def polished(self, model: Candidate) -> Candidate:
+        """The model with its axes where they fit best."""
+        return held(freed(model, self.experiment), self.experiment)
 
 
 def _alone(model: Candidate, experiment: Experiment) -> Candidate:
