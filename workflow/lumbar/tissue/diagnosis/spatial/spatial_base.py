@@ -20,6 +20,10 @@ KINDS = ("KB", "KV", "Maxwell", "LE")
 """Bases of a fastened tool that are tried."""
 
 
+_ROOM = 50.0
+"""Of twice the log-likelihood, by which fewer parameters may predict unseen records better than all of them do."""
+
+
 def choose_base(
     experiment: Experiment,
     axes: tuple[str, ...],
@@ -32,23 +36,52 @@ def choose_base(
     First which base, with any symmetric matrices; then which symmetry, from the principal axes of these. `forms` are those of
     effects beside it, `acting` their nonlinear parameters where the fits begin.
     """
-    fits = {kind: _fit_symmetric(kind, experiment, axes, forms, acting) for kind in kinds}
-    kind = min(fits, key=lambda kind: evaluate(fits[kind], experiment).score)
-    base, fit = BASES[kind], fits[kind]
-    matrices = matrices_of(fit.linear[: len(fit.structure.base.linear)], len(base.linear), len(axes))
-    start = np.concatenate([fit.nonlinear[: len(base.nonlinear)], fit.nonlinear[len(base.nonlinear) :]])
-    found = [
-        min(
-            (_refit(item, start, experiment, forms) for item in _with_axes(base_in, matrices)),
-            key=lambda item: item.score,
-        )
-        for base_in in _symmetries(kind, axes)
-    ]
-    fastened = min(found, key=lambda item: item.score)
+    fits = {
+        kind: evaluate(_fit_symmetric(kind, experiment, axes, forms, acting), experiment) for kind in kinds
+    }
+    kind = min(fits, key=lambda kind: fits[kind].score)
+    fastened = _of_symmetry(kind, fits[kind], experiment, axes, forms)
     if kinds != KINDS or is_adequate(fastened, experiment):
         return fastened
     touched = at_plane(experiment, axes, forms, acting)
     return fastened if touched is None or touched.score > fastened.score - TIED else touched
+
+
+def _of_symmetry(
+    kind: str, symmetric: Candidate, experiment: Experiment, axes: tuple[str, ...], forms: tuple[Form, ...]
+) -> Candidate:
+    """The base of the symmetry that is likeliest, from the simplest on.
+
+    No symmetry explains more than any symmetric matrices do, so that one is fitted only where these, with its number of
+    parameters, would beat what was found.
+    """
+    fit, base = symmetric.fit, BASES[kind]
+    matrices = matrices_of(fit.linear[: len(fit.structure.base.linear)], len(base.linear), len(axes))
+    size = experiment.training.size + sum(item.size for item in experiment.tests)
+    best: Candidate | None = None
+    for item in _symmetries(kind, axes):
+        more = len(item.linear) + len(item.nonlinear) - len(fit.structure.base.linear) - len(base.nonlinear)
+        least = symmetric.score + more * float(np.log(size))
+        if best is None or best.score > least - _ROOM:
+            found = _refit(
+                _nearest(_with_axes(item, matrices), fit, experiment), fit.nonlinear, experiment, forms
+            )
+            best = found if best is None or found.score < best.score else best
+    assert best is not None
+    return best
+
+
+def _nearest(bases: list[SpatialBase], fit: joint_fit.Fit, experiment: Experiment) -> SpatialBase:
+    """The base of several that leaves least without a search, effects that act on the output aside."""
+    if len(bases) == 1:
+        return bases[0]
+    own = len(bases[0].base.nonlinear)
+
+    def left(base: SpatialBase) -> float:
+        start = np.concatenate([fit.nonlinear[:own], np.ones(len(base.nonlinear) - own)])
+        return joint_fit.fit_at(Structure(base.structural), experiment.training, start).squared_error
+
+    return min(bases, key=left)
 
 
 def _fit_symmetric(kind, experiment, axes, forms, acting) -> joint_fit.Fit:

@@ -7,7 +7,7 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
-from lumbar.tissue.diagnosis.selection.forward_selection import Selection
+from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
 from lumbar.tissue.diagnosis.selection.refine import added_in_turn
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
@@ -20,6 +20,8 @@ from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.models.symmetry import force_sensor_effects
 
+_PROMISING = 8
+"""Effects, those with the best screening, that are refitted where axes were chosen anew."""
 _ROUNDS = 3
 """Times that base and axes are chosen anew beside the effects that were selected."""
 
@@ -104,7 +106,8 @@ def _search(
         acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
         again = choose_base(experiment, axes, kinds, structure.forms, acting) if model.effects else model
         if again.score < model.score - TIED:
-            base, singles = _alone(again, experiment), None
+            base = _alone(again, experiment)
+            singles = extend(base, settings.catalogue, experiment, most=_PROMISING)
             continue
         singles = selection.singles
         if chosen is settings:
