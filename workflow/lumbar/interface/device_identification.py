@@ -6,7 +6,7 @@ from dataclasses import replace
 from lumbar.base.errors import InputError
 from lumbar.interface.reading import read
 from lumbar.interface.verb import settings_or_default
-from lumbar.records.record import Record
+from lumbar.records.record import Record, require_one_axis
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.haptics.device_identification.identification import IdentifiedDevice, identify
 
@@ -44,4 +44,5 @@ def identify_device(
         if len(found) > 1:
             raise InputError(f"{recording}: {len(found)} recordings; give the file of one")
         recording = found[0]
+    require_one_axis([recording], "device")
     return identify(recording)

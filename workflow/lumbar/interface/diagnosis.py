@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from lumbar.base.errors import InputError
 from lumbar.interface.diagnosed import FORWARD, Diagnosis, ProposedLaw
 from lumbar.interface.verb import label_of, settings_or_default
-from lumbar.records.record import Record, forced
+from lumbar.records.record import Record, forced, require_one_axis
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -120,4 +120,6 @@ def propose(
     """
     if settings_or_default(settings).improvement.forward:
         raise InputError(FORWARD)
+    data = label_of(data, records)
+    require_one_axis(records, "propose")
     return diagnose(records, base=base, train=train, settings=settings, data=data).propose()

@@ -12,7 +12,7 @@ from lumbar.base.files import write_text
 from lumbar.interface.diagnosed import Diagnosis
 from lumbar.interface.diagnosis import diagnose
 from lumbar.interface.verb import Result, label_of, settings_or_default
-from lumbar.records.record import Record, require_clock
+from lumbar.records.record import Record, require_clock, require_one_axis
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.doctor.effect_sizes import EffectSize
@@ -70,6 +70,7 @@ def doctor(
         raise InputError(
             "records with the force as input (improvement.forward): no effects are put into them"
         )
+    require_one_axis(records, "doctor")
     choose(
         list(effects or ()), DiagnosisSettings.from_study(settings, base, train).candidates
     )  # who misspelt need not wait

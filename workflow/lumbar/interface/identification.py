@@ -11,7 +11,7 @@ import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.interface.verb import Result, label_of, settings_or_default
-from lumbar.records.record import Record, RecordSet, require_clock
+from lumbar.records.record import Record, RecordSet, require_clock, require_one_axis
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
@@ -76,6 +76,7 @@ def identify(
     tissue, improvement = settings.tissue, settings.improvement
     data, records = label_of(data, records), RecordSet(records)
     require_clock(records)
+    require_one_axis(records, "identify")
     train = train or tissue.training or max(records, key=len).name
     chosen = [records[name] for name in ([train] if isinstance(train, str) else train)]
     models, grid = [], []

@@ -105,21 +105,26 @@ def _look(path: Path, settings: LiftingSettings, height_m: float | None) -> tupl
     screening, bodies = Screening(height_m, settings.markers.aliases, refuse=False), BodyFilling(settings)
     layout = replace(settings.markers, required=(), check_axes=False)
     try:
-        return read_markers(path, layout, screen=screening, mend=bodies), screening, bodies
+        recording = read_markers(path, layout, screen=screening, mend=bodies)
     except InputError as error:
-        if ending_of(path) in (".csv", ".txt", ".mat") and _is_record(path):
-            raise InputError(
-                f"{path}: a record of a force and a position, no markers; lumbar doctor {path.parent} examines records"
-            ) from error
+        _refuse_record(path, error)
         raise
+    if set(screening.points) == {"position"}:  # of the columns position_x_mm, …
+        _refuse_record(path)
+    return recording, screening, bodies
 
 
-def _is_record(path: Path) -> bool:
+def _refuse_record(path: Path, cause: InputError | None = None) -> None:
+    if ending_of(path) not in (".csv", ".txt", ".mat"):
+        return
     try:
-        read(path)
+        [record] = read(path)
     except InputError:
-        return False
-    return True
+        return
+    verb = "diagnose" if record.axes else "doctor"
+    raise InputError(
+        f"{path}: a record of a force and a position, no markers; lumbar {verb} {path.parent} examines records"
+    ) from cause
 
 
 def _axes(

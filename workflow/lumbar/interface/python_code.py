@@ -39,9 +39,9 @@ def fitting_code(
     readable = reading or all(record.source for record in records)
     if not readable or (base_is_file and not used.improvement.base_files.get("base")):
         return ""
-    training = verdict.experiment.training
-    names = [item.name for item in getattr(training, "parts", (training,))]
-    given = [] if base_is_file else [f"base={verdict.base.fit.structure.base.name!r}"]
+    names = [item.name for item in verdict.experiment.training.records]
+    base = verdict.base.fit.structure.base
+    given = [] if base_is_file else [f"base={(base.spatial.base if base.spatial else base).name!r}"]
     given.append(f"train={(names if len(names) > 1 else names[0])!r}")
     imports, lines = {"import lumbar"}, []
     if used != StudySettings():
@@ -72,7 +72,7 @@ def _used(study: StudySettings, system: str) -> StudySettings:
         effect_files=tuple(map(_named, chosen.effect_files)),
     )
     gravity = replace(default.stability.pendulum, gravity_m_s2=study.stability.pendulum.gravity_m_s2)
-    own = replace(default.tissue, layout=layout, settling_s=tissue.settling_s)
+    own = replace(default.tissue, layout=layout, settling_s=tissue.settling_s, force_frame=tissue.force_frame)
     stability = replace(default.stability, pendulum=gravity)
     return StudySettings(seed=study.seed, tissue=own, improvement=improvement, stability=stability)
 

@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
+from typing import NoReturn
 
+from lumbar.base.errors import InputError
 from lumbar.base.files import write_json, write_text
 from lumbar.interface.diagnosed import Diagnosis
 from lumbar.tables.table import Table
-from lumbar.tissue.diagnosis.evidence.evidence import ladder_csv
+from lumbar.tissue.diagnosis.evidence.evidence import Evidence, ladder_csv, signal_angles
+from lumbar.tissue.diagnosis.residuals.compare import comparison_table
+from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
 from lumbar.tissue.diagnosis.selection.refine import refined_document
+from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
 from lumbar.tissue.diagnosis.selection.verdict import details, headline
 from lumbar.tissue.diagnosis.spatial.principal_axes import (
     axes_sentences,
     principal_axes,
     principal_axes_table,
 )
-from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import in_space
+from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import in_space, usable_in_space
+from lumbar.tissue.diagnosis.spatial.spatial_reports import (
+    SpatialReport,
+    of_axes,
+    spatial_location_table,
+    spatial_reports,
+)
 from lumbar.tissue.models.form import Effect
+
+_SEVERAL = "records of several axes"
 
 
 class SpatialDiagnosis(Diagnosis):
@@ -43,13 +56,84 @@ class SpatialDiagnosis(Diagnosis):
             principal_axes(self.verdict.model.fit, self.verdict.experiment), self.records[0].axes, self.data
         )
 
+    @cached_property
+    def in_space(self) -> list[SpatialReport]:
+        """The base model beside every record, and where it fails."""
+        return spatial_reports(self.models[0], self.verdict.experiment, self.study.seed)
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What remains along every axis, and which candidates add a like force."""
+        experiment, null = self.verdict.experiment, null_distribution()
+        usable = usable_in_space(self.settings.searched, self.records[0].axes, experiment)
+        remaining = of_axes(spatial_reports(self.model, experiment, self.study.seed))
+        threshold = null.threshold(number_of_forms(usable))
+        return Evidence(remaining, signal_angles(self.verdict), None, [], threshold, null, [])
+
+    def propose(self) -> NoReturn:
+        """Refuse: laws are looked for along one axis.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise InputError(
+            f"{_SEVERAL}: laws are proposed for records of one axis; diagnose asks the catalogue"
+        )
+
+    def page(self, *_, **__) -> NoReturn:
+        """Refuse: the page that one can look around in shows records of one axis.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise InputError(
+            f"{_SEVERAL}: explore shows records of one axis; the page of lumbar diagnose shows what was found"
+        )
+
+    def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
+        """Return the diagnosis as a page without script, for notebooks and mail."""
+        from lumbar.interface.python_code import fitting_code
+        from lumbar.publishing.pages.diagnosis_page import diagnosis_page
+        from lumbar.publishing.pages.html import code, table
+
+        lines = fitting_code(self.records, self.verdict, self.settings, self.study)
+        axes = self.axes_table
+        rows = [[axes.cell(name, row[name]) for name in axes.first] for row in axes.frame.to_dict("records")]
+        sections = {
+            "Stiffness and viscosity in space": [table([axes.header(name) for name in axes.first], rows)],
+            "The same in Python": [code(lines.replace("EFFECTS", repr(list(self.selected))))]
+            if lines
+            else [],
+        }
+        return diagnosis_page(
+            self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}), sections
+        )
+
     def save(
         self, folder: str | os.PathLike, pictures: bool = True, effects: Iterable[str] | None = None
     ) -> None:
-        """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json`` and the table ``principal_axes``."""
+        """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json``, ``diagnosis.html`` and the table ``principal_axes``.
+
+        With `pictures` those of comparison, location and ladder too, and the tables ``compare``, ``location`` and ``felt``.
+        """
         folder = Path(folder)
         write_json(folder / "diagnosis.json", {**self.verdict.to_json(), "data": self.data})
         write_text(folder / "ladder.csv", ladder_csv(self.verdict, self.data))
         kept = self.verdict if effects is None else self.with_effects(effects)
         write_json(folder / "refined.json", refined_document(kept.path, kept.experiment, self.data))
         self.axes_table.write(folder / "principal_axes")
+        drawn = self._save_pictures(folder) if pictures else {}
+        write_text(folder / "diagnosis.html", self.to_html(drawn))
+
+    def _save_pictures(self, folder: Path) -> dict[str, Path]:
+        from lumbar.publishing.pages.diagnosis_pictures import draw_in_space
+
+        axes = of_axes(self.in_space)
+        comparison_table([item.comparison for item in axes], self.data).write(folder / "compare")
+        spatial_location_table(self.in_space, self.data).write(folder / "location")
+        felt_table(axes, self.data).write(folder / "felt")
+        return draw_in_space(self.verdict, self.in_space, folder, self.data)

@@ -6,33 +6,11 @@ from scipy.signal import lfilter
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.spatial.location_in_space import cells, directions
+from space_records import FRICTION, NOISE, POSITION, SAMPLES, SPEED, STEP, VELOCITY, record, white
 
-STEP, PERIODS, SAMPLES = 0.01, 5, 800
-TIME = np.arange(PERIODS * SAMPLES) * STEP
-STIFFNESS, NOISE = 0.8, 0.02
-RATES = 2 * np.pi / (SAMPLES * STEP) * np.array([[1, 5, 9], [2, 7, 12], [3, 8, 13]])
-PHASES = np.array([[0.1, 2.0, 4.0], [1.0, 3.3, 5.1], [0.4, 2.7, 1.9]])
-POSITION = np.sum(np.sin(RATES[:, :, None] * TIME + PHASES[:, :, None]), axis=1)
-VELOCITY = np.sum(RATES[:, :, None] * np.cos(RATES[:, :, None] * TIME + PHASES[:, :, None]), axis=1)
-TRAVEL = VELOCITY / np.linalg.norm(VELOCITY, axis=0)
 SIDE = np.cross(VELOCITY, np.array([0.3, -0.5, 0.8]), axis=0)
 WAY = np.array([2, -1, 2]) / 3
-
-
-def white(seed=1) -> np.ndarray:
-    return NOISE * np.random.default_rng(seed).standard_normal(POSITION.shape)
-
-
-def record(error: np.ndarray, noise: np.ndarray | None = None, axes="xyz") -> Record:
-    """Periodic motion of a spring alike in every direction, with an error of the force and noise."""
-    force = STIFFNESS * POSITION + error + (white() if noise is None else noise)
-    channels = {}
-    for place, axis in enumerate(axes):
-        channels[f"input_{axis}"] = Channel(POSITION[place], "position", "mm")
-        channels[f"output_{axis}"] = Channel(force[place], "force", "N")
-    return Record("multisine", TIME, channels)
 
 
 @pytest.fixture(scope="module")
@@ -45,12 +23,12 @@ def located(error, spring, noise=None):
 
 
 def test_friction_lies_along_the_travel_and_costs_its_way(spring):
-    found = located(0.4 * TRAVEL, spring)
+    found = located(FRICTION, spring)
     travel, work = found.views["travel"], found.views["work"]
     assert travel.numbers["along"] > 0.98 and travel.share > 0.9
     assert travel.table["mean"] == pytest.approx(0.4, abs=0.01)
     assert "resists the motion more than the model does" in travel.sentence
-    way = float(np.linalg.norm(VELOCITY[:, :SAMPLES], axis=0).sum() * STEP)
+    way = float(SPEED[:SAMPLES].sum() * STEP)
     missing = work.table["measured"] - work.table["simulated"]
     assert missing.sum() == pytest.approx(0.4 * way, rel=0.01) and missing.min() > 0
     mean = np.stack([found.views["direction of travel"].table[f"mean_{axis}"] for axis in "xyz"], axis=1)
@@ -98,7 +76,7 @@ def test_cells_have_one_size_and_hold_their_middles():
 
 
 def test_axes_are_compared_and_located_one_by_one_and_pictures_are_named_after_them(spring, tmp_path):
-    records = [record(0.4 * TRAVEL)]
+    records = [record(FRICTION)]
     compared, found = lumbar.compare(records, spring), lumbar.locate(records, spring)
     names = [f"multisine ({axis})" for axis in "xyz"]
     assert list(compared.table.frame["record"]) == names
@@ -121,7 +99,7 @@ def test_a_model_of_one_axis_is_refused_with_what_does(spring):
 
 
 def test_a_plane_has_a_picture_of_its_own(spring, tmp_path):
-    records = [record(0.4 * TRAVEL, axes="xy")]
+    records = [record(FRICTION, axes="xy")]
     flat = lumbar.refine(records, [], base="LE")
     flat.locate().save(tmp_path)
     assert (tmp_path / "location_multisine.svg").is_file()

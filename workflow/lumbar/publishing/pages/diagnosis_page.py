@@ -1,5 +1,6 @@
 """The page of a diagnosis: the verdict, and the evidence that a referee would want."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from markupsafe import Markup
@@ -42,6 +43,7 @@ def diagnosis_page(
     catalogue: dict[str, Effect],
     data: str,
     pictures: dict[str, Path | str] | None = None,
+    more: Mapping[str, list[Markup]] | None = None,
 ) -> str:
     """Return the page.
 
@@ -53,10 +55,13 @@ def diagnosis_page(
         Where the data come from.
     pictures : dict of str to (pathlib.Path or str), optional
         SVG files, or their text, by caption; they stand before the list of what remains.
+    more : mapping of str to list of markupsafe.Markup, optional
+        Further sections by their titles; the first stands before all others.
     """
     blocks = [paragraph(f"Verdict: {diagnosis.verdict}"), paragraph(headline(diagnosis), "headline")]
-    for title, found in evidence_sections(diagnosis, evidence, catalogue, pictures or {}):
-        blocks += [heading(title), *found]
+    first, *last = more.items() if more else (("", []),)
+    for title, found in (first, *evidence_sections(diagnosis, evidence, catalogue, pictures or {}), *last):
+        blocks += [heading(title), *found] if found else []
     return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", data, blocks)
 
 

@@ -1,6 +1,9 @@
 """The pictures of a diagnosis as files: comparison, location, ladder, signatures; a proposed law and a chain where found."""
 
+from collections.abc import Sequence
 from pathlib import Path
+
+from matplotlib.figure import Figure
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.figures.comparison_figures import (
@@ -11,11 +14,13 @@ from lumbar.publishing.figures.comparison_figures import (
 )
 from lumbar.publishing.figures.law_figure import chain_figure, law_figure, linear_figure
 from lumbar.publishing.figures.location_figure import location_figure
+from lumbar.publishing.figures.space_figures import comparison_in_space, location_in_space
 from lumbar.publishing.figures.style import save
-from lumbar.publishing.pages.html import LOCATION_CAPTION
+from lumbar.publishing.pages.html import LOCATION_CAPTION, SPACE_CAPTION
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_explained
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, runner_up
+from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.form import Effect
 
@@ -37,16 +42,10 @@ def draw_pictures(
     comparisons = [item.comparison for item in simulated]
     shown, base = least_explained(simulated), diagnosis.base.fit.structure.base.name
     trained = next(item for item in simulated if item.record.name == diagnosis.experiment.floor_from)
-    content = diagnosis.to_json()
     figures = {
         "comparison": comparison_figure(shown.record, shown.values, comparisons, base),
         "location": location_figure(trained.location),
-        "ladder": ladder_figure(
-            ladder_rungs(content),
-            content["unit"],
-            content["noise_floor_rms"],
-            diagnosis.experiment.error_just_felt,
-        ),
+        "ladder": _ladder(diagnosis),
         "signatures": signature_figure(
             pictured_effects(diagnosis, catalogue), diagnosis.base.fit.structure.base.system
         ),
@@ -62,6 +61,31 @@ def draw_pictures(
     words = {"base": base, "least_explained": shown.record.name, "trained": trained.record.name}
     words |= {"location": LOCATION_CAPTION, "kind": diagnosis.chain.kind if diagnosis.chain else ""}
     return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
+
+
+def draw_in_space(
+    diagnosis: Verdict, reports: Sequence[SpatialReport], folder: Path, data: str
+) -> dict[str, Path]:
+    """Write ``comparison``, ``location`` and ``ladder`` of records of several axes; else as `draw_pictures`."""
+    base = diagnosis.base.fit.structure.base.name
+    least = least_explained([item for report in reports for item in report.axes])
+    shown = next(report for report in reports if least in report.axes)
+    trained = next(item for item in reports if item.record.name == diagnosis.experiment.floor_from)
+    figures = {
+        "comparison": comparison_in_space(shown, base),
+        "location": location_in_space(trained),
+        "ladder": _ladder(diagnosis),
+    }
+    for name, drawn in figures.items():
+        save(drawn, folder / name, data)
+    words = {"base": base, "least_explained": shown.record.name, "trained": trained.record.name}
+    words["location"] = SPACE_CAPTION
+    return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
+
+
+def _ladder(diagnosis: Verdict) -> Figure:
+    content, felt = diagnosis.to_json(), diagnosis.experiment.error_just_felt
+    return ladder_figure(ladder_rungs(content), content["unit"], content["noise_floor_rms"], felt)
 
 
 def pictured_effects(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Effect]:

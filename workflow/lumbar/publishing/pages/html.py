@@ -58,6 +58,11 @@ def picture(svg: str | Path, description: str) -> Markup:
     return _macros().picture(_coded(svg), description)
 
 
+def code(text: str) -> Markup:
+    """Lines of a program."""
+    return _macros().code(text)
+
+
 def equation(latex: str) -> Markup:
     """Equation, which scrolls where there is less room: browsers do not break it into lines."""
     return Markup(f'<span class="equation" tabindex="0">{equation_mathml(latex)}</span>')

@@ -380,6 +380,16 @@ class SpatialMotion(JoinedMotions, Remembering):
         return super().scale(kind)
 
 
+def along_axes(motion: Motion | JoinedMotions) -> list[Motion | JoinedMotions]:
+    """Motions along the axes of a motion in space, or of several that are joined; of one axis itself."""
+    if isinstance(motion, SpatialMotion):
+        return list(motion.parts)
+    parts: tuple = getattr(motion, "parts", ())
+    if parts and isinstance(parts[0], SpatialMotion):
+        return [part for one in parts for part in along_axes(one)]
+    return [motion]
+
+
 OneMotion = Motion | SpatialMotion
 """Motion of one record, along one axis or several."""
 _JUMP = 0.1

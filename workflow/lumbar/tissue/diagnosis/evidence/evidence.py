@@ -37,6 +37,7 @@ from lumbar.tissue.diagnosis.selection.thresholds import (
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
 from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.form import Effect, Form
+from lumbar.tissue.models.motion import along_axes
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band
 
 _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
@@ -295,13 +296,13 @@ def limitations(diagnosis: Verdict, evidence: Evidence) -> list[str]:
 
 
 def _range(experiment: Experiment) -> str:
-    motions = [item.motion for item in (experiment.training, *experiment.tests)]
+    motions = [part for item in (experiment.training, *experiment.tests) for part in along_axes(item.motion)]
     positions = np.concatenate([item.position for item in motions])
     words = {"low": positions.min(), "high": positions.max(), "unit": experiment.input_unit}
     if experiment.points:
         return _SAID["outside_points"].format(**words)
     speed = max(float(np.abs(steady_velocity(item.position, item.sampling_time)).max()) for item in motions)
-    training = experiment.training.motion
+    training = max(along_axes(experiment.training.motion), key=lambda item: float(np.var(item.position)))
     band = occupied_band(training.position, training.sampling_time)
     bottom, top = (f"{frequency:.2g}" for frequency in band)
     frequencies = f"outside {bottom} to {top} Hz" if bottom != top else f"at a frequency other than {top} Hz"

@@ -36,9 +36,7 @@ def diagnose(records: list[Record], settings: DiagnosisSettings) -> Verdict:
     """
     experiment = prepare(records, settings)
     axes = records[0].axes
-    found = in_space(settings.searched, axes)
-    usable, _ = usable_effects(found, [f"axis {axis}" for axis in axes], experiment.training.scale)
-    settings = replace(settings, catalogue=usable)
+    settings = replace(settings, catalogue=usable_in_space(settings.searched, axes, experiment))
     kinds = _kinds(settings)
     verdict = _search(experiment, settings, axes, kinds)
     if experiment.error_dwarfs_noise(verdict.model.train_rms):
@@ -79,6 +77,14 @@ def in_space(catalogue: dict[str, Effect], axes: tuple[str, ...]) -> dict[str, E
     """Effects of a catalogue that have a form in space, and those of the force sensor."""
     read = {name: effect.in_space(axes)[0] for name, effect in catalogue.items()}
     return {name: effect for name, effect in read.items() if effect is not None} | force_sensor_effects(axes)
+
+
+def usable_in_space(
+    catalogue: dict[str, Effect], axes: tuple[str, ...], experiment: Experiment
+) -> dict[str, Effect]:
+    """Those of `in_space` that the records have the channels for."""
+    found = in_space(catalogue, axes)
+    return usable_effects(found, [f"axis {axis}" for axis in axes], experiment.training.scale)[0]
 
 
 def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:

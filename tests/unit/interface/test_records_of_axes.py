@@ -1,0 +1,63 @@
+"""What verbs make of records of several axes: a page of the diagnosis that can be repeated, or words of refusal."""
+
+import re
+
+import pytest
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.study_settings import StudySettings
+from space_records import FRICTION, HEADER, TABLE, record
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    settings = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
+    return lumbar.diagnose([record(FRICTION)], settings=settings, data="made up")
+
+
+def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp_path):
+    assert diagnosis.selected == ("coulomb_friction",)
+    diagnosis.save(tmp_path)
+    page = (tmp_path / "diagnosis.html").read_text(encoding="utf-8")
+    assert diagnosis.sentences[0] in page
+    assert page.index("Stiffness and viscosity in space") < page.index("What was found, in full")
+    assert "N/mm" in page and page.count("<figure>") == 3
+    written = {path.name for path in tmp_path.iterdir()}
+    assert {"location.csv", "comparison.svg", "refined.json", "principal_axes.csv"} <= written
+
+
+def test_the_page_says_the_python_that_repeats_it(tmp_path, monkeypatch):
+    (tmp_path / "multisine.csv").write_text(HEADER + TABLE)
+    monkeypatch.chdir(tmp_path)
+    again = lumbar.diagnose(
+        lumbar.read(tmp_path / "multisine.csv"),
+        settings=StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1)),
+    )
+    [program] = re.findall(r"(?s)<pre[^>]*>(.*?)</pre>", again.to_html())
+    known: dict = {}
+    exec(program.replace("&#39;", "'").replace("print(", "("), known)
+    force = "coulomb_friction.coulomb_force"
+    assert known["refined"].model[force].value == pytest.approx(again.model[force].value, rel=0.01)
+    assert again.model[force].value == pytest.approx(0.4, rel=0.05)
+
+
+@pytest.mark.parametrize("verb", ["identify", "doctor", "propose"])
+def test_verbs_of_one_axis_say_which_take_several(verb):
+    with pytest.raises(InputError, match=f"multisine: {verb} takes records of one axis; compare, locate"):
+        getattr(lumbar, verb)([record(FRICTION)])
+
+
+def test_a_diagnosis_in_space_has_no_page_to_look_around_in_and_no_law(diagnosis):
+    for refused in (diagnosis.page, diagnosis.propose):
+        with pytest.raises(InputError, match="records of several axes"):
+            refused()
+
+
+def test_a_record_of_several_axes_is_no_marker_file_and_no_device(tmp_path):
+    (tmp_path / "v.csv").write_text(HEADER + TABLE)
+    with pytest.raises(InputError, match="no markers; lumbar diagnose"):
+        lumbar.inspect(tmp_path / "v.csv")
+    with pytest.raises(InputError, match="v: device takes records of one axis"):
+        lumbar.identify_device(tmp_path / "v.csv")
