@@ -38,7 +38,7 @@ def test_friction_lies_along_the_travel_and_costs_its_way(spring):
 def test_a_force_across_the_travel_does_no_work(spring):
     found = located(0.02 * SIDE, spring)
     assert found.views["travel"].numbers["across"] > 0.98
-    assert "nothing of the mean error" in found.views["travel"].sentence
+    assert "the mean along the travel is no more than" in found.views["travel"].sentence
     assert "as much, noise aside" in found.views["work"].sentence
     assert found.views["direction of travel"].share > 0.5
 

@@ -25,6 +25,8 @@ BANDS, TURNS = 6, 12
 """Cells of the sphere of directions, all of one size: bands between heights, each divided about the last axis."""
 _SECTORS = 24
 """Cells of a plane's directions."""
+ALL_BUT_NOISE = 1.05
+"""Error in noise floors below which it hardly exceeds them."""
 _RESTS = 0.1
 """Of the RMS speed, below which the direction of travel is not known."""
 _SPEEDS = 3
@@ -62,6 +64,11 @@ class SpatialResidual:
     def explainable(self) -> float:
         """Mean squared error less the noise's variance, of all axes together."""
         return max(float(np.sum(self.values**2)) / self.samples - float(np.trace(self.noise)), 0.0)
+
+    @property
+    def is_all_but_noise(self) -> bool:
+        """Whether the error hardly exceeds the noise floor."""
+        return float(np.sum(self.values**2)) / self.samples < ALL_BUT_NOISE**2 * float(np.trace(self.noise))
 
     @property
     def samples(self) -> int:
@@ -149,12 +156,13 @@ def travel_view(residual: SpatialResidual) -> View:
     speeds = np.array([residual.speed[one].mean() for one in member])
     words = residual.words(share, p_value) | {"along": percent(along), "across": percent(across)}
     seen = p_value < SIGNIFICANT and share >= _WORTH
+    told = said("travel_none" if p_value >= SIGNIFICANT else "travel_by_chance", **words)
     if seen:
         way = "more" if (mean > 0).all() else "less" if (mean < 0).all() else "mixed"
         ends = {"means": mean[[0, -1]], "speeds": speeds[[0, -1]], "meaning": said(f"resists_{way}")}
-        sentence = said("travel", **words, **ends)
-    else:
-        sentence = said("no_travel", **words)
+        told = said("travel_mean", **words, **ends)
+    split = "" if residual.is_all_but_noise else said("travel_split", **words)
+    sentence = said("travel", split=split, told=told)
     table = {"speed": speeds, "mean": mean, "deviation": np.sqrt(np.diag(covariance))}
     numbers = {"along": along, "across": across}
     return View("travel", share if seen else 0.0, p_value, sentence, table, numbers)
@@ -227,7 +235,7 @@ def direction_view(residual: SpatialResidual) -> View:
         angle = float(np.degrees(np.arccos(np.clip(vector @ way / length, -1, 1))))
         sentence = said("direction", **words, largest=length, along=in_words(way), angle=angle)
     else:
-        sentence = said("no_direction", **words)
+        sentence = said("no_direction" if p_value >= SIGNIFICANT else "direction_by_chance", **words)
     table = {"count": number, "rms": rms}
     table |= {f"mean_{axis}": vectors[:, place] for place, axis in enumerate(residual.axes)}
     return View("direction of travel", share if seen else 0.0, p_value, sentence, table)
@@ -253,16 +261,17 @@ def pointing_view(residual: SpatialResidual) -> View:
     p_value = _sphericity_p(residual, covariance)
     words = residual.words(float(shares[0]), p_value)
     pointed = sizes[order[0]] > _ALIKE * max(sizes[order[-1]], 0.0)
-    if residual.explainable > 0 and p_value < SIGNIFICANT and pointed:
+    seen = pointed and p_value < SIGNIFICANT
+    if seen:
         parts = zip(shares, vectors.T, strict=True)
         told = ", ".join(f"{percent(share)} along {in_words(vector)}" for share, vector in parts)
         sentence = said("pointing", **words, told=told)
     else:
-        sentence = said("alike" if p_value < SIGNIFICANT else "no_pointing", **words)
+        alike = not pointed and not residual.is_all_but_noise
+        sentence = said("alike" if alike else "no_pointing", **words)
     table = {"share": shares}
     table |= {f"direction_{axis}": vectors[place] for place, axis in enumerate(residual.axes)}
-    share = float(shares[0]) if p_value < SIGNIFICANT else 0.0
-    return View("direction of the error", share, p_value, sentence, table)
+    return View("direction of the error", float(shares[0]) if seen else 0.0, p_value, sentence, table)
 
 
 def _sphericity_p(residual: SpatialResidual, covariance: np.ndarray) -> float:
@@ -309,20 +318,20 @@ def work_view(residual: SpatialResidual, frame: np.ndarray | None = None) -> Vie
     missing = np.einsum("ian,an->i", weights, residual.values)
     covariance = residual.covariance(weights)
     p_value = chi_square_p(missing, covariance)
-    simulated = measured - missing
     units = (residual.unit, residual.parts[0].position_unit)
     words = residual.words(0.0, p_value) | {
         "over": "the record" if folding is None else f"a period of {folding.period:.3g} s",
         "measured": measured.sum(),
-        "simulated": simulated.sum(),
+        "difference": abs(missing.sum()),
+        "way": "more" if missing.sum() > 0 else "less",
         "work": "mJ" if units == _MILLIJOULE else "·".join(units),
         "told": "; ".join(
-            f"{one:.3g} and {other:.3g} along {name}"
-            for one, other, name in zip(measured, simulated, names, strict=True)
+            f"{one:.3g} ({less:+.2g}) along {name}"
+            for one, less, name in zip(measured, missing, names, strict=True)
         ),
     }
     sentence = said("work" if p_value < SIGNIFICANT else "no_work", **words)
-    table = {"measured": measured, "simulated": simulated, "deviation": np.sqrt(np.diag(covariance))}
+    table = {"measured": measured, "simulated": measured - missing, "deviation": np.sqrt(np.diag(covariance))}
     table |= {f"direction_{axis}": frame[place] for place, axis in enumerate(residual.axes)}
     return View("work", 0.0, p_value, sentence, table)
 

@@ -11,7 +11,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
-from lumbar.tissue.diagnosis.residuals.locate import ALL_BUT_NOISE, ResidualReport, reports_of, table_of_views
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, reports_of, table_of_views
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View, said
 from lumbar.tissue.diagnosis.spatial.location_in_space import SpatialResidual, views_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_data import axis_floors, axis_record
@@ -42,7 +42,7 @@ class SpatialReport:
         what = "space_error" if floor else "space_unknown"
         if min(view.p_value for view in self.views.values()) * len(self.views) >= SIGNIFICANT:
             what = "space_noise"
-        elif rms < ALL_BUT_NOISE * floor:
+        elif self.residual.is_all_but_noise:
             what = "space_all_but_noise"
         words = {"record": self.record.name, "unit": self.residual.unit, "floor": floor}
         return said(what, rms=rms, explainable=np.sqrt(explainable / axes), **words)
