@@ -41,6 +41,7 @@ from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare as prepare_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_reports import (
     SpatialReport,
+    in_words,
     of_axes,
     spatial_location_table,
     spatial_reports,
@@ -319,7 +320,7 @@ class OnRecords(Result):
 
     def __repr__(self) -> str:
         records = f"{len(self.in_space or self)} records"
-        axes = f" of {len(self.in_space[0].axes)} axes" if self.in_space else ""
+        axes = f" of {len(self.in_space[0].record.axes)} axes" if self.in_space else ""
         return f"<{type(self).__name__} of {self.model.name} on {records}{axes}>"
 
     def __iter__(self) -> Iterator[ResidualReport]:
@@ -399,7 +400,9 @@ class Comparisons(OnRecords):
         return comparison_page(self.simulated, self.model.name, self.data, pictures, self.in_space)
 
     def __str__(self) -> str:
-        return "\n".join([*(item.comparison.sentence for item in self.simulated), *self._finding_lines])
+        still = [line for item in self.in_space for line in item.remarks]
+        told = [item.comparison.sentence for item in self.simulated]
+        return "\n".join([*told, *still, *self._finding_lines])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -455,5 +458,5 @@ class Locations(OnRecords):
                 "\n  ".join([*item.sentences, *(axis.location.headline for axis in item.axes)])
                 for item in self.in_space
             ]
-        axes = len(self.in_space[0].axes) if self.in_space else 0
-        return "\n".join([all_records_sentence(locations, axes), *told, *self._finding_lines])
+        first = all_records_sentence(locations, in_words(self.in_space))
+        return "\n".join([first, *told, *self._finding_lines])

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.spatial.location_in_space import cells, directions
-from space_records import FRICTION, NOISE, POSITION, SAMPLES, SPEED, STEP, VELOCITY, record, white
+from space_records import FRICTION, NOISE, POSITION, SAMPLES, SPEED, STEP, TIME, VELOCITY, record, white
 
 SIDE = np.cross(VELOCITY, np.array([0.3, -0.5, 0.8]), axis=0)
 WAY = np.array([2, -1, 2]) / 3
@@ -104,3 +104,14 @@ def test_a_plane_has_a_picture_of_its_own(spring, tmp_path):
     flat.locate().save(tmp_path)
     assert (tmp_path / "location_multisine.svg").is_file()
     assert flat.locate()["multisine"].views["travel"].numbers["along"] > 0.6
+
+
+def test_an_axis_along_which_nothing_moves_is_named_and_the_others_are_compared(tmp_path):
+    still = record(FRICTION).with_values(input_z=0 * TIME, output_z=0.2 + 0 * TIME)
+    flat = lumbar.refine([still], [], base="LE")
+    compared, found = flat.compare(), flat.locate()
+    assert [item.record.name for item in compared] == ["multisine (x)", "multisine (y)"]
+    for told in (compared, found):
+        told.save(tmp_path)
+        assert "multisine: along z nothing moves, and nothing is compared." in str(told)
+    assert found["multisine"].views["travel"].numbers["along"] > 0.98

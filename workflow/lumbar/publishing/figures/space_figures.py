@@ -35,7 +35,8 @@ def comparison_in_space(report: SpatialReport, model: str) -> Figure:
         DOUBLE_COLUMN, 0.7 + 1.5 * count, nrows=count, ncols=2, sharex=True, width_ratios=(1.25, 1)
     )
     look = MODELS.get(model.split("+")[0].split()[-1], MODELS["KB"])
-    for row, item, axis in zip(axes, report.axes, report.record.axes, strict=True):
+    for row, item in zip(axes, report.axes, strict=True):
+        axis = item.record.name[-2]  # x of "multisine (x)"
         record, comparison = item.record, item.comparison
         inside = (record.time >= low - 1e-9) & (record.time <= high + 1e-9)
         time, output = record.time[inside], record.channels["output"]

@@ -13,7 +13,7 @@ from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.residuals.felt_where import located_sentences
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence
-from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
+from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport, in_words
 from lumbar.tissue.models.printing import equation_mathml
 
 PAGE = "publishing/pages/page.html.jinja"
@@ -132,6 +132,5 @@ def location_page(
             listing(sentences),
             figure(pictures[name], caption),
         ]
-    axes = len(in_space[0].axes) if in_space else 0
-    told = paragraph(all_records_sentence([item.location for item in simulated], axes), "headline")
-    return document(f"Where the {model} model fails", data, [told, *blocks])
+    told = all_records_sentence([item.location for item in simulated], in_words(in_space))
+    return document(f"Where the {model} model fails", data, [paragraph(told, "headline"), *blocks])

@@ -236,16 +236,14 @@ class ResidualReport:
     """What hands can tell."""
 
 
-def all_records_sentence(locations: Sequence[Location], axes: int = 0) -> str:
+def all_records_sentence(locations: Sequence[Location], where: str = "") -> str:
     """Say of all records that were looked at together what their error comes from, as far as that is told from the rest.
 
-    Locations of records of several axes are those of every axis.
+    `where` are other words for all records.
     """
     if all(item.is_noise or item.is_all_but_noise for item in locations):
         return "All records: what is left is noise, or all but noise."
-    records = len(locations) // (axes or 1)
-    where = f"All {records} records" if records > 1 else "This record"
-    where += f" of {axes} axes, axis by axis" if axes else ""
+    where = where or (f"All {len(locations)} records" if len(locations) > 1 else "This record")
     return causes_sentence(locations[0].causes, where, locations[0].residual.base_words)
 
 

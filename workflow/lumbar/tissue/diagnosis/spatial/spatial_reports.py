@@ -11,7 +11,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, reports_of, table_of_views
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, reports_of, residual_of, table_of_views
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View, said
 from lumbar.tissue.diagnosis.spatial.location_in_space import SpatialResidual, views_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_data import axis_floors, axis_record
@@ -28,7 +28,7 @@ class SpatialReport:
     values: np.ndarray
     """Shape (axes, samples): free run."""
     axes: list[ResidualReport]
-    """Along every axis; the record's name has the axis behind it."""
+    """Along every axis that does not rest; the record's name has the axis behind it."""
     residual: SpatialResidual
     views: dict[str, View]
     """In space."""
@@ -36,7 +36,7 @@ class SpatialReport:
     @property
     def headline(self) -> str:
         """The main finding in one sentence; errors are those of an axis, root mean square over all of them."""
-        axes, explainable = len(self.axes), self.residual.explainable
+        axes, explainable = len(self.record.axes), self.residual.explainable
         rms = np.sqrt(np.mean(self.residual.values**2))
         floor = np.sqrt(np.trace(self.residual.noise) / axes)
         what = "space_error" if floor else "space_unknown"
@@ -50,7 +50,14 @@ class SpatialReport:
     @property
     def sentences(self) -> list[str]:
         """What is seen in space."""
-        return [self.headline, *(view.sentence for view in self.views.values())]
+        return [self.headline, *(view.sentence for view in self.views.values()), *self.remarks]
+
+    @property
+    def remarks(self) -> list[str]:
+        """Axes that rest, along which nothing is compared."""
+        found = {item.record.name for item in self.axes}
+        still = [axis for axis in self.record.axes if axis_record(self.record, axis).name not in found]
+        return [said("rests", record=self.record.name, axes=" and ".join(still))] if still else []
 
 
 def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> list[SpatialReport]:
@@ -87,11 +94,14 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
         for axis, values, own in zip(axes, force, alone, strict=True)
     ]
     correlation = _noise_correlation(first, floors)
-    found = reports_of(simulated, seed)
-    grouped = [found[place : place + len(axes)] for place in range(0, len(found), len(axes))]
+    found = {
+        item.record.name: item for item in reports_of([one for one in simulated if _moves(one[0])], seed)
+    }
     made = []
-    for record, values, reports in zip(records, forces, grouped, strict=True):
-        parts = tuple(item.location.residual for item in reports)
+    for record, values in zip(records, forces, strict=True):
+        own = [one for one in simulated if one[0].name in [axis_record(record, axis).name for axis in axes]]
+        parts = tuple(residual_of(*one) for one in own)
+        reports = [found[one.name] for one, *_ in own if one.name in found]
         force = record.stacked("output")[:, -len(parts[0].values) :]
         residual = SpatialResidual(axes, parts, force, correlation)
         made.append(SpatialReport(record, values, reports, residual, views_in_space(residual, frame)))
@@ -104,8 +114,21 @@ def _noise_correlation(record: Record, floors: Sequence[NoiseFloor | None]) -> n
         return np.eye(len(floors))
     folding = fold_periods(record.widest, floors[0].period)
     changes = np.stack([np.diff(folding.fold(values), axis=0).ravel() for values in record.stacked("output")])
-    found = np.corrcoef(changes)
-    return found if np.isfinite(found).all() else np.eye(len(floors))
+    covariance = np.cov(changes)
+    sizes = np.sqrt(np.diag(covariance))
+    return np.where(np.eye(len(sizes)), 1.0, covariance / np.maximum(np.outer(sizes, sizes), 1e-300))
+
+
+def _moves(record: Record) -> bool:
+    return np.ptp(record["input"]) > 0 and np.ptp(record["output"]) > 0
+
+
+def in_words(reports: Sequence[SpatialReport]) -> str:
+    """What records these are, at the beginning of a sentence; empty without any."""
+    if not reports:
+        return ""
+    records = f"All {len(reports)} records" if len(reports) > 1 else "This record"
+    return f"{records} of {len(reports[0].record.axes)} axes, axis by axis"
 
 
 def of_axes(reports: Sequence[SpatialReport]) -> list[ResidualReport]:
