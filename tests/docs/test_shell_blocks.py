@@ -40,7 +40,7 @@ cp ~/.ssh/id_ed25519.pub .""",
     "docs/tissue/tutorial.md": "ln -s ../shared/real/friction_damper/*.csv.gz .",
 }
 """What makes the things that the readers of single pages have."""
-QUOTING = {f"docs/tissue/{name}.md" for name in ("haptic_runtime", "pendulum_moment", "tutorial")}
+QUOTING = {f"docs/tissue/{name}.md" for name in ("haptic_runtime", "pendulum_moment", "space", "tutorial")}
 """Pages whose other blocks hold what their commands print, or sentences of the diagnosis."""
 REFUSED = {"lumbar import counts.csv --dry-run\n"}
 """Blocks that show a refusal."""
