@@ -46,6 +46,10 @@ def read_bvh(path: str | os.PathLike) -> MarkerFile:
     interval, values = _motion(path, lines, begins + 1, sum(len(joint.channels) for joint in joints))
     notes = ["positions are joints of a skeleton that a program fitted, not markers on the skin"]
     points = _positions(path, joints, values, notes)
+    same = [at for at, joint in enumerate(joints) if at and (points[:, at] == points[:, joint.parent]).all()]
+    if same:
+        shown = ", ".join(f"{joints[at].name} ({joints[joints[at].parent].name})" for at in same)
+        notes.append(f"segments of no length: where the joint before them is, lie {shown}")
     file = split_points(
         source=str(path),
         time=np.arange(len(values)) * interval,

@@ -33,7 +33,9 @@ from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.records.unpacking import ending_of, read_readable, stem_of
 from lumbar.settings.layout import MarkerLayout
 
-Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
+Screen = Callable[
+    [dict[str, np.ndarray], np.ndarray, float, bool], tuple[dict[str, np.ndarray], dict[str, str]]
+]
 Mend = Callable[[dict[str, np.ndarray], np.ndarray], dict[str, np.ndarray]]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {unit: unit for unit in METRES} | dict.fromkeys(("meter", "meters", "metres"), "m")
@@ -118,8 +120,9 @@ def read_markers(
         Takes all markers by their labels in the file (metres, standard axes) and the time, and returns them mended:
         before rules derive further points from them.
     screen : callable, optional
-        Given the measured markers of the file, by label, in metres and standard axes, with time and rate, returns those
-        to go on with, NaN where they are not to be used, and why: `lumbar.lifting.quality.screening` makes one.
+        Given the measured markers of the file, by label, in metres and standard axes, with time, rate and whether they are joints
+        of a skeleton, returns those to go on with, NaN where they are not to be used, and why: one is made by
+        `lumbar.lifting.quality.screening`.
 
     Raises
     ------
@@ -147,7 +150,7 @@ def read_markers(
     for values in (*points.values(), *model_points.values()):
         values[:] = values[:, order] * factors
     if screen is not None:
-        points, left_out = screen(points, file.time, file.rate)
+        points, left_out = screen(points, file.time, file.rate, file.joints)
         points = {label: values for label, values in points.items() if not np.isnan(values).all()}
         file = replace(file, dropped=file.dropped | left_out)
     _check_spread(points, file)

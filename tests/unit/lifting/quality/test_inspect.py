@@ -214,8 +214,8 @@ def test_an_exchange_inside_rules_is_mended_through_the_reader(shared):
     }
     screening = Screening(1.75, aliases)
 
-    def screen(points, time, rate):
-        return screening(exchanged(points, "T1", "T10", slice(None)), time, rate)
+    def screen(points, *clock):
+        return screening(exchanged(points, "T1", "T10", slice(None)), *clock)
 
     mended = read_markers(path, replace(layout, aliases=aliases), screen=screen)
     assert screening.findings == []

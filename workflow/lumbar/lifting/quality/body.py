@@ -349,7 +349,7 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
     """
     measured: dict[str, np.ndarray] = {}
 
-    def kept(points: dict[str, np.ndarray], time: np.ndarray, rate: float):
+    def kept(points: dict[str, np.ndarray], *_):
         measured.update(points)
         return points, {}
 

@@ -56,6 +56,7 @@ def examine(
     rate: float,
     height_m: float | None = None,
     meant: dict[str, str] | None = None,
+    joints: bool = False,
 ) -> list[Finding]:
     """Find what in a recording cannot be a body that moves, by marker and time.
 
@@ -71,6 +72,8 @@ def examine(
         Stature of the person; without it any from 0.6 to 2.6 m is accepted.
     meant : dict of str to str, optional
         Landmark to label, where labels mean something else than usual.
+    joints : bool
+        Whether points are joints of a skeleton, which coincide where a segment has no length.
     """
     if not points:
         return []
@@ -79,7 +82,8 @@ def examine(
     if wrong:
         return wrong
     findings, stepping = held_samples(points, legend)
-    for check in (beyond_laboratory, frozen_stretches, clipped_stretches, copied_stretches):
+    alone = (beyond_laboratory, frozen_stretches, clipped_stretches)
+    for check in alone if joints else (*alone, copied_stretches):
         found = check(points, legend)
         findings += found
         points = mask_findings(points, found)

@@ -43,12 +43,12 @@ class Screening:
     """What could not be compared with a body, with the reason."""
 
     def __call__(
-        self, points: dict[str, np.ndarray], time: np.ndarray, rate: float
+        self, points: dict[str, np.ndarray], time: np.ndarray, rate: float, joints: bool = False
     ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
         """Return the points without what the findings leave out, and why a marker is left out altogether."""
         meant = meant_labels(self.aliases, points)
         meant = meant_in_rules(self.aliases, points, meant) | meant
-        self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
+        self.points, self.findings = points, examine(points, time, rate, self.height_m, meant, joints)
         self.unchecked = unchecked_properties(points, time, rate, self.height_m, meant, self.findings)
         if self.refuse:
             self.raise_errors()
