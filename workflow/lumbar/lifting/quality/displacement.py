@@ -265,15 +265,16 @@ def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[t
     labels = list(points)
     every = max(1, round(_AT.moving_s * rate / 8))
     lag = max(1, round(_AT.moving_s * rate / every))
-    sample = np.stack([points[label][::every] for label in labels])
-    with np.errstate(invalid="ignore"):
-        moving = np.linalg.norm(sample[:, lag:] - sample[:, :-lag], axis=2) > _AT.moving_m
     spreads = np.full((len(labels), len(labels)), np.nan)
-    for index in range(len(labels)):
-        frames = np.flatnonzero(moving[index])
+    for index, label in enumerate(labels):
+        places = points[label][::every]
+        with np.errstate(invalid="ignore"):
+            frames = np.flatnonzero(np.linalg.norm(places[lag:] - places[:-lag], axis=1) > _AT.moving_m)
         if len(frames) * every >= _AT.moving_s * rate:
             chosen = frames[np.linspace(0, len(frames) - 1, min(len(frames), _AT.samples)).astype(int)]
-            spread, middle = _spread_from(sample[:, chosen], index)
+            spread, middle = _spread_from(
+                np.stack([points[other][chosen * every] for other in labels]), index
+            )
             spreads[:, index] = np.where(middle > _AT.apart_m, spread, np.nan)
     spreads = np.maximum(spreads, spreads.T)
     return {
@@ -328,7 +329,7 @@ def off_its_part(points: dict[str, np.ndarray], rate: float) -> list[tuple[str, 
 def _change_of_length(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     distance = np.linalg.norm(one - other, axis=1)
     # The median of what is seen: NumPy's own without NaN takes twice as long.
-    return distance - np.median(distance[np.isfinite(distance)])
+    return (distance - np.median(distance[np.isfinite(distance)])).astype(np.float32)
 
 
 def _stretches_off(

@@ -268,16 +268,18 @@ def _way(points: dict[str, np.ndarray]) -> float:
 
 def _cycles_per_frame(points: dict[str, np.ndarray], width: int) -> float:
     """Root mean square of the second over that of the first differences, both smoothed, over 2 pi."""
-    first, second = [], []
+    sums, counts = np.zeros(2), np.zeros(2)
     for positions in points.values():
         speed = _moving_mean(np.diff(positions, axis=0), width)
         change = _moving_mean(np.diff(speed, axis=0), width)
-        first.append(speed[np.isfinite(speed)] ** 2)
-        second.append(change[np.isfinite(change)] ** 2)
-    speeds, changes = np.concatenate(first), np.concatenate(second)
-    if not speeds.size or not changes.size or not speeds.any():
+        for order, values in enumerate((speed, change)):
+            known = values[np.isfinite(values)]
+            sums[order] += (known**2).sum()
+            counts[order] += len(known)
+    if not counts.all() or not sums[0]:
         return np.nan
-    return float(np.sqrt(changes.mean() / speeds.mean()) / (2 * np.pi))
+    speeds, changes = sums / counts
+    return float(np.sqrt(changes / speeds) / (2 * np.pi))
 
 
 def _moving_mean(values: np.ndarray, width: int) -> np.ndarray:
