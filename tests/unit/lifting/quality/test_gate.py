@@ -328,6 +328,16 @@ def test_of_a_jump_the_part_that_is_no_body_is_left_out_also_where_it_is_the_lon
     assert (finding.kind, finding.markers, finding.frames) == ("jump", (label,), wrong)
 
 
+def test_of_a_jump_that_most_frames_alone_tell_it_is_said(recordings):
+    """No left and right marker is near enough to this C7."""
+    recording, _ = recordings("athlete_floor_pickup_squats/squat.c3d")
+    moved = recording.positions["C7"][:1700] + [0.06, 0.08, 0.0]
+    points = changed(recording.positions, "C7", slice(0, 1700), moved)
+    (finding,) = examine(points, recording.time, recording.rate)
+    assert finding.frames.start == 1700
+    assert "by most frames alone: the other part may be the wrong one" in finding.evidence
+
+
 @pytest.mark.parametrize(("times", "kinds"), [(1, []), (2, ["rate"]), (0.5, ["rate"]), (-1, ["backwards"])])
 @pytest.mark.parametrize("name", ["ktk_pig_com_oracle/gait.c3d", "qualisys_ior_gait/Qualisys.c3d"])
 def test_a_walk_tells_a_rate_off_by_two_and_frames_in_reverse(recordings, name, times, kinds):

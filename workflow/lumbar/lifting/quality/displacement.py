@@ -23,6 +23,10 @@ from lumbar.records.stretches import runs
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "displacement")
 
 
+ALONE = "by most frames alone"
+"""Said of a leap of which no symmetry shows the right side, and of which the shorter part is not short."""
+
+
 @dataclass(frozen=True)
 class Displacement:
     """Frames in which a marker is not where it belongs."""
@@ -149,7 +153,10 @@ def _sides(
     _, mate, distance, before, step = mates[0]
     usual = float(np.nanmedian(distance[np.abs(likeness - right) < _AT.near]))
     there = before if right else before + step
-    return likeness, right, f"there {there * 1e3:.0f} mm from {mate}, usually {usual * 1e3:.0f} mm"
+    shown = f"there {there * 1e3:.0f} mm from {mate}, usually {usual * 1e3:.0f} mm"
+    if better is None and min(near) > _AT.doubtful * sum(near):
+        shown += f" ({ALONE}: the other part may be the wrong one)"
+    return likeness, right, shown
 
 
 def _largest(values: np.ndarray) -> float:
