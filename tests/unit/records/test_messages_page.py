@@ -51,9 +51,9 @@ def plate(**change):
     )
 
 
-def shifted():
+def shifted(inserted=b"\x7e", stop=-1):
     name, content, layout = c3d()
-    return name, content[:-700] + b"\x7e" + content[-700:-1], layout
+    return name, content[:-700] + inserted + content[-700:stop], layout
 
 
 def corrupt():
@@ -72,6 +72,7 @@ FILES = {
     "POINT:LABELS:": c3d(omit=["POINT:LABELS"]),
     "the parameter section is corrupt": corrupt(),
     "no points,": c3d(points=np.zeros((40, 0, 3)), labels=[""], analog=np.zeros((40, 6))),
+    "bytes follow the last": shifted(b"inserted", None),
     "m away, first in frame": shifted(),
     "1 frame;": c3d(points=POINTS[:1]),
     "the file states no unit": table(unit="file"),

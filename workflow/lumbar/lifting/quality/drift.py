@@ -136,11 +136,9 @@ def _within(points: dict[str, np.ndarray], label: str) -> _Within | None:
     if steady and np.trace(steady.wavers) < _AT.steady_m**2:
         return steady
     near = _by(sample, frames, label, *_mates(sample, label, near=True))
-    return (
-        near
-        if near and (not steady or np.trace(near.wavers) < _AT.steadier * np.trace(steady.wavers))
-        else steady
-    )
+    if near and (not steady or np.trace(near.wavers) < _AT.steadier * np.trace(steady.wavers)):
+        return near
+    return steady
 
 
 def constant_mates(sample: dict[str, np.ndarray], label: str) -> list[str]:
