@@ -11,7 +11,7 @@ from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.haptics.held_force import felt_on_device
-from lumbar.tissue.haptics.judgement import Judgement, analyse, felt_words, judge_exported
+from lumbar.tissue.haptics.judgement import Analysis, Judgement, analyse, felt_words, judge_exported
 from lumbar.tissue.haptics.passivity import FASTEST_HZ
 from lumbar.tissue.haptics.rendered_model import REACH_MM, render_model, renderable
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
@@ -136,7 +136,7 @@ def with_device(
             f"{'In event mode' if model.feedthrough else 'However it is read'}: {judged.finding}."
         )
         if model.feedthrough:
-            late = analyse(render_model(model, device, late=True), device)
+            late = _read_late(model, device)
             sentences.append(
                 f"Read as FMI 2.0 reads, the position set after, by the analysis: {late.finding}."
             )
@@ -146,6 +146,14 @@ def with_device(
         told.append(replace(model, on_device=tuple(sentences)))
     _tell(unsafe, device)
     return told
+
+
+def _read_late(model: ExportModel, device: DeviceSettings) -> Analysis:
+    if model.axes:
+        from lumbar.tissue.haptics.in_space import analyse_in_space
+
+        return analyse_in_space(model, device, late=True)
+    return analyse(render_model(model, device, late=True), device)
 
 
 def _tell(unsafe: list[Judgement], device: DeviceSettings) -> None:

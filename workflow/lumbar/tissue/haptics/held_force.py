@@ -53,7 +53,7 @@ def felt_on_device(
 
     Against the same model at `FINEST_HZ` with none of them; None where it has no counterpart there, or its output is no force.
     """
-    if fitted is None:
+    if fitted is None or model.axes:
         return None
     plain = replace(fitted, name=fitted.name.removesuffix(AS_IN_THESIS))
     prompt = replace(

@@ -78,6 +78,8 @@ class Analysis:
     reach: tuple[float, float] | None = None
     beside: str = ""
     """`reach`, `beside`: as of `RenderedModel`."""
+    directions: str = ""
+    """Along several axes: which directions decide, in words."""
 
     @property
     def passive(self) -> bool:
@@ -128,7 +130,11 @@ class Analysis:
 
     @property
     def numbers(self) -> str:
-        """A few words on damping and gain."""
+        """A few words on damping and gain, and along several axes where they are so."""
+        return "; ".join(filter(None, (self._numbers, self.directions)))
+
+    @property
+    def _numbers(self) -> str:
         least, most = ("at least ", "at most ") if self.timings else ("", "")
         needs = f"it needs {least}{self.damping:.3g} N·s/m to be passive"
         if np.isinf(self.damping):
@@ -316,6 +322,10 @@ def judge_exported(
 
     `fitted` is what it was exported from: intervals of its parameters count. `file` is its FMU, where there is one.
     """
+    if exported.axes:
+        from lumbar.tissue.haptics.in_space import judge_in_space
+
+        return judge_in_space(exported, settings, fitted, file)
     device = settings.device
     meets = render_model(exported, device)
     hands = stable_share(meets, exported.moving_average, fitted, device)

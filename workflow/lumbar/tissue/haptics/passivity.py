@@ -33,6 +33,13 @@ _REFINED, _FEWEST = 101, 12
 
 def damping_at(model: SampledModel | PeriodicModel, angles: np.ndarray) -> np.ndarray:
     """Damping in N·s/m that the condition asks for at every angle θ in (0, π] over a period; shape (angles,)."""
+    moves, seconds = by_moves(model, angles)
+    weighted = np.sqrt(np.outer(seconds, seconds)) * (moves + moves.conj().swapaxes(1, 2))
+    return -np.linalg.eigvalsh(weighted)[:, 0] / 2.0
+
+
+def by_moves(model: SampledModel | PeriodicModel, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """F of every angle, (angles, pieces, pieces), and the seconds of the pieces of a period in which one force acts."""
     model = in_ticks(model)
     ticks = len(model.intervals)
     pieces = [(tick, age, seconds) for tick, parts in enumerate(model.acting) for age, seconds in parts]
@@ -41,9 +48,7 @@ def damping_at(model: SampledModel | PeriodicModel, angles: np.ndarray) -> np.nd
     periods, shown = np.divmod(tick - age, ticks)
     forces = model.response(angles)[:, shown] * ahead ** periods[:, None]
     # The position of a tick is the sum of all moves before it.
-    by_moves = forces @ ((tick < np.arange(ticks)[:, None]) + 1.0 / (ahead - 1.0))
-    weighted = np.sqrt(np.outer(seconds, seconds)) * (by_moves + by_moves.conj().swapaxes(1, 2))
-    return -np.linalg.eigvalsh(weighted)[:, 0] / 2.0
+    return forces @ ((tick < np.arange(ticks)[:, None]) + 1.0 / (ahead - 1.0)), seconds
 
 
 def required_damping(model: SampledModel | PeriodicModel, points: int = 2000) -> float:

@@ -270,7 +270,7 @@ def simulate(
                 points.append((time, position, acting))
                 xx, xv, vx, vv, x_by_force, v_by_force = motion(part)
                 # The hand moves slowly against a part of at most a millisecond: it is held over it.
-                net = _hand_force(device, time + part / 2, push_mm) - acting
+                net = hand_force(device, time + part / 2, push_mm) - acting
                 # Dry friction is what stops the stylus by the end of the part, where it can be (J. J. Moreau, 1988): then it
                 # sticks, else it slides all along. It is late by a part where the motion turns.
                 stopping = net + (vx * position + vv * velocity) / v_by_force
@@ -290,8 +290,8 @@ def _split(length: float) -> list[float]:
     return [round(length / count, 12)] * count
 
 
-def _hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
-    """What the moving rest position of the hand adds to the forces, in N."""
+def hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
+    """What the moving rest position of the hand adds to the forces, in N along the push."""
     phase = math.pi * min(time / PUSH_S, 1.0)
     position, velocity = (1.0 - math.cos(phase)) / 2.0, math.pi / PUSH_S * math.sin(phase) / 2.0
     return 1e-3 * push_mm * (device.hand_stiffness_N_m * position + device.hand_damping_N_s_m * velocity)
