@@ -9,6 +9,11 @@ using Lumbar;
 
 static class PlayFmu
 {
+    static string Written(params double[] values)
+    {
+        return string.Join(" ", Array.ConvertAll(values, value => value.ToString("G17", CultureInfo.InvariantCulture)));
+    }
+
     static int Main(string[] arguments)
     {
         if (arguments.Length < 2)
@@ -31,10 +36,11 @@ static class PlayFmu
                 {
                     var cells = rows[row].Split(',');
                     var time = double.Parse(cells[0], CultureInfo.InvariantCulture);
-                    var position = double.Parse(cells[1], CultureInfo.InvariantCulture);
-                    var force = tissue.Step(time, position);
-                    Console.WriteLine(string.Format(
-                        CultureInfo.InvariantCulture, "{0:G17},{1:G17},{2:G17}", time, position, force));
+                    var position = Array.ConvertAll(
+                        cells[1].Split(' '), text => double.Parse(text, CultureInfo.InvariantCulture));
+                    var force = new double[position.Length];
+                    tissue.Step(time, position, force);
+                    Console.WriteLine(string.Join(",", new[] { Written(time), Written(position), Written(force) }));
                 }
             }
         }

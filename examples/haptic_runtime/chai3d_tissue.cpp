@@ -4,7 +4,7 @@
 //   ./chai3d_tissue KB                     the folder of an unzipped KB_fmi3.fmu
 //
 // It runs until the device's first button is pressed. CHAI3D has metres and newtons and z up; the model has mm, and a growing
-// position is a push.
+// position is a push. The axes x, y and z of a model of three are the device's.
 #include <iostream>
 
 #include "chai3d.h"
@@ -18,10 +18,19 @@ static void press(chai3d::cGenericHapticDevicePtr device, lumbar::TissueForce &t
     bool button = false;
     clock.start(true);
     while (!button && device->getPosition(position)) {
-        const double depth = -position.z() * MILLIMETRES_PER_METRE;
-        const double force = tissue.step(clock.getCurrentTimeSeconds(), depth);
-        // The model's positive force resists the push: on the tip it points out of the tissue.
-        device->setForce(chai3d::cVector3d(0.0, 0.0, force));
+        const double time = clock.getCurrentTimeSeconds();
+        if (tissue.axes() == 3) {
+            const chai3d::cVector3d moved = position * MILLIMETRES_PER_METRE;
+            const double at[] = {moved.x(), moved.y(), moved.z()};
+            double force[3];
+            tissue.step(time, at, force);
+            // The model's force resists the motion: on the tip it acts against it.
+            device->setForce(chai3d::cVector3d(-force[0], -force[1], -force[2]));
+        } else {
+            const double force = tissue.step(time, -position.z() * MILLIMETRES_PER_METRE);
+            // The model's positive force resists the push: on the tip it points out of the tissue.
+            device->setForce(chai3d::cVector3d(0.0, 0.0, force));
+        }
         device->getUserSwitch(0, button);
     }
 }

@@ -5,7 +5,7 @@
  *   ./play_fmu KB KB/resources/reference_input.csv
  *   ./play_fmu KB recording.csv gain=0.5 force_limit=5           parameters of the FMU
  *
- * The file has a head and rows "time,position", times in seconds at any rate. `main` below is the loop of a haptic device, with
+ * The file has a head and rows "time,position", times in seconds at any rate; positions of several axes with spaces between. `main` below is the loop of a haptic device, with
  * a file in place of the device.
  */
 #include "tissue_force.h"
@@ -22,13 +22,18 @@ static void logged(void *context, const char *text) {
 
 static int play(tissue_force *tissue, FILE *positions) {
     char row[256];
-    double time, position, force;
+    double time, position[TISSUE_FORCE_AXES], force[TISSUE_FORCE_AXES];
     if (!fgets(row, sizeof row, positions)) return stop("the file of positions is empty", "");
     puts("time,position,force");
     while (fgets(row, sizeof row, positions)) {
-        if (sscanf(row, "%lf,%lf", &time, &position) != 2) return stop("not a row of time and position: ", row);
-        if (!tissue_force_step(tissue, time, position, &force)) return stop(tissue->error, "");
-        printf("%.17g,%.17g,%.17g\n", time, position, force);
+        if (sscanf(row, "%lf,%lf %lf %lf", &time, position, position + 1, position + 2) != 1 + tissue->axes) {
+            return stop("not a row of time and position: ", row);
+        }
+        if (!tissue_force_step_along(tissue, time, position, force)) return stop(tissue->error, "");
+        printf("%.17g", time);
+        for (int i = 0; i < tissue->axes; ++i) printf("%c%.17g", i ? ' ' : ',', position[i]);
+        for (int i = 0; i < tissue->axes; ++i) printf("%c%.17g", i ? ' ' : ',', force[i]);
+        putchar('\n');
     }
     return 0;
 }

@@ -10,9 +10,9 @@ import { TissueForce } from "../../workflow/lumbar/tissue/fmu/tissue_force.mjs";
 
 function rows(text) {
     return text.trimEnd().split(/\r?\n/).slice(1).map((row) => {
-        const [time, position, ...more] = row.split(",").map(Number);
+        const [time, position, ...more] = row.split(",").map((cell) => cell.split(" ").map(Number));
         if (position === undefined || more.length) throw new Error(`not a row of time and position: ${row}`);
-        return [time, position];
+        return [time[0], position.length === 1 ? position[0] : position];
     });
 }
 
@@ -29,7 +29,7 @@ try {
         tissue.set(name, Number(value));
     }
     const lines = ["time,position,force"];
-    for (const [time, position] of rows(readFileSync(positions, "utf8"))) lines.push([time, position, tissue.step(time, position)].join(","));
+    for (const [time, position] of rows(readFileSync(positions, "utf8"))) lines.push([time, position, tissue.step(time, position)].map((value) => [value].flat().join(" ")).join(","));
     console.log(lines.join("\n"));
 } catch (error) {
     console.error(`play_fmu: ${error.message}`);

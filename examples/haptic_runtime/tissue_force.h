@@ -5,6 +5,8 @@
  *   if (!tissue_force_step(&tissue, seconds, millimetres, &newtons)) fail(tissue.error);     on the device's thread
  *   tissue_force_close(&tissue);
  *
+ * A model of several axes takes and gives `tissue.axes` numbers: tissue_force_step_along(&tissue, seconds, millimetres, newtons).
+ *
  * The FMU samples the position by its own clock. Give each step the time that has passed on yours: a faster loop feels each
  * force held until the next sample, for a slower one positions in between are taken from a straight line. Nothing is
  * allocated, printed or waited for in a step. Units and direction are those of modelDescription.xml: for a tissue mm and N, a
@@ -49,6 +51,7 @@
 #endif
 
 #define TISSUE_FORCE_VARIABLES 32
+#define TISSUE_FORCE_AXES 3 /* at most */
 #define TISSUE_FORCE_TEXT 4608
 
 /* Receives warnings and errors of the FMU as plain text. */
@@ -57,13 +60,15 @@ typedef void tissue_force_log(void *context, const char *text);
 typedef struct {
     char name[64];
     uint32_t reference; /* FMI's value reference */
+    int size;           /* values: one, or one for every axis */
     bool is_set;        /* by tissue_force_set: a reset must not undo a lowered limit */
-    double value;
+    double values[TISSUE_FORCE_AXES];
 } tissue_force_variable;
 
 typedef struct {
     /* What the FMU says of itself. */
     double sampling_time;       /* s */
+    int axes;                   /* numbers that are a position, and a force */
     int resisting_sign;         /* of the force that resists a growing position: 1, or -1 for an inverted model */
     bool range_known;           /* of the motion that the model was fitted to, in the position's unit: */
     double lowest, highest;     /* positions */
@@ -79,7 +84,7 @@ typedef struct {
     tissue_force_log *log;
     void *log_context;
     bool begun;
-    double start, last_time, last_position;
+    double start, last_time, last_position[TISSUE_FORCE_AXES];
     int64_t samples;
     int (*enter_initialization)(void *, bool, double, double, bool, double);
     int (*exit_initialization)(void *);
@@ -148,6 +153,14 @@ static inline bool tissue_force_told(const char *annotation, const char *name, d
     return found != NULL;
 }
 
+/* Values of a variable: those of its dimension, where it has one. */
+static inline int tissue_force_size(const char *element) {
+    char text[16];
+    const char *end = strchr(element, '>'), *dimension = end ? strstr(end, "<Dimension ") : NULL;
+    if (!end || end[-1] == '/' || !dimension || dimension > strstr(end, "</Float64>")) return 1;
+    return tissue_force_attribute(dimension, "start", text, sizeof text) ? atoi(text) : 0;
+}
+
 static inline void tissue_force_read_variables(tissue_force *tissue, const char *description) {
     char text[64];
     tissue->input = tissue->output = -1;
@@ -157,6 +170,8 @@ static inline void tissue_force_read_variables(tissue_force *tissue, const char 
         if (!tissue_force_attribute(at, "name", variable->name, sizeof variable->name)) continue;
         if (!tissue_force_attribute(at, "valueReference", text, sizeof text)) continue;
         variable->reference = (uint32_t)strtoul(text, NULL, 10);
+        variable->size = tissue_force_size(at);
+        if (variable->size < 1 || variable->size > TISSUE_FORCE_AXES) continue;
         if (!tissue_force_attribute(at, "causality", text, sizeof text)) continue;
         if (!strcmp(text, "input") && tissue->input < 0) tissue->input = tissue->count;
         if (!strcmp(text, "output") && tissue->output < 0) tissue->output = tissue->count;
@@ -182,6 +197,10 @@ static inline bool tissue_force_describe(tissue_force *tissue, const char *descr
     if (!(tissue->sampling_time > 0.0)) return tissue_force_failed(tissue, "fixedInternalStepSize is not above 0", "");
     tissue_force_read_variables(tissue, description);
     if (tissue->input < 0 || tissue->output < 0) return tissue_force_failed(tissue, "no input or no output is described", "");
+    tissue->axes = tissue->variables[tissue->input].size;
+    if (tissue->variables[tissue->output].size != tissue->axes) {
+        return tissue_force_failed(tissue, "position and force are not along the same axes", "");
+    }
     const char *annotation = strstr(description, "<Annotation type=\"lumbar\">");
     double sign = 1.0;
     tissue_force_told(annotation, "resisting_sign", &sign);
@@ -298,28 +317,47 @@ static inline bool tissue_force_open(tissue_force *tissue, const char *folder, t
     return false;
 }
 
-/* Set a parameter, such as "gain", "force_limit", "force_offset" or "position_offset"; it stays through resets. */
-static inline bool tissue_force_set(tissue_force *tissue, const char *name, double value) {
+static inline tissue_force_variable *tissue_force_named(tissue_force *tissue, const char *name) {
     for (int i = 0; i < tissue->count; ++i) {
-        tissue_force_variable *variable = &tissue->variables[i];
-        if (strcmp(variable->name, name) != 0 || i == tissue->input || i == tissue->output) continue;
-        if (tissue->set(tissue->instance, &variable->reference, 1, &value, 1) > 0) {
-            return tissue_force_failed(tissue, "modelDescription.xml does not allow this value of ", name);
-        }
-        variable->is_set = true;
-        variable->value = value;
-        return true;
+        if (!strcmp(tissue->variables[i].name, name)) return &tissue->variables[i];
     }
-    return tissue_force_failed(tissue, "the FMU has no parameter ", name);
+    return NULL;
 }
 
-/* Value of any variable. */
-static inline bool tissue_force_get(tissue_force *tissue, const char *name, double *value) {
-    for (int i = 0; i < tissue->count; ++i) {
-        if (strcmp(tissue->variables[i].name, name) != 0) continue;
-        if (tissue->get(tissue->instance, &tissue->variables[i].reference, 1, value, 1) <= 1) return true;
+/* Set a parameter that has a value for every axis, such as "force_offset" or "position_offset" in space; as the next function. */
+static inline bool tissue_force_set_along(tissue_force *tissue, const char *name, const double values[]) {
+    tissue_force_variable *variable = tissue_force_named(tissue, name);
+    if (!variable || variable == &tissue->variables[tissue->input] || variable == &tissue->variables[tissue->output]) {
+        return tissue_force_failed(tissue, "the FMU has no parameter ", name);
     }
+    if (tissue->set(tissue->instance, &variable->reference, 1, values, (size_t)variable->size) > 0) {
+        return tissue_force_failed(tissue, "modelDescription.xml does not allow this value of ", name);
+    }
+    variable->is_set = true;
+    memcpy(variable->values, values, (size_t)variable->size * sizeof *values);
+    return true;
+}
+
+/* Set a parameter, such as "gain", "force_limit", "force_offset" or "position_offset"; it stays through resets. One with a value for
+ * every axis gets this along each. */
+static inline bool tissue_force_set(tissue_force *tissue, const char *name, double value) {
+    const double values[TISSUE_FORCE_AXES] = {value, value, value};
+    return tissue_force_set_along(tissue, name, values);
+}
+
+/* Values of any variable, one or one for every axis. */
+static inline bool tissue_force_get_along(tissue_force *tissue, const char *name, double values[]) {
+    tissue_force_variable *found = tissue_force_named(tissue, name);
+    if (found && tissue->get(tissue->instance, &found->reference, 1, values, (size_t)found->size) <= 1) return true;
     return tissue_force_failed(tissue, "the FMU has no variable ", name);
+}
+
+/* Value of any variable; the first of one with a value for every axis. */
+static inline bool tissue_force_get(tissue_force *tissue, const char *name, double *value) {
+    double values[TISSUE_FORCE_AXES];
+    if (!tissue_force_get_along(tissue, name, values)) return false;
+    *value = values[0];
+    return true;
 }
 
 /* Begin anew, at rest, with the next step; parameters that were set stay. */
@@ -328,7 +366,7 @@ static inline bool tissue_force_reset(tissue_force *tissue) {
     if (!tissue_force_initialized(tissue)) return false;
     for (int i = 0; i < tissue->count; ++i) {
         tissue_force_variable *variable = &tissue->variables[i];
-        if (variable->is_set && tissue->set(tissue->instance, &variable->reference, 1, &variable->value, 1) > 0) {
+        if (variable->is_set && tissue->set(tissue->instance, &variable->reference, 1, variable->values, (size_t)variable->size) > 0) {
             return tissue_force_failed(tissue, "the FMU does not take again ", variable->name);
         }
     }
@@ -336,7 +374,7 @@ static inline bool tissue_force_reset(tissue_force *tissue) {
 }
 
 /* One sample of the FMU: position in, in Event Mode. */
-static inline bool tissue_force_sample(tissue_force *tissue, double position) {
+static inline bool tissue_force_sample(tissue_force *tissue, const double position[]) {
     bool event, ends, early, again, nominals, values, defined;
     double reached, next, step = tissue->sampling_time;
     const uint32_t *input = &tissue->variables[tissue->input].reference;
@@ -349,7 +387,7 @@ static inline bool tissue_force_sample(tissue_force *tissue, double position) {
         TISSUE_FORCE_DO(tissue->do_step(fmu, (double)(tissue->samples - 1) * step, step, true, &event, &ends, &early, &reached));
         TISSUE_FORCE_DO(tissue->enter_event(fmu));
     }
-    TISSUE_FORCE_DO(tissue->set(fmu, input, 1, &position, 1));
+    TISSUE_FORCE_DO(tissue->set(fmu, input, 1, position, (size_t)tissue->axes));
     TISSUE_FORCE_DO(tissue->update_states(fmu, &again, &ends, &nominals, &values, &defined, &next));
     TISSUE_FORCE_DO(tissue->enter_step(fmu));
 #undef TISSUE_FORCE_DO
@@ -357,16 +395,18 @@ static inline bool tissue_force_sample(tissue_force *tissue, double position) {
     return worst <= 1 || tissue_force_failed(tissue, "the FMU refused a step", "");
 }
 
-/* Force at the position measured at this time, in seconds of a clock that does not go back. False leaves `force` as it was: stop the
- * device, read `error`, and call tissue_force_reset before the next step after a pause. */
-static inline bool tissue_force_step(tissue_force *tissue, double time, double position, double *force) {
+/* Force at the position measured at this time, each along every axis, in seconds of a clock that does not go back. False leaves
+ * `force` as it was: stop the device, read `error`, and call tissue_force_reset before the next step after a pause. */
+static inline bool tissue_force_step_along(tissue_force *tissue, double time, const double position[], double force[]) {
     const double tolerance = 1e-3 * tissue->sampling_time; /* clocks are sums of many steps */
+    const size_t axes = (size_t)tissue->axes;
+    double now[TISSUE_FORCE_AXES], at[TISSUE_FORCE_AXES], *last = tissue->last_position;
     char words[96];
+    bool finite = true;
     if (!isfinite(time)) return tissue_force_failed(tissue, "the time is not finite", "");
-    if (!isfinite(position)) { /* an encoder's hiccup: the last position stays */
-        if (!tissue->begun) return tissue_force_failed(tissue, "the first position is not finite", "");
-        position = tissue->last_position;
-    }
+    for (size_t i = 0; i < axes; ++i) finite = finite && isfinite(position[i]);
+    if (!finite && !tissue->begun) return tissue_force_failed(tissue, "the first position is not finite", "");
+    memcpy(now, finite ? position : last, axes * sizeof *now); /* an encoder's hiccup: the last position stays */
     double passed = tissue->begun ? time - tissue->last_time : 0.0;
     if (passed < 0.0 || passed > tissue->longest_gap) {
         snprintf(words, sizeof words, "%g s since the last step; 0 to %g are allowed", passed, tissue->longest_gap);
@@ -375,22 +415,29 @@ static inline bool tissue_force_step(tissue_force *tissue, double time, double p
     if (!tissue->begun) {
         tissue->begun = true;
         tissue->start = tissue->last_time = time;
-        tissue->last_position = position;
+        memcpy(last, now, axes * sizeof *now);
     }
     for (;;) {
-        double instant = tissue->start + (double)tissue->samples * tissue->sampling_time, at = position;
+        double instant = tissue->start + (double)tissue->samples * tissue->sampling_time;
         if (instant > time + tolerance) break;
-        if (instant < time - tolerance) {
-            at = tissue->last_position + (instant - tissue->last_time) / passed * (position - tissue->last_position);
+        for (size_t i = 0; i < axes; ++i) {
+            at[i] = now[i];
+            if (instant < time - tolerance) at[i] = last[i] + (instant - tissue->last_time) / passed * (now[i] - last[i]);
         }
         if (!tissue_force_sample(tissue, at)) return false;
     }
     tissue->last_time = time;
-    tissue->last_position = position;
-    if (tissue->get(tissue->instance, &tissue->variables[tissue->output].reference, 1, force, 1) > 1) {
+    memcpy(last, now, axes * sizeof *now);
+    if (tissue->get(tissue->instance, &tissue->variables[tissue->output].reference, 1, force, axes) > 1) {
         return tissue_force_failed(tissue, "the FMU refused to tell its force", "");
     }
     return true;
+}
+
+/* The same of a model of one axis. */
+static inline bool tissue_force_step(tissue_force *tissue, double time, double position, double *force) {
+    if (tissue->axes > 1) return tissue_force_failed(tissue, "the model has several axes: take tissue_force_step_along", "");
+    return tissue_force_step_along(tissue, time, &position, force);
 }
 
 #endif

@@ -32,6 +32,11 @@ public:
         require(tissue_force_step(&tissue_, time, position, &force_));
         return force_;
     }
+    /// The same of a model of several axes: axes() numbers each.
+    void step(double time, const double position[], double force[]) {
+        require(tissue_force_step_along(&tissue_, time, position, force));
+    }
+    int axes() const { return tissue_.axes; }
     /// Begin anew, at rest; parameters that were set stay.
     void reset() { require(tissue_force_reset(&tissue_)); }
     /// Parameters by name: "gain", "force_limit", "force_offset", "position_offset" …

@@ -13,7 +13,10 @@ class cVector3d {
 public:
     cVector3d() : values{0.0, 0.0, 0.0} {}
     cVector3d(const double x, const double y, const double z) : values{x, y, z} {}
+    double x() const { return values[0]; }
+    double y() const { return values[1]; }
     double z() const { return values[2]; }
+    cVector3d operator*(const double s) const { return cVector3d(values[0] * s, values[1] * s, values[2] * s); }
 
 private:
     double values[3];
@@ -32,11 +35,12 @@ public:
     }
     bool calibrate(bool a_forceCalibration = false) { return !a_forceCalibration; }
     bool getPosition(cVector3d &a_position) {
-        a_position = cVector3d(0.0, 0.0, -0.002 * std::sin(0.01 * calls++));
+        a_position = cVector3d(0.001 * std::sin(0.02 * calls), 0.0, -0.002 * std::sin(0.01 * calls));
+        ++calls;
         return true;
     }
     bool setForce(const cVector3d &a_force) {
-        std::printf("%.17g\n", a_force.z());
+        std::printf("%.17g %.17g %.17g\n", a_force.x(), a_force.y(), a_force.z());
         return true;
     }
     bool getUserSwitch(int a_switchIndex, bool &a_status) {

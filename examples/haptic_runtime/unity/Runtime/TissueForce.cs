@@ -4,6 +4,8 @@
 //   double force = tissue.Step(seconds, millimetres);  on the device's thread
 //   tissue.Dispose();                                  frees the FMU and its library
 //
+// A model of several axes takes and gives Axes numbers: tissue.Step(seconds, position, force).
+//
 // The FMU samples the position by its own clock. Give each step the time that has passed on yours: a faster loop feels each
 // force held until the next sample, for a slower one positions in between are taken from a straight line. Step allocates
 // nothing, prints nothing and waits for nothing. Works under Mono and IL2CPP: the one callback is static and marked.
@@ -57,10 +59,12 @@ namespace Lumbar
         // Static, so that IL2CPP can compile it ahead of time, and never collected while an FMU holds it.
         static readonly LogMessage Callback = Logged;
         static readonly UIntPtr One = new UIntPtr(1);
+        const int MostAxes = 3;
 
         readonly Action<string> log;
         readonly Dictionary<string, uint> references = new Dictionary<string, uint>();
-        readonly Dictionary<string, double> parameters = new Dictionary<string, double>();
+        readonly Dictionary<string, int> sizes = new Dictionary<string, int>();
+        readonly Dictionary<string, double[]> parameters = new Dictionary<string, double[]>();
         readonly EnterInitialization enterInitialization;
         readonly Transition exitInitialization, enterEvent, enterStep, terminate, reset;
         readonly UpdateDiscreteStates update;
@@ -71,11 +75,16 @@ namespace Lumbar
         IntPtr library, instance;
         uint input, output;
         bool begun;
-        double start, lastTime, lastPosition;
+        double start, lastTime;
+        readonly double[] single = new double[1], now = new double[MostAxes], at = new double[MostAxes], last = new double[MostAxes];
+        UIntPtr axes;
         long samples;
 
         /// <summary>Seconds between the samples of the FMU; Step may be called at any other rate.</summary>
         public double SamplingTime { get; private set; }
+
+        /// <summary>Numbers that are a position, and a force.</summary>
+        public int Axes { get; private set; }
 
         /// <summary>Names and units of what goes in and comes out, such as position in mm and force in N.</summary>
         public string InputName { get; private set; }
@@ -150,14 +159,21 @@ namespace Lumbar
         /// Throws where time goes back or jumps: the device must then be stopped, and Reset called before the next step.</summary>
         public double Step(double time, double position)
         {
+            if (Axes > 1) throw new InvalidOperationException("the model has several axes: take Step(time, position, force)");
+            single[0] = position;
+            Step(time, single, single);
+            return single[0];
+        }
+
+        /// <summary>The same along every axis: position and force have Axes numbers.</summary>
+        public void Step(double time, double[] position, double[] force)
+        {
             if (instance == IntPtr.Zero) throw new ObjectDisposedException("TissueForce");
             if (double.IsNaN(time) || double.IsInfinity(time)) throw new ArgumentException("the time is not finite");
-            if (double.IsNaN(position) || double.IsInfinity(position))
-            {
-                // An encoder's hiccup: the last position stays.
-                if (!begun) throw new ArgumentException("the first position is not finite");
-                position = lastPosition;
-            }
+            var finite = true;
+            for (var i = 0; i < Axes; ++i) finite &= !(double.IsNaN(position[i]) || double.IsInfinity(position[i]));
+            if (!finite && !begun) throw new ArgumentException("the first position is not finite");
+            Array.Copy(finite ? position : last, now, Axes); // an encoder's hiccup: the last position stays
             var passed = begun ? time - lastTime : 0.0;
             if (passed < 0.0 || passed > LongestGap)
                 throw new ArgumentException(string.Format(
@@ -168,22 +184,23 @@ namespace Lumbar
             {
                 begun = true;
                 start = lastTime = time;
-                lastPosition = position;
+                Array.Copy(now, last, Axes);
             }
             var near = 1e-3 * SamplingTime; // clocks are sums of many steps
             for (;;)
             {
                 var instant = start + samples * SamplingTime;
                 if (instant > time + near) break;
-                var at = position;
-                if (instant < time - near) at = lastPosition + (instant - lastTime) / passed * (position - lastPosition);
+                for (var i = 0; i < Axes; ++i)
+                {
+                    at[i] = now[i];
+                    if (instant < time - near) at[i] = last[i] + (instant - lastTime) / passed * (now[i] - last[i]);
+                }
                 Sample(at);
             }
             lastTime = time;
-            lastPosition = position;
-            double force = 0;
-            Require(get(instance, ref output, One, ref force, One));
-            return force;
+            Array.Copy(now, last, Axes);
+            Require(get(instance, ref output, One, ref force[0], axes));
         }
 
         /// <summary>Begin anew, at rest, with the next step; parameters that were set stay.</summary>
@@ -195,21 +212,24 @@ namespace Lumbar
             foreach (var parameter in parameters) Assign(parameter.Key, parameter.Value);
         }
 
-        /// <summary>Set a parameter by its name in modelDescription.xml.</summary>
-        public void Set(string name, double value)
+        /// <summary>Set a parameter by its name in modelDescription.xml; one with a value for every axis gets a single one along
+        /// each.</summary>
+        public void Set(string name, params double[] values)
         {
-            Assign(name, value);
-            parameters[name] = value;
+            var given = new double[MostAxes];
+            for (var i = 0; i < MostAxes; ++i) given[i] = values[Math.Min(i, values.Length - 1)];
+            Assign(name, given);
+            parameters[name] = given;
         }
 
-        /// <summary>Value of any variable by its name in modelDescription.xml.</summary>
+        /// <summary>Value of any variable by its name in modelDescription.xml, the first of several.</summary>
         public double Get(string name)
         {
             if (instance == IntPtr.Zero) throw new ObjectDisposedException("TissueForce");
             var reference = Reference(name);
-            double value = 0;
-            Require(get(instance, ref reference, One, ref value, One));
-            return value;
+            var values = new double[MostAxes];
+            Require(get(instance, ref reference, One, ref values[0], new UIntPtr((uint)sizes[name])));
+            return values[0];
         }
 
         public void Dispose()
@@ -245,6 +265,8 @@ namespace Lumbar
             {
                 var name = variable.GetAttribute("name");
                 references[name] = uint.Parse(variable.GetAttribute("valueReference"), CultureInfo.InvariantCulture);
+                var dimension = variable["Dimension"];
+                sizes[name] = dimension == null ? 1 : int.Parse(dimension.GetAttribute("start"), CultureInfo.InvariantCulture);
                 var causality = variable.GetAttribute("causality");
                 if (causality == "input" && InputName == null)
                 {
@@ -259,6 +281,10 @@ namespace Lumbar
             }
             input = Reference(InputName ?? "input");
             output = Reference(OutputName ?? "output");
+            Axes = sizes[InputName];
+            axes = new UIntPtr((uint)Axes);
+            if (Axes < 1 || Axes > MostAxes || sizes[OutputName] != Axes)
+                throw new NotSupportedException("position and force are not along the same one to three axes (" + path + ")");
             Understand(root["Annotations"]);
             return root;
         }
@@ -300,13 +326,14 @@ namespace Lumbar
             throw new ArgumentException("the FMU has no variable " + name);
         }
 
-        void Assign(string name, double value)
+        void Assign(string name, double[] values)
         {
             if (instance == IntPtr.Zero) throw new ObjectDisposedException("TissueForce");
             var reference = Reference(name);
-            if (reference == input || reference == output || set(instance, ref reference, One, ref value, One) > 0)
+            var size = new UIntPtr((uint)sizes[name]);
+            if (reference == input || reference == output || set(instance, ref reference, One, ref values[0], size) > 0)
                 throw new ArgumentOutOfRangeException(
-                    name, value, "modelDescription.xml does not allow this value of " + name);
+                    name, values[0], "modelDescription.xml does not allow this value of " + name);
         }
 
         void Initialize()
@@ -317,7 +344,7 @@ namespace Lumbar
         }
 
         /// One sample of the FMU: position in, in Event Mode.
-        void Sample(double position)
+        void Sample(double[] position)
         {
             byte again, ends, nominals, values, defined, eventNeeded, early;
             double next;
@@ -331,7 +358,7 @@ namespace Lumbar
                     instance, (samples - 1) * SamplingTime, SamplingTime, true, out eventNeeded, out ends, out early, out next));
                 Require(enterEvent(instance));
             }
-            Require(set(instance, ref input, One, ref position, One));
+            Require(set(instance, ref input, One, ref position[0], axes));
             Require(update(instance, out again, out ends, out nominals, out values, out defined, out next));
             Require(enterStep(instance));
             ++samples;

@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from c_programs import ON_LINUX, WINE, loader_program, with_wine, zig_cc
-from runtime_models import RANGE
+from runtime_models import RANGE, TARGET
+from spatial_models import FIVE, spatial_export
 
 from lumbar.tissue.fmu.build.compiler import TARGETS, compile_library
+from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.sources import C_FILES
 from running import PROJECT
 
@@ -30,8 +32,8 @@ with_cpp = pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compil
 
 
 @pytest.fixture(scope="module")
-def unzipped(fmu_folder, tmp_path_factory):
-    """Return a folder with unzipped FMUs: KB for FMI 3.0, ``old`` for FMI 2.0, ``empty`` without a library."""
+def unzipped(fmu_folder, tmp_path_factory, zig_cache):
+    """Return a folder with unzipped FMUs: KB for FMI 3.0, ``old`` for FMI 2.0, ``empty`` without a library, ``space``."""
     folder = tmp_path_factory.mktemp("unzipped")
     for name, file in (
         ("KB", "KB_fmi3"),
@@ -42,6 +44,9 @@ def unzipped(fmu_folder, tmp_path_factory):
         with zipfile.ZipFile(fmu_folder / f"{file}.fmu") as archive:
             archive.extractall(folder / name)
     shutil.rmtree(folder / "empty" / "binaries")
+    (made, *_) = export_fmus([spatial_export(FIVE)], folder, "own", TARGET, zig_cache, versions=["3.0"])
+    with zipfile.ZipFile(made) as archive:
+        archive.extractall(folder / "space")
     return folder
 
 
@@ -59,18 +64,24 @@ def played(command: list, folder: Path, rows, *parameters: str, environment=None
     file = rows
     if not isinstance(rows, Path):
         file = folder.parent / "rows.csv"
-        np.savetxt(file, rows, delimiter=",", header="time,position", comments="", fmt="%.17g")
+        lines = [
+            " ".join(f"{value:.17g}" for value in row).replace(" ", ",", 1)
+            for row in np.asarray(rows).tolist()
+        ]
+        file.write_text("\n".join(["time,position", *lines]))
     command = [*command, folder, file, *parameters]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
     head, *lines = done.stdout.splitlines()
     assert head == "time,position,force"
-    return np.array([float(line.split(",")[2]) for line in lines])
+    forces = np.array([line.split(",")[2].split() for line in lines], dtype=float)
+    return forces[:, 0] if forces.shape[1] == 1 else forces
 
 
 def signal(folder: Path, name: str) -> np.ndarray:
     """Time and value of a reference signal."""
-    return np.loadtxt(folder / "resources" / f"reference_{name}.csv", delimiter=",", skiprows=1)
+    text = (folder / "resources" / f"reference_{name}.csv").read_text().replace(",", " ")
+    return np.array([line.split() for line in text.splitlines()[1:]], dtype=float)
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +98,7 @@ def csharp_player(tmp_path_factory):
 def built_for(target: str, unzipped: Path, cache: Path) -> None:
     """Give the FMUs a library for this target, of their own sources."""
     platform = TARGETS[target]
-    for folder in (unzipped / "KB", unzipped / "effects"):
+    for folder in (unzipped / "KB", unzipped / "effects", unzipped / "space"):
         (native,) = (folder / "binaries" / "x86_64-linux").iterdir()
         library = folder / "sources" / f"{native.stem}{platform.suffix}"
         compile_library([library.parent / name for name in C_FILES], library, target, cache)
@@ -115,16 +126,16 @@ def windows_player(unzipped, zig_cache, tmp_path_factory):
     return lambda *arguments: played([WINE, program], *arguments, environment=environment)
 
 
-@pytest.mark.parametrize("name", ["KB", "effects"])
+@pytest.mark.parametrize("name", ["KB", "effects", "space"])
 def test_the_embedded_reference_is_played(name, unzipped, player):
     folder = unzipped / name
     forces = player(folder, folder / "resources" / "reference_input.csv")
-    expected = signal(folder, "output")[:, 1]
+    expected = signal(folder, "output")[:, 1:].squeeze()
     np.testing.assert_allclose(forces, expected, atol=1e-13)
     assert np.abs(expected).max() > 0.1
 
 
-@pytest.mark.parametrize("name", ["KB", "effects"])
+@pytest.mark.parametrize("name", ["KB", "effects", "space"])
 @pytest.mark.parametrize(
     "other",
     [
@@ -140,7 +151,8 @@ def test_loaders_and_platforms_give_the_same_bits(other, name, unzipped, player,
     np.testing.assert_array_equal(other(folder, reference), player(folder, reference))
     for step in (0.01, 0.001, 0.03, None):
         steps = np.full(5000, step) if step else generator.uniform(0.0, 0.02, 5000)
-        rows = np.column_stack([np.cumsum(steps), np.cumsum(generator.standard_normal(5000)) * 0.1])
+        walk = generator.standard_normal((5000, 3 if name == "space" else 1))
+        rows = np.column_stack([np.cumsum(steps), np.cumsum(walk, axis=0) * 0.1])
         np.testing.assert_array_equal(other(folder, rows), player(folder, rows))
     given = (folder, rows, "gain=0.5", "force_offset=1", "force_limit=2", "position_offset=0.25")
     np.testing.assert_array_equal(other(*given), player(*given))
@@ -234,13 +246,19 @@ def test_the_chai3d_example_presses_into_tissue(unzipped, player, tmp_path):
     """Against a stub of CHAI3D's headers: 200 ticks of 1 ms, forces out of the tissue within what the device can do."""
     program = cpp_program(LOADERS / "chai3d_tissue.cpp", tmp_path)
     done = subprocess.run([program, unzipped / "KB"], capture_output=True, text=True, check=True)
-    *forces, released, closed = done.stdout.splitlines()
+    *forces, released, closed = (line.split()[-1] for line in done.stdout.splitlines())
     time = np.arange(200) * 0.001
     depth = 2.0 * np.sin(0.01 * np.arange(200))
     expected = player(unzipped / "KB", np.column_stack([time, depth]), "force_limit=8")
     np.testing.assert_allclose([float(force) for force in forces], expected, atol=1e-12)
     assert expected.max() > 1.0
     assert (float(released), closed) == (0.0, "closed")
+    done = subprocess.run([program, unzipped / "space"], capture_output=True, text=True, check=True)
+    sent = np.array([line.split() for line in done.stdout.splitlines()[:-2]], dtype=float)
+    moved = np.column_stack([np.sin(0.02 * np.arange(200)), np.zeros(200), -depth])
+    expected = player(unzipped / "space", np.column_stack([time, moved]), "force_limit=8")
+    np.testing.assert_allclose(sent, -expected, atol=1e-12)
+    assert np.abs(expected).max(axis=0).min() > 0.1
 
 
 @with_mono

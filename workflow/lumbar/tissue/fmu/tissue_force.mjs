@@ -4,16 +4,20 @@
  *   const tissue = await TissueForce.open(library, description);    bytes of binaries/wasm32-wasi/KB.wasm, text of modelDescription.xml
  *   const force = tissue.step(performance.now() / 1000, millimetres);
  *
+ * Of a model of several axes positions and forces are arrays, and so are parameters that have a value for every axis.
  * The library imports nothing: it computes, and touches nothing else. One that is not wanted any more is collected as other objects are.
  */
 
 /* Places in the library's memory for what FMI passes by address. */
-const VALUE = 0, REACHED = 8, REFERENCE = 16, FLAGS = 24, ROOM = 32;
+const VALUE = 0, REACHED = 24, REFERENCE = 32, FLAGS = 40, ROOM = 48, MOST_AXES = 3;
 const WARNING = 1;
 
 export class TissueForce {
     #fmi; #memory; #room; #fmu; #variables = new Map(); #given = new Map(); #input; #output;
     #begun; #samples; #start; #lastTime; #lastPosition;
+
+    /* Numbers that are a position, and a force. */
+    axes;
 
     /* Largest time in s that may pass between two steps. */
     longestGap = 0.25;
@@ -27,14 +31,16 @@ export class TissueForce {
 
     constructor(fmi, description) {
         const attribute = (text, name) => new RegExp(`[\\s]${name}="([^"]*)"`).exec(text)?.[1];
-        for (const [element] of description.matchAll(/<Float64\s[^>]*>/g)) {
+        for (const [element, dimension] of description.matchAll(/<Float64\s[^>]*>(?:\s*<Dimension start="(\d+)")?/g)) {
             const causality = attribute(element, "causality"), name = attribute(element, "name");
-            this.#variables.set(name, { reference: Number(attribute(element, "valueReference")), causality });
+            this.#variables.set(name, { reference: Number(attribute(element, "valueReference")), causality, size: Number(dimension ?? 1) });
             if (causality === "input") this.#input ??= name;
             if (causality === "output") this.#output ??= name;
         }
         this.samplingTime = Number(attribute(description, "fixedInternalStepSize"));
         if (!this.#input || !this.#output || !(this.samplingTime > 0)) throw new Error("modelDescription.xml is not of a force model");
+        this.axes = this.#variables.get(this.#input).size;
+        if (this.axes > MOST_AXES || this.axes !== this.#variables.get(this.#output).size) throw new Error("position and force are not along the same axes");
         this.#fmi = fmi;
         fmi._initialize();
         this.#room = fmi.malloc(ROOM);
@@ -55,10 +61,12 @@ export class TissueForce {
     /* Value of any variable. */
     get(name) {
         if (!this.#variables.has(name)) throw new Error(`the FMU has no variable ${name}`);
-        this.#memory.setUint32(this.#room + REFERENCE, this.#variables.get(name).reference, true);
-        const status = this.#fmi.fmi3GetFloat64(this.#fmu, this.#room + REFERENCE, 1, this.#room + VALUE, 1);
+        const { reference, size } = this.#variables.get(name);
+        this.#memory.setUint32(this.#room + REFERENCE, reference, true);
+        const status = this.#fmi.fmi3GetFloat64(this.#fmu, this.#room + REFERENCE, 1, this.#room + VALUE, size);
         if (status > WARNING) throw new Error(`the FMU refused to tell ${name}`);
-        return this.#memory.getFloat64(this.#room + VALUE, true);
+        if (size === 1) return this.#memory.getFloat64(this.#room + VALUE, true);
+        return Array.from({ length: size }, (_, axis) => this.#memory.getFloat64(this.#room + VALUE + 8 * axis, true));
     }
 
     /* Begin anew, at rest, with the next step; parameters that were set stay. */
@@ -73,7 +81,9 @@ export class TissueForce {
     step(time, position) {
         const tolerance = 1e-3 * this.samplingTime; /* clocks are sums of many steps */
         if (!Number.isFinite(time)) throw new Error("the time is not finite");
-        if (!Number.isFinite(position)) { /* an encoder's hiccup: the last position stays */
+        const given = this.axes === 1 ? [position] : position;
+        if (given.length !== this.axes) throw new Error(`a position of ${this.axes} numbers is needed`);
+        if (!given.every(Number.isFinite)) { /* an encoder's hiccup: the last position stays */
             if (!this.#begun) throw new Error("the first position is not finite");
             position = this.#lastPosition;
         }
@@ -90,12 +100,18 @@ export class TissueForce {
             const instant = this.#start + this.#samples * this.samplingTime;
             if (instant > time + tolerance) break;
             let at = position;
-            if (instant < time - tolerance) at = this.#lastPosition + ((instant - this.#lastTime) / passed) * (position - this.#lastPosition);
+            if (instant < time - tolerance) at = this.#between((instant - this.#lastTime) / passed, position);
             this.#sample(at);
         }
         this.#lastTime = time;
         this.#lastPosition = position;
         return this.get(this.#output);
+    }
+
+    #between(share, position) {
+        const last = this.#lastPosition;
+        if (this.axes === 1) return last + share * (position - last);
+        return position.map((along, axis) => last[axis] + share * (along - last[axis]));
     }
 
     /* One sample of the FMU: position in, in Event Mode. */
@@ -124,9 +140,10 @@ export class TissueForce {
     }
 
     #put(name, value) {
-        this.#memory.setUint32(this.#room + REFERENCE, this.#variables.get(name).reference, true);
-        this.#memory.setFloat64(this.#room + VALUE, value, true);
-        return this.#fmi.fmi3SetFloat64(this.#fmu, this.#room + REFERENCE, 1, this.#room + VALUE, 1);
+        const { reference, size } = this.#variables.get(name);
+        this.#memory.setUint32(this.#room + REFERENCE, reference, true);
+        for (let axis = 0; axis < size; ++axis) this.#memory.setFloat64(this.#room + VALUE + 8 * axis, value[axis] ?? value, true);
+        return this.#fmi.fmi3SetFloat64(this.#fmu, this.#room + REFERENCE, 1, this.#room + VALUE, size);
     }
 
     #text(text) {
