@@ -14,6 +14,8 @@ namespace UnityEngine
         public Vector3(float x, float y, float z) { this.x = x; this.y = y; this.z = z; }
         public static Vector3 operator -(Vector3 a, Vector3 b) { return new Vector3(a.x - b.x, a.y - b.y, a.z - b.z); }
         public static Vector3 operator *(float factor, Vector3 a) { return new Vector3(factor * a.x, factor * a.y, factor * a.z); }
+        public float this[int axis] { get { return axis == 0 ? x : axis == 1 ? y : z; } }
+        public float magnitude { get { return (float)System.Math.Sqrt(Dot(this, this)); } }
         public static float Dot(Vector3 a, Vector3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
     }
 

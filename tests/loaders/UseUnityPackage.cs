@@ -59,6 +59,21 @@ static class UseUnityPackage
         Call(sample, "OnDisable");
         Print("loaded", File.ReadAllText("/proc/self/maps").Contains(library));
 
+        typeof(PushOnTissue).GetField("model", Hidden).SetValue(sample, "space");
+        Call(sample, "OnEnable");
+        for (var frame = 0; frame < 100; ++frame)
+        {
+            Time.fixedTimeAsDouble = 3.0 + 0.02 * frame;
+            tool.position = new Vector3(0.001f * (float)Math.Cos(0.1 * frame), tool.position.y + 0.0001f, 0.002f);
+            Call(sample, "FixedUpdate");
+            var p = tool.position;
+            var f = tool.lastForce;
+            Print("space", p.x, p.y, p.z, f.x, f.y, f.z);
+        }
+        Call(sample, "OnDisable");
+        using (var tissue = new TissueForce(Path.Combine(arguments[0], "space")))
+            Refused("several axes", () => tissue.Step(0.0, 0.0));
+
         using (var tissue = new TissueForce(folder))
         {
             Print("described", tissue.SamplingTime, tissue.InputName, tissue.InputUnit, tissue.OutputName, tissue.OutputUnit,

@@ -283,6 +283,9 @@ def test_the_unity_package_answers_right_and_wrong_use(unzipped, player, tmp_pat
     rows = np.column_stack([3.0 + 0.02 * np.arange(100), -1000.0 * frames[:, 0]])
     np.testing.assert_array_equal(frames[:, 1], player(unzipped / "KB", rows))
     np.testing.assert_allclose(frames[:, 2], frames[:, 1], rtol=1e-6)
+    frames = np.array([line.split()[1:] for line in lines if line.startswith("space ")], dtype=float)
+    rows = np.column_stack([3.0 + 0.02 * np.arange(100), 1000.0 * frames[:, :3]])
+    np.testing.assert_allclose(frames[:, 3:], -player(unzipped / "space", rows), rtol=1e-6, atol=1e-6)
     first, second = player(unzipped / "KB", [[0.0, 0.0], [0.01, 1.0]], "gain=2")
     answers = {line.split()[0]: line for line in lines}
     assert answers["callback"] == "callback True True"
@@ -306,6 +309,7 @@ def test_the_unity_package_answers_right_and_wrong_use(unzipped, player, tmp_pat
         ("pause", "ArgumentException: 2 s since the last step; 0 to 0.25 are allowed. Are they seconds?"),
         ("disposed", "ObjectDisposedException"),
         ("FMI 2.0", "NotSupportedException: not an FMU of FMI 3.0"),
+        ("several axes", "InvalidOperationException: the model has several axes"),
         ("no library", "DllNotFoundException: the FMU has no library for x86_64-linux"),
     ):
         assert any(line.startswith(f"{start} {words}") for line in lines), start

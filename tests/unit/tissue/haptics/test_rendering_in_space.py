@@ -4,15 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from runtime_models import TARGET
 from spatial_models import BRANCH, FRAME, RELAXATION, STIFFNESS, spatial_export
 
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
+from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.haptics import closed_loop, passivity
 from lumbar.tissue.haptics.closed_loop import SampledModel, propagation
 from lumbar.tissue.haptics.device_table import with_device
 from lumbar.tissue.haptics.in_space import SpatialLoop, largest_stable_gain, required_damping, spatial_loops
-from lumbar.tissue.haptics.judgement import judge_exported
+from lumbar.tissue.haptics.judgement import judge_exported, judge_fmu
 
 STEP, LONG = 1e-3, 1500
 DEVICE = DeviceSettings()
@@ -117,7 +119,7 @@ def test_principal_axes_are_loops_of_their_own():
     assert not meets.linearised
 
 
-def test_an_export_is_judged_along_the_worst_direction(zig_cache):
+def test_an_export_is_judged_along_the_worst_direction(zig_cache, tmp_path):
     settings = RuntimeSettings(models=(), compiler_cache=str(zig_cache))
     model = spatial_export({}, moving_average_ms=3.0)
     said = with_device([model], settings, [model.identified])[0].on_device
@@ -125,8 +127,9 @@ def test_an_export_is_judged_along_the_worst_direction(zig_cache):
     assert "along x, y, z = (0.73, 0.56, 0.4) it needs most damping" in said[1]
     assert "Read as FMI 2.0 reads" in said[2]
     soft = replace(settings, device=replace(DEVICE, mass_kg=0.02, damping_N_s_m=0.5))
-    judged = judge_exported(model, soft)
-    assert not judged.stable
+    (path,) = export_fmus([model], tmp_path, "own", TARGET, zig_cache, versions=["3.0"])
+    judged, remarks = judge_fmu(path, soft, trust=True)
+    assert not (judged.stable or remarks)
     assert judged.run.oscillates
     with pytest.raises(InputError, match="even ticks"):
         judge_exported(model, replace(settings, device=replace(DEVICE, jitter_percent=5.0)))

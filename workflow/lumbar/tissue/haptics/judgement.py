@@ -393,7 +393,11 @@ def judge_fmu(
         judged = judge_exported(model, settings, model.identified, path if check.same_bytes else None)
         return judged, () if check.same_bytes else (f"{path.name} was judged by its record: {why}",)
     device = settings.device
+    if model is not None and model.axes:
+        return judge_exported(model, settings, model.identified, path), ()
     with unpacked(path) as fmu:
+        if fmu.fmu.axes:
+            raise InputError(f"{path}: of several axes, and {check.left_out}; export the model again")
         found = played(partial(UnpackedFmu.answers, fmu, device), fmu.folder, kinds=(SampledModel,))
         meets = fmu.rendered(device, *found)
         fit = (model.moving_average, model.identified) if model else (1, None)

@@ -68,7 +68,7 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         mru_percent=_largest_relative_uncertainty([item for item in parameters if item.value]),
     )
     return FittedModel(
-        name=model_name(fit),
+        name=model_name(fit).replace(" ", "_"),  # a file may have the name
         structure=structure,
         sampling_time=training.motion.sampling_time,
         input=Port(experiment.input_quantity, experiment.input_unit, experiment.surface),
