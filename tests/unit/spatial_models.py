@@ -48,7 +48,7 @@ def spatial_model(
         for item, value in zip(items, given, strict=True)
     ]
     return FittedModel(
-        name="+".join(["KB", *(effect for effect, *_ in values[1:])])[:100],
+        name="+".join(["orthotropic_KB", *(effect for effect, *_ in values[1:])])[:100],
         structure=structure,
         sampling_time=0.001,
         input=Port("position", "mm"),

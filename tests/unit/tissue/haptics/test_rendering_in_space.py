@@ -123,7 +123,7 @@ def test_an_export_is_judged_along_the_worst_direction(zig_cache, tmp_path):
     settings = RuntimeSettings(models=(), compiler_cache=str(zig_cache))
     model = spatial_export({}, moving_average_ms=3.0)
     said = with_device([model], settings, [model.identified])[0].on_device
-    assert "In event mode: KB at 1000 Hz: passive in any hand (" in said[1]
+    assert "In event mode: orthotropic_KB at 1000 Hz: passive in any hand (" in said[1]
     assert "along x, y, z = (0.73, 0.56, 0.4) it needs most damping" in said[1]
     assert "Read as FMI 2.0 reads" in said[2]
     soft = replace(settings, device=replace(DEVICE, mass_kg=0.02, damping_N_s_m=0.5))

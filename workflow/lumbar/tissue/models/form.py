@@ -53,8 +53,8 @@ class HandWritten:
     output_transform: OutputTransform = None  # type: ignore[assignment]
     """`input_transform`, `output_transform`: callable, optional: input forms: from motion and nonlinear parameters to the
     motion the tissue sees. Output forms: from force, motion and nonlinear parameters to the measured force."""
-    c_step: CStep | None = None
-    """The same in C, sample by sample; a form without it cannot be exported to a haptic device."""
+    c_step: CStep | Callable[[], CStep] | None = None
+    """The same in C, sample by sample, or what makes it; a form without it cannot be exported to a haptic device."""
     channels: tuple[str, ...] = ()
     """Roles of channels beside input and output that it needs."""
     matrix: Callable[[np.ndarray], np.ndarray] | None = None
@@ -233,7 +233,10 @@ class Form:
     @cached_property
     def c_step(self) -> CStep | None:
         """The same in C, sample by sample; None where it cannot be exported to a haptic device."""
-        return self.hand_written.c_step if self.hand_written else self._equation.c_step(self.c_solution)
+        if not self.hand_written:
+            return self._equation.c_step(self.c_solution)
+        written = self.hand_written.c_step
+        return written() if callable(written) else written
 
     def columns(self, motion: OneMotion, nonlinear: np.ndarray) -> list[np.ndarray]:
         """Forces of a parallel form, one per linear parameter at size 1, each of shape (samples,)."""

@@ -250,6 +250,8 @@ class SpatialEquation(Equation):
         """States at every sample: in closed form where those of an axis know nothing of another one."""
         names = [name for name, _ in self.states]
         if solution is None or not self._apart:
+            if not all(part.smooth for part in motion.parts):  # in straight lines from sample to sample
+                return state.trajectory(motion, self.parameters(nonlinear))
             # What turns between two samples is followed there.
             fine = motion.keep("in steps between samples", lambda: motion.each(lambda part: part.finer))
             found = state.trajectory(fine, self.parameters(nonlinear))

@@ -195,7 +195,7 @@ class SpatialBase:
             linear=self.linear,
             nonlinear=self.nonlinear,
             state=(),
-            hand_written=HandWritten(columns=self.columns, c_step=self._c_step, spatial=True),
+            hand_written=HandWritten(columns=self.columns, c_step=lambda: self._c_step, spatial=True),
             spatial=self,
         )
 
