@@ -12,7 +12,7 @@ from lumbar.base.files import write_text
 from lumbar.interface.diagnosed import Diagnosis
 from lumbar.interface.diagnosis import diagnose
 from lumbar.interface.verb import Result, label_of, settings_or_default
-from lumbar.records.record import Record, require_clock, require_one_axis
+from lumbar.records.record import Record, require_clock
 from lumbar.settings.study_settings import StudySettings
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.doctor.effect_sizes import EffectSize
@@ -70,14 +70,14 @@ def doctor(
         raise InputError(
             "records with the force as input (improvement.forward): no effects are put into them"
         )
-    require_one_axis(records, "doctor")
-    choose(
-        list(effects or ()), DiagnosisSettings.from_study(settings, base, train).candidates
-    )  # who misspelt need not wait
+    known = DiagnosisSettings.from_study(settings, base, train).candidates
+    choose(list(effects or ()), known)  # who misspelt need not wait
 
     def verdict_on(seen: Sequence[Record], most_effects: int) -> Verdict:
         improvement = replace(settings.improvement, most_effects=most_effects)
-        chosen = replace(settings, improvement=improvement)
+        # The forces of the model are in the axes of the position already.
+        tissue = replace(settings.tissue, force_frame=None)
+        chosen = replace(settings, improvement=improvement, tissue=tissue)
         return diagnose(seen, base=base, train=train, settings=chosen).verdict
 
     own = diagnose(records, base=base, train=train, settings=settings, data=data)

@@ -26,7 +26,7 @@ from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, numb
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import Motion, SpatialMotion
 from lumbar.tissue.signals.spectrum import Kinematics
 
 _HARDEST = 3
@@ -100,7 +100,8 @@ def examine(
         effect_size(truth, effect, least_gain, diagnose)
         for effect in track(list(wanted.values()), "effects tried")
     ]
-    further = further_record(truth, open_questions(sizes), limits)
+    several = isinstance(truth.training.motion, SpatialMotion)
+    further = None if several else further_record(truth, open_questions(sizes), limits)
     return Examination(truth, nothing, tuple(sizes), further)
 
 

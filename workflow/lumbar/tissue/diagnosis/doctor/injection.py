@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.selection.candidate import with_forms
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.models.form import Form, Place
-from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.models.motion import OneMotion, SpatialMotion
 from lumbar.tissue.perception.felt import force_difference
 from lumbar.tissue.perception.thresholds import Hands
 
@@ -37,7 +37,7 @@ class Truth:
     """The diagnosis of the records themselves."""
     templates: tuple[Record, ...]
     """The records with the motion that the diagnosis saw."""
-    motions: tuple[Motion, ...]
+    motions: tuple[OneMotion, ...]
     """Of each of them, counted from the surface."""
     disturbances: tuple[np.ndarray, ...]
     """What is added to each one's simulation: noise, and the record's own zero."""
@@ -57,16 +57,22 @@ class Truth:
         for number, (record, data) in enumerate(_pairs(verdict, records)):
             generator = np.random.default_rng([seed, number])
             residual = data.trim(data.force - fit.simulate(data.motion))
-            zero = (
-                float(np.mean(residual)) if experiment.own_zeros and fit.structure.base.sensor_zero else 0.0
-            )
-            if reaches_floor(verdict):
-                noise = floor_noise(experiment.floor, data.length, data.motion.sampling_time, generator)
+            if isinstance(data.motion, SpatialMotion):
+                disturbance = _of_channels(residual, data, experiment.own_zeros, generator)
             else:
-                noise = phase_randomised(residual - np.mean(residual), data.length, generator)
+                zero = (
+                    float(np.mean(residual))
+                    if experiment.own_zeros and fit.structure.base.sensor_zero
+                    else 0.0
+                )
+                if reaches_floor(verdict):
+                    noise = floor_noise(experiment.floor, data.length, data.motion.sampling_time, generator)
+                else:
+                    noise = phase_randomised(residual - np.mean(residual), data.length, generator)
+                disturbance = noise + zero
             templates.append(_as_seen(record, data, experiment.surface))
             motions.append(data.motion)
-            disturbances.append(noise + zero)
+            disturbances.append(disturbance)
             begins.append(data.begins)
         return cls(verdict, tuple(templates), tuple(motions), tuple(disturbances), tuple(begins))
 
@@ -88,12 +94,14 @@ class Truth:
 
     def records(self, fit: Fit) -> list[Record]:
         """The records as they would be if this model were the truth."""
-        return [
-            template.with_values(output=fit.simulate(motion)[begins:] + disturbance)
-            for template, motion, disturbance, begins in zip(
-                self.templates, self.motions, self.disturbances, self.begins, strict=True
-            )
-        ]
+        found = []
+        for template, motion, disturbance, begins in zip(
+            self.templates, self.motions, self.disturbances, self.begins, strict=True
+        ):
+            roles = template.roles("output")
+            values = np.split(fit.simulate(motion)[begins:] + disturbance, len(roles))
+            found.append(template.with_values(**dict(zip(roles, values, strict=True))))
+        return found
 
 
 def reaches_floor(verdict: Verdict) -> bool:
@@ -111,8 +119,22 @@ def _pairs(verdict: Verdict, records: Sequence[Record]) -> list[tuple[Record, Fi
     return [(record, data[record.name]) for record in records]
 
 
+def _of_channels(
+    residual: np.ndarray, data: FitData, own_zeros: bool, generator: np.random.Generator
+) -> np.ndarray:
+    """Noise of every channel of a force sensor, of the spectrum of what is left there, one after the other."""
+    pieces = []
+    for part, left in zip(data.parts, data.by_record(residual), strict=True):
+        noise = phase_randomised(left - np.mean(left), part.length, generator)
+        pieces.append(noise + (np.mean(left) if own_zeros else 0.0))
+    return np.concatenate(pieces)
+
+
 def _as_seen(record: Record, data: FitData, surface: float) -> Record:
     motion = data.motion
+    if isinstance(motion, SpatialMotion):
+        seen = dict(zip(record.roles("input"), [part.position for part in motion.parts], strict=True))
+        return record.with_values(**seen, **dict.fromkeys(record.roles("output"), 0.0 * motion.time))
     position = data.own(motion.position) + surface
     beside = {
         role: replace(channel, values=data.own(motion.channels[role]))
@@ -222,6 +244,8 @@ class Injection:
     def just_felt(self, rms: float, unit: str, hands: Hands) -> float | None:
         """RMS of the force that a hand just feels, to first order about this RMS; None where the output is no force."""
         motion, without = self.data.motion, self._without
+        if isinstance(motion, SpatialMotion):
+            return None  # what hands tell of a force in space is another matter
         fit = self.at(rms)
         force = fit.simulate(motion)
         met = force_difference(without, force, unit, motion.position, motion.sampling_time, hands)

@@ -9,6 +9,7 @@ from lumbar.tissue.diagnosis.doctor.examination import Examination
 from lumbar.tissue.diagnosis.doctor.injection import reaches_floor
 from lumbar.tissue.diagnosis.selection.verdict import effects_text, readable
 from lumbar.tissue.models.model_data import unit_of
+from lumbar.tissue.models.motion import SpatialMotion
 
 
 def effects_table(found: Examination, data: str) -> Table:
@@ -89,6 +90,10 @@ def to_json(found: Examination, data: str) -> dict:
     }
 
 
+_NO_FURTHER = "No further record that was tried would show more than those at hand."
+_NOT_SOUGHT = "What further record of several axes would help is not sought."
+
+
 def terminal_text(found: Examination) -> str:
     """Remarks, a table of effects, and the further record that helps most."""
     parts = ["\n".join(remarks(found))]
@@ -97,7 +102,8 @@ def terminal_text(found: Examination) -> str:
     if found.further is not None:
         parts.append(found.further.sentence)
     elif found.effects:
-        parts.append("No further record that was tried would show more than those at hand.")
+        several = isinstance(found.truth.training.motion, SpatialMotion)
+        parts.append(_NOT_SOUGHT if several else _NO_FURTHER)
     return "\n\n".join(parts)
 
 
