@@ -389,7 +389,11 @@ def _errors_of_starts(previous: Fit, form: Form, data: FitData) -> list[tuple[fl
     found = []
     for start in nonlinear_starts(form, data, residual):
         nonlinear = np.concatenate([previous.nonlinear, start])
-        if structure.is_linear:
+        if form.place is Place.FRAME:
+            # It begins where it changes nothing: what it can do is seen where it ends.
+            fitted = fit(structure, data, nonlinear)
+            squared, start = fitted.squared_error, fitted.nonlinear[len(previous.nonlinear) :]
+        elif structure.is_linear:
             squared = fit_at(structure, data, nonlinear).squared_error
         else:
             linear = linear_with_new(previous, form)
