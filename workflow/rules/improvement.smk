@@ -9,7 +9,16 @@ DIAGNOSED = (
     # The thesis's models stand beside.
     *(
         f"tissue.{key}"
-        for key in ("layout", "rate_Hz", "settling_s", "search", "ridge", "bootstrap", "inverted_linear")
+        for key in (
+            "layout",
+            "rate_Hz",
+            "settling_s",
+            "force_frame",
+            "search",
+            "ridge",
+            "bootstrap",
+            "inverted_linear",
+        )
     ),
     "signals.machine",
     "perception",

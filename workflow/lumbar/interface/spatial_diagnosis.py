@@ -136,4 +136,4 @@ class SpatialDiagnosis(Diagnosis):
         comparison_table([item.comparison for item in axes], self.data).write(folder / "compare")
         spatial_location_table(self.in_space, self.data).write(folder / "location")
         felt_table(axes, self.data).write(folder / "felt")
-        return draw_in_space(self.verdict, self.in_space, folder, self.data)
+        return draw_in_space(self.verdict, self.in_space, self.settings.candidates, folder, self.data)

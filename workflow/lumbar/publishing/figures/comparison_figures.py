@@ -16,6 +16,7 @@ from lumbar.publishing.figures.style import (
     mark_noise_floor,
     new_figure,
     note,
+    say_instead,
 )
 from lumbar.records.record import Record
 from lumbar.tables.layout import unit_in_print
@@ -216,10 +217,15 @@ def signature_figure(effects: list[Effect], system: str = "tissue") -> Figure:
     Parameters
     ----------
     effects : list of Effect
-        Each is drawn in the form of `lumbar.tissue.effects.signature.pictured_form`.
+        Each is drawn in the form of `lumbar.tissue.effects.signature.pictured_form`; of none it says so.
     system : str
         What they are effects of: ``tissue`` or ``pendulum``.
     """
+    if not effects:
+        figure, axes = new_figure(SINGLE_COLUMN, 0.6)
+        axes.set_axis_off()
+        say_instead(axes, "no effect that has a picture")
+        return figure
     figure, axes = new_figure(
         DOUBLE_COLUMN, 0.25 + 1.75 * len(effects), nrows=len(effects), ncols=3, squeeze=False
     )

@@ -64,9 +64,13 @@ def draw_pictures(
 
 
 def draw_in_space(
-    diagnosis: Verdict, reports: Sequence[SpatialReport], folder: Path, data: str
+    diagnosis: Verdict,
+    reports: Sequence[SpatialReport],
+    catalogue: dict[str, Effect],
+    folder: Path,
+    data: str,
 ) -> dict[str, Path]:
-    """Write ``comparison``, ``location`` and ``ladder`` of records of several axes; else as `draw_pictures`."""
+    """Write the same of records of several axes; `catalogue` is that of one axis, along which signatures are drawn."""
     base = diagnosis.base.fit.structure.base.name
     least = least_explained([item for report in reports for item in report.axes])
     shown = next(report for report in reports if least in report.axes)
@@ -75,9 +79,10 @@ def draw_in_space(
         "comparison": comparison_in_space(shown, base),
         "location": location_in_space(trained),
         "ladder": _ladder(diagnosis),
+        "signatures": signature_figure(pictured_effects(diagnosis, catalogue)),
     }
     for name, drawn in figures.items():
-        save(drawn, folder / name, data)
+        save(drawn, folder / name, "" if name == "signatures" else data)
     words = {"base": base, "least_explained": shown.record.name, "trained": trained.record.name}
     words["location"] = SPACE_CAPTION
     return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
@@ -92,5 +97,5 @@ def pictured_effects(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[E
     """Selected effects, then those of the runner-up; where nothing was selected the runner-up's alone."""
     second = runner_up(diagnosis)
     names = [*diagnosis.selected, *(second.candidate.effects if second is not None else ())]
-    effects = [catalogue[name] for name in dict.fromkeys(names)]
+    effects = [catalogue[name] for name in dict.fromkeys(names) if name in catalogue]
     return [effect for effect in effects if pictured_form(effect) is not None]
