@@ -41,7 +41,9 @@ def fitting_code(
         return ""
     names = [item.name for item in verdict.experiment.training.records]
     base = verdict.base.fit.structure.base
-    given = [] if base_is_file else [f"base={(base.spatial.base if base.spatial else base).name!r}"]
+    name = base.spatial.base.name if base.spatial else base.name
+    # A plane that the tool meets is found by a fit that is left to choose its base.
+    given = [] if base_is_file or (base.spatial and base.contact) else [f"base={name!r}"]
     given.append(f"train={(names if len(names) > 1 else names[0])!r}")
     imports, lines = {"import lumbar"}, []
     if used != StudySettings():

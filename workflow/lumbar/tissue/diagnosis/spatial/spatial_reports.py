@@ -78,7 +78,8 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
         )
     frame = None
     if space.symmetry is not Symmetry.ISOTROPIC:
-        frame = np.reshape(space.frames[0], (len(space.axes), -1))
+        own = getattr(space, "frame", None) or space.frames[0]  # a plane has one: its normal and two along it
+        frame = np.reshape(own, (len(space.axes), -1))
     records = experiment.records
     axes = records[0].axes
     first = next(item for item in records if item.name == experiment.floor_from)
