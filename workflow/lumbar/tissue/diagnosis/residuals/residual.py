@@ -181,8 +181,13 @@ def share_beyond_chance(
     return float(np.clip((found - chance) / (1 - chance), 0.0, 1.0)) if chance < 0.999 else 0.0
 
 
-def chi_square_p(sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-6) -> float:
-    """Probability that noise of this covariance gives sums as large; directions without variance are left out."""
+def chi_square_p(
+    sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-6, noise_freedom: float = np.inf
+) -> float:
+    """Probability that noise of this covariance gives sums as large; directions without variance are left out.
+
+    `noise_freedom`: degrees of freedom that the noise's size is known with (F test).
+    """
     if not sums.size:
         return 1.0
     values, vectors = np.linalg.eigh(covariance)
@@ -190,6 +195,8 @@ def chi_square_p(sums: np.ndarray, covariance: np.ndarray, smallest: float = 1e-
         return 1.0
     kept = values > smallest * values[-1]
     statistic = np.sum((sums @ vectors[:, kept]) ** 2 / values[kept])
+    if np.isfinite(noise_freedom):
+        return float(scipy.special.fdtrc(kept.sum(), noise_freedom, statistic / kept.sum()))
     return float(scipy.special.chdtrc(kept.sum(), statistic))
 
 

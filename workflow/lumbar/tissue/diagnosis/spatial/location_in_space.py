@@ -115,6 +115,16 @@ class SpatialResidual:
         size = len(weights) * len(noisy)
         return blocks.transpose(2, 0, 3, 1).reshape(size, size)
 
+    @property
+    def noise_freedom(self) -> float:
+        """Degrees of freedom that the noise is known with; without end where it is not known at all."""
+        floors = (part.floor for part in self.parts)
+        return min((floor.degrees_of_freedom for floor in floors if floor is not None), default=np.inf)
+
+    def p_value(self, sums: np.ndarray, covariance: np.ndarray) -> float:
+        """Probability that noise alone gives sums as large."""
+        return chi_square_p(sums, covariance, noise_freedom=self.noise_freedom)
+
     def share(self, explained: Callable[[np.ndarray], float], noise: float) -> float:
         """Share of the explainable error as of `share_beyond_chance`; values have the shape (axes, samples)."""
         folding = self.parts[0].folding
@@ -151,7 +161,7 @@ def travel_view(residual: SpatialResidual) -> View:
         return float(often @ np.einsum("ian,an->i", weights, values) ** 2)
 
     share = residual.share(explained, float(often @ np.diag(covariance)))
-    p_value = chi_square_p(mean, covariance)
+    p_value = residual.p_value(mean, covariance)
     along, across = _along_and_across(residual)
     speeds = np.array([residual.speed[one].mean() for one in member])
     words = residual.words(share, p_value) | {"along": percent(along), "across": percent(across)}
@@ -221,7 +231,7 @@ def direction_view(residual: SpatialResidual) -> View:
         return float(often @ np.sum((member @ values.T) ** 2, axis=1))
 
     share = residual.share(explained, float(np.repeat(often, size) @ np.diag(covariance)))
-    p_value = chi_square_p(means.ravel(), covariance)
+    p_value = residual.p_value(means.ravel(), covariance)
     vectors = np.full((count, size), np.nan)
     vectors[filled] = means
     rms = np.full(count, np.nan)
@@ -288,8 +298,9 @@ def _sphericity_p(residual: SpatialResidual, covariance: np.ndarray) -> float:
     independent = float(residual.samples)
     for part in residual.parts:
         independent = min(independent, _independent(part))
-    free = min((floor.degrees_of_freedom for floor in floors if floor is not None), default=np.inf)
-    statistic = 0.5 * independent * np.sum((white - np.eye(size)) ** 2) / (1 + independent / free)
+    statistic = (
+        0.5 * independent * np.sum((white - np.eye(size)) ** 2) / (1 + independent / residual.noise_freedom)
+    )
     return float(scipy.special.chdtrc(size * (size + 1) / 2 - 1, statistic))
 
 
@@ -317,7 +328,7 @@ def work_view(residual: SpatialResidual, frame: np.ndarray | None = None) -> Vie
     measured = np.einsum("ian,an->i", weights, residual.force)
     missing = np.einsum("ian,an->i", weights, residual.values)
     covariance = residual.covariance(weights)
-    p_value = chi_square_p(missing, covariance)
+    p_value = residual.p_value(missing, covariance)
     units = (residual.unit, residual.parts[0].position_unit)
     words = residual.words(0.0, p_value) | {
         "over": "the record" if folding is None else f"a period of {folding.period:.3g} s",
