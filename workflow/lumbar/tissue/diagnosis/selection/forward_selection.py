@@ -132,17 +132,16 @@ def pairs(
     singles: list[Candidate],
     catalogue: dict[str, Effect],
     experiment: Experiment,
-    polished: Callable[[Candidate], Candidate],
+    polished: Callable[[list[Candidate]], list[Candidate]],
 ) -> list[Candidate]:
     """Pairs of effects that begin with one of the best single ones, best first.
 
-    Further first effects are not tried once a pair leaves nothing but noise; `exchange` looks for others like it. The first
-    effects, and the best pair with each, are `polished`.
+    Further first effects are not tried once a pair leaves nothing but noise; `exchange` looks for others like it. `polished`
+    fits candidates on, the best one first, where a search holds something fixed.
     """
     found: list[Candidate] = []
     for first in best_by_effect(singles)[:LOOK_AHEAD]:
-        best, *others = extend(polished(first), catalogue, experiment, REFITTED, all_forms=False)
-        found += [polished(best), *others]
+        found += polished(extend(polished([first])[0], catalogue, experiment, REFITTED, all_forms=False))
         if any(is_adequate(pair, experiment) for pair in found):
             break
     return sorted(found, key=lambda item: item.score)
@@ -196,9 +195,9 @@ class Selection:
             further=further,
         )
 
-    def polished(self, model: Candidate) -> Candidate:
-        """A model with what its base holds fixed in a search fitted anew; nothing is, along one axis."""
-        return model
+    def polished(self, models: list[Candidate]) -> list[Candidate]:
+        """Models, the best first, some with what their base holds fixed fitted anew; nothing is, along one axis."""
+        return models
 
     def settled(self, model: Candidate) -> Candidate:
         """A model whose fit has stopped before its optimum fitted on from there, and that of another start if it is better."""

@@ -13,7 +13,7 @@ from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
-from lumbar.tissue.diagnosis.spatial.spatial_findings import spatial_findings
+from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, spatial_findings
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
@@ -126,9 +126,14 @@ def _search(
 class _Selection(Selection):
     """A search with the principal axes where they are, which pairs of effects have fitted anew."""
 
-    def polished(self, model: Candidate) -> Candidate:
-        """The model with its axes where they fit best."""
-        return held(freed(model, self.experiment), self.experiment)
+    def polished(self, models: list[Candidate]) -> list[Candidate]:
+        """Models with their axes where they fit best: of the best one, and of effects of the sensor, which turn them."""
+        return [
+            held(freed(item, self.experiment), self.experiment)
+            if item is models[0] or item.effects[-1] in SENSOR
+            else item
+            for item in models
+        ]
 
 
 def _alone(model: Candidate, experiment: Experiment) -> Candidate:
