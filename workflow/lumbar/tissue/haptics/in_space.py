@@ -23,7 +23,7 @@ from lumbar.tissue.fmu.build.compiler import cache_folder
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.guards import shortened
 from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, loop_response, propagation
+from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, loop_response
 from lumbar.tissue.haptics.judgement import PUSHES_MM, Analysis, Judgement
 from lumbar.tissue.haptics.passivity import by_moves
 from lumbar.tissue.haptics.rendered_model import (
@@ -37,14 +37,7 @@ from lumbar.tissue.haptics.rendered_model import (
     unpacked,
     watched,
 )
-from lumbar.tissue.haptics.simulation import (
-    DURATION_S,
-    PUSH_S,
-    LoopRun,
-    TissueForce,
-    hand_force,
-    on_servo,
-)
+from lumbar.tissue.haptics.simulation import LoopRun, TissueForce, course, on_servo
 from lumbar.tissue.models.fitted_model import FittedModel
 
 _ROUNDING = 1e-9
@@ -385,41 +378,18 @@ def _runs(
                     return meets.newton * (np.array(play(given.tolist())) - meets.output.offset)
 
                 tick = TissueForce(step, meets.sampled[0].sampling_time)
-                runs += push(tick, device, direction, push_mm, meets.limit, ripple)
+                given = (repeat(1.0 / device.rate_Hz), device, meets.limit, 1e-3 * device.delay_ms, push_mm)
+                points, samples = course(tick, *given, direction=direction)
+                time, position, force = (np.array(values) for values in zip(*points, strict=True))
+                runs += [
+                    LoopRun(
+                        time,
+                        position[:, axis],
+                        force[:, axis],
+                        np.array(samples)[:, axis],
+                        ripple,
+                        meets.limit,
+                    )
+                    for axis in range(len(direction))
+                ]
     return runs
-
-
-def push(
-    tick: Callable[[float, np.ndarray], np.ndarray],
-    device: DeviceSettings,
-    direction: np.ndarray,
-    push_mm: float,
-    limit: float,
-    ripple: float,
-) -> list[LoopRun]:
-    """Simulate a push in a direction as `lumbar.tissue.haptics.simulation.simulate` does; what is seen of it along every axis."""
-    resolution, interval = 1e-6 * device.encoder_um, 1.0 / device.rate_Hz
-    parts = max(1, int(np.ceil(interval / 1e-3 - 1e-9)))
-    transition, by_force = propagation(device, interval / parts)
-    late = round(1e-3 * device.delay_ms * device.rate_Hz * parts)
-    state = np.zeros((2, len(direction)))
-    state[1] = 0.0 if device.hand_stiffness_N_m else 1e-3 * push_mm / PUSH_S * direction
-    coming: list[np.ndarray] = [np.zeros(len(direction))] * late
-    points, samples = [], []
-    for number in range(round(DURATION_S * device.rate_Hz)):
-        read = np.round(state[0] / resolution) * resolution if resolution else state[0]
-        samples.append(shortened(tick(number * interval, read)[None], limit)[0])
-        coming += repeat(samples[-1], parts)
-        for part in range(parts):
-            time, acting = (number + part / parts) * interval, coming.pop(0)
-            points.append((time, state[0], acting))
-            net = hand_force(device, time + interval / parts / 2, push_mm) * direction - acting
-            # Dry friction stops the stylus by the end of the part, where it can: in the direction in which it would go.
-            stopping = net + (transition[1] @ state) / by_force[1]
-            net = net - shortened(stopping[None], device.friction_N)[0]
-            state = transition @ state + np.multiply.outer(by_force, net)
-    time, position, force = (np.array(values) for values in zip(*points, strict=True))
-    return [
-        LoopRun(time, position[:, axis], force[:, axis], np.array(samples)[:, axis], ripple, limit)
-        for axis in range(len(direction))
-    ]

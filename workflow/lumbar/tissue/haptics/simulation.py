@@ -17,11 +17,13 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings
+from lumbar.tissue.fmu.build.guards import shortened
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, propagation
 from lumbar.tissue.haptics.ticks.sequence import REACHED, PeriodicModel, in_ticks, shares
 from lumbar.tissue.haptics.ticks.uneven import spans
@@ -249,17 +251,35 @@ def simulate(
     duration : float
         Seconds.
     """
+    points, samples = course(tick, intervals, device, limit, delay, push_mm, duration)
+    return LoopRun(*np.array(points).T, np.array(samples), ripple, limit)
+
+
+def course(
+    tick: Callable,
+    intervals: Iterable[float],
+    device: DeviceSettings,
+    limit: float,
+    delay: float = 0.0,
+    push_mm: float = PUSH_MM,
+    duration: float = DURATION_S,
+    direction: Any = 1.0,
+) -> tuple[list[tuple], list]:
+    """Times, positions and forces, and the force of every tick, of `simulate`; along several axes vectors.
+
+    `direction` is that of the push: a vector of length 1 along several axes, then limits are those of a vector's length.
+    """
     motion = cache(lambda part: [*propagation(device, part)[0].ravel(), *propagation(device, part)[1]])
     resolution = device.encoder_um * 1e-6
     # Nobody pushes a stylus that nobody holds: it comes in at a push's mean speed.
-    velocity = 0.0 if device.hand_stiffness_N_m else 1e-3 * push_mm / PUSH_S
-    position = acting = time = 0.0
+    velocity = (0.0 if device.hand_stiffness_N_m else 1e-3 * push_mm / PUSH_S) * direction
+    position = acting = 0.0 * direction
+    time = 0.0
     points, samples, coming = [], [], deque()
     for interval in cycle(intervals):
         if time > duration - interval / 2.0:
             break
-        read = round(position / resolution) * resolution if resolution else position
-        samples.append(min(max(tick(time, read), -limit), limit))
+        samples.append(_limited(tick(time, _read(position, resolution)), limit))
         coming.append((time + delay, samples[-1]))
         end = time + interval
         while end - time > _ROUNDING_S:
@@ -270,18 +290,32 @@ def simulate(
                 points.append((time, position, acting))
                 xx, xv, vx, vv, x_by_force, v_by_force = motion(part)
                 # The hand moves slowly against a part of at most a millisecond: it is held over it.
-                net = hand_force(device, time + part / 2, push_mm) - acting
+                net = _hand_force(device, time + part / 2, push_mm) * direction - acting
                 # Dry friction is what stops the stylus by the end of the part, where it can be (J. J. Moreau, 1988): then it
                 # sticks, else it slides all along. It is late by a part where the motion turns.
                 stopping = net + (vx * position + vv * velocity) / v_by_force
-                net -= min(max(stopping, -device.friction_N), device.friction_N)
+                net -= _limited(stopping, device.friction_N)
                 position, velocity = (
                     xx * position + xv * velocity + x_by_force * net,
                     vx * position + vv * velocity + v_by_force * net,
                 )
                 time += part
         time = end
-    return LoopRun(*np.array(points).T, np.array(samples), ripple, limit)
+    return points, samples
+
+
+def _read(position, resolution: float):
+    """What an encoder reads."""
+    if not resolution:
+        return position
+    return (np.round if isinstance(position, np.ndarray) else round)(position / resolution) * resolution
+
+
+def _limited(force, most: float):
+    """A number within its limit, or a vector no longer than it."""
+    if isinstance(force, np.ndarray):
+        return shortened(force[None], most)[0]
+    return min(max(force, -most), most)
 
 
 def _split(length: float) -> list[float]:
@@ -290,7 +324,7 @@ def _split(length: float) -> list[float]:
     return [round(length / count, 12)] * count
 
 
-def hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
+def _hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
     """What the moving rest position of the hand adds to the forces, in N along the push."""
     phase = math.pi * min(time / PUSH_S, 1.0)
     position, velocity = (1.0 - math.cos(phase)) / 2.0, math.pi / PUSH_S * math.sin(phase) / 2.0
