@@ -9,7 +9,7 @@ from c_programs import CLIENT, DAMPING, ON_LINUX, energies, loader_program
 from effect_entries import FORM_NUMBERS
 from fmpy.fmi1 import FMICallException
 from runtime_models import TARGET
-from spatial_models import FIVE, integrated, spatial_export, spatial_model
+from spatial_models import FIVE, FRAME, STIFFNESS, integrated, spatial_export, spatial_model
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.effects.catalogue import TISSUE
@@ -100,6 +100,8 @@ def test_vectors_are_set_whole_and_refused_whole(version, five):
     fmu = fmu_of(five, version)
     assert fmu.parts("force_offset") == [f"force_offset[{k}]" for k in (1, 2, 3)]
     assert ("position" in fmu.variables) == (version == 3)
+    page = (fmu.folder / "documentation" / "index.html").read_text(encoding="utf-8")
+    assert f"spring_stiffness = {((FRAME * STIFFNESS) @ FRAME.T)[0, 0]:.6g} " in page
     instance = Instance(fmu, event_mode=version == 3)
     instance.put("position", [1.0, -2.0, 0.5])
     force = np.array(instance.read("force"))

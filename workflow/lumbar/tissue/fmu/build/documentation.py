@@ -135,13 +135,20 @@ def _term(model: ExportModel, term: Term) -> tuple:
 
 
 def _numbers(model: ExportModel, term: Term) -> str:
-    """Parameters of a form with units, to six digits."""
-    parameters = (*term.form.linear, *term.form.nonlinear)
+    """Parameters of a form with units, to six digits; of a base in space its matrices, row by row."""
+    base = model.dynamics.base
+    linear = [(item, f"{value:.6g}") for item, value in zip(term.form.linear, term.linear, strict=True)]
+    if base.spatial and term.form.effect == base.form.effect:
+        matrices = base.spatial.matrices(*map(np.array, model.dynamics.base_numbers))
+        rows = {
+            name: "; ".join(" ".join(f"{value:.6g}" for value in row) for row in matrix)
+            for name, matrix in matrices.items()
+        }
+        linear = [(item, rows[item.name]) for item in base.spatial.base.linear]
+    nonlinear = zip(term.form.nonlinear, (f"{value:.6g}" for value in term.nonlinear), strict=True)
     return ", ".join(
-        f"{item.name} = {value:.6g} {item.unit.format(x=model.input.unit, y=model.output.unit)}".removesuffix(
-            " 1"
-        )
-        for item, value in zip(parameters, (*term.linear, *term.nonlinear), strict=True)
+        f"{item.name} = {text} {item.unit.format(x=model.input.unit, y=model.output.unit)}".removesuffix(" 1")
+        for item, text in (*linear, *nonlinear)
     )
 
 
