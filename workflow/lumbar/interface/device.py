@@ -17,8 +17,9 @@ from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.fmu.build.compiler import cache_folder, resolve_targets
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, export_models, find_models
 from lumbar.tissue.haptics.device_table import device_table, device_text, with_device
-from lumbar.tissue.haptics.judgement import Judgement, judge, oscillating_and_calm
+from lumbar.tissue.haptics.judgement import judge, oscillating_and_calm
 from lumbar.tissue.haptics.passivity import z_width
+from lumbar.tissue.haptics.verdict import Judgement
 from lumbar.tissue.models.fitted_model import FittedModel, read_models
 from lumbar.tissue.perception.thresholds import Hands
 

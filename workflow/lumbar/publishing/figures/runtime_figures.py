@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from lumbar.publishing.figures.palette import MODELS, SERIES, model_line, model_look
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, label_panels, new_figure, note
 from lumbar.settings.runtime import DeviceSettings
-from lumbar.tissue.haptics.judgement import Judgement
 from lumbar.tissue.haptics.passivity import ZWidth
 from lumbar.tissue.haptics.rates import Rate
+from lumbar.tissue.haptics.verdict import Judgement
 
 _FMI_LOOKS = {
     "3.0": {"label": "FMI 3.0, event mode", "color": "#0072B2", "marker": "o", "linestyle": "-"},

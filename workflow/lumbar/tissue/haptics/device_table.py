@@ -11,10 +11,12 @@ from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.haptics.held_force import felt_on_device
-from lumbar.tissue.haptics.judgement import Analysis, Judgement, analyse, felt_words, judge_exported
+from lumbar.tissue.haptics.in_space import analyse_in_space
+from lumbar.tissue.haptics.judgement import analyse, judge_exported
 from lumbar.tissue.haptics.passivity import FASTEST_HZ
 from lumbar.tissue.haptics.rendered_model import REACH_MM, render_model, renderable
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
+from lumbar.tissue.haptics.verdict import Analysis, Judgement, felt_words
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.perception.thresholds import Hands
 
@@ -150,8 +152,6 @@ def with_device(
 
 def _read_late(model: ExportModel, device: DeviceSettings) -> Analysis:
     if model.axes:
-        from lumbar.tissue.haptics.in_space import analyse_in_space
-
         return analyse_in_space(model, device, late=True)
     return analyse(render_model(model, device, late=True), device)
 

@@ -24,7 +24,6 @@ from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.guards import shortened
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, loop_response
-from lumbar.tissue.haptics.judgement import PUSHES_MM, Analysis, Judgement
 from lumbar.tissue.haptics.passivity import by_moves
 from lumbar.tissue.haptics.rendered_model import (
     DEPTH_MM,
@@ -37,7 +36,8 @@ from lumbar.tissue.haptics.rendered_model import (
     unpacked,
     watched,
 )
-from lumbar.tissue.haptics.simulation import LoopRun, TissueForce, course, on_servo
+from lumbar.tissue.haptics.simulation import PUSHES_MM, LoopRun, TissueForce, course, on_servo
+from lumbar.tissue.haptics.verdict import Analysis, Judgement
 from lumbar.tissue.models.fitted_model import FittedModel
 
 _ROUNDING = 1e-9

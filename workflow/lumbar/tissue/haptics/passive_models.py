@@ -14,10 +14,11 @@ from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.device_table import device_text, finite
-from lumbar.tissue.haptics.judgement import Analysis, analyse
+from lumbar.tissue.haptics.judgement import analyse
 from lumbar.tissue.haptics.passive_fit import Branches, DeviceCondition, fit_passive
 from lumbar.tissue.haptics.rendered_model import export_at, render_model, renderable, scale_of
 from lumbar.tissue.haptics.ticks.uneven import even
+from lumbar.tissue.haptics.verdict import Analysis
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.identification.identify_tissue import ports_of, scores_of
 from lumbar.tissue.models.fitted_model import FittedModel, models_document

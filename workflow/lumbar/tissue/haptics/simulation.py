@@ -123,6 +123,8 @@ def from_tick_to_tick(model: SampledModel, samples: int, held: bool) -> SampledM
 
 PUSH_MM, PUSH_S, DURATION_S = 5.0, 0.25, 4.0
 """The hand's push: depth, time of its flank of half a cosine, and how long all is watched."""
+PUSHES_MM = (PUSH_MM, PUSH_MM / 10.0)
+"""Depths that a model which is not linear is pushed to."""
 _FINEST_S = 1e-3
 _ROUNDING_S = 1e-11
 _TOLD_N = 0.01
