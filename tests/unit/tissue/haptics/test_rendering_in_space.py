@@ -119,6 +119,24 @@ def test_principal_axes_are_loops_of_their_own():
     assert not meets.linearised
 
 
+def test_sines_in_time_take_no_more_energy_than_the_damping_pays():
+    """Along the direction that is named one of them takes all of it; along others less."""
+    model = spatial_export({}, ("x", "z"))
+    needed, worst = required_damping(spatial_loops(model, DEVICE)[0][0])
+    taken = {}
+    for direction in (worst, worst[::-1] * [1.0, -1.0], np.array([1.0, 0.0])):
+        found = []
+        for angle in np.geomspace(1e-3, 3.1, 80):
+            way = np.multiply.outer(np.cos(angle * np.arange(12_001)), direction)
+            moved = np.diff(way, axis=0)[-10_000:]
+            work = np.sum(model.dynamics.response(way)[:-1][-10_000:] * moved)
+            found.append(-1e3 * STEP * work / np.sum(moved**2))
+        taken[tuple(direction)] = max(found)
+    assert max(taken.values()) == taken[tuple(worst)] <= needed * 1.001
+    assert taken[tuple(worst)] > 0.98 * needed
+    assert min(taken.values()) < 0.95 * needed
+
+
 def test_an_export_is_judged_along_the_worst_direction(zig_cache, tmp_path):
     settings = RuntimeSettings(models=(), compiler_cache=str(zig_cache))
     model = spatial_export({}, moving_average_ms=3.0)
