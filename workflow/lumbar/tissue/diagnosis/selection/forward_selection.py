@@ -147,10 +147,16 @@ def pairs(
     return sorted(found, key=lambda item: item.score)
 
 
-def exchange(model: Candidate, catalogue: dict[str, Effect], experiment: Experiment) -> Candidate:
+def exchange(
+    model: Candidate,
+    catalogue: dict[str, Effect],
+    experiment: Experiment,
+    polished: Callable[[list[Candidate]], list[Candidate]] = list,
+) -> Candidate:
     """Take out each effect in turn and put back whatever then fits best: another form, another effect or it itself."""
     for name in model.effects:
-        best = extend(drop_effect(model, name, experiment), catalogue, experiment, EXCHANGED)[0]
+        found = extend(drop_effect(model, name, experiment), catalogue, experiment, EXCHANGED)
+        best = min(polished(found), key=lambda item: item.score)
         if best.score < model.score - 1.0:
             model = best
     return model
@@ -259,7 +265,7 @@ class Selection:
         found = [item for item in found if self.is_further(before, item)]
         if not found:
             return None
-        best = exchange(found[0], self.settings.catalogue, self.experiment)
+        best = exchange(found[0], self.settings.catalogue, self.experiment, self.polished)
         return best if best.test_rms <= found[0].test_rms * 1.001 else found[0]
 
     def further_path(self, pair: Candidate) -> list[Candidate]:
