@@ -28,6 +28,7 @@ def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp
     assert {"location.csv", "comparison.svg", "refined.json", "principal_axes.csv"} <= written
 
 
+@pytest.mark.nightly
 def test_the_page_says_the_python_that_repeats_it(tmp_path, monkeypatch):
     (tmp_path / "multisine.csv").write_text(HEADER + TABLE)
     monkeypatch.chdir(tmp_path)
@@ -43,7 +44,7 @@ def test_the_page_says_the_python_that_repeats_it(tmp_path, monkeypatch):
     assert again.model[force].value == pytest.approx(0.4, rel=0.05)
 
 
-@pytest.mark.parametrize("verb", ["identify", "doctor", "propose"])
+@pytest.mark.parametrize("verb", ["identify", "propose"])
 def test_verbs_of_one_axis_say_which_take_several(verb):
     with pytest.raises(InputError, match=f"multisine: {verb} takes records of one axis; compare, locate"):
         getattr(lumbar, verb)([record(FRICTION)])
@@ -61,3 +62,12 @@ def test_a_record_of_several_axes_is_no_marker_file_and_no_device(tmp_path):
         lumbar.inspect(tmp_path / "v.csv")
     with pytest.raises(InputError, match="v: device takes records of one axis"):
         lumbar.identify_device(tmp_path / "v.csv")
+
+
+@pytest.mark.nightly
+def test_the_doctor_names_what_it_puts_into_records_in_space():
+    settings = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
+    records = [record(FRICTION, name) for name in ("multisine", "other")]
+    found = lumbar.doctor(records, effects=["hardening_stiffness"], settings=settings)
+    assert found["hardening_stiffness"].words == "named"
+    assert found["hardening_stiffness"].felt is None and found.examination.further is None

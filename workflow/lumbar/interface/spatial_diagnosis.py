@@ -17,13 +17,14 @@ from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
 from lumbar.tissue.diagnosis.selection.refine import refined_document
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
-from lumbar.tissue.diagnosis.selection.verdict import details, headline
+from lumbar.tissue.diagnosis.selection.verdict import details
 from lumbar.tissue.diagnosis.spatial.principal_axes import (
     axes_sentences,
     principal_axes,
     principal_axes_table,
 )
 from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import in_space, usable_in_space
+from lumbar.tissue.diagnosis.spatial.spatial_findings import headline_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_reports import (
     SpatialReport,
     of_axes,
@@ -47,7 +48,7 @@ class SpatialDiagnosis(Diagnosis):
     def sentences(self) -> list[str]:
         """The verdict, the tissue's symmetry and axes, then what a reader asks next."""
         axes = axes_sentences(self.verdict.model.fit, self.verdict.experiment)
-        return [headline(self.verdict), *axes, *details(self.verdict, self.candidates)]
+        return [headline_in_space(self.verdict), *axes, *details(self.verdict, self.candidates)]
 
     @property
     def axes_table(self) -> Table:

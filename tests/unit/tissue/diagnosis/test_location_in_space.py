@@ -75,6 +75,7 @@ def test_cells_have_one_size_and_hold_their_middles():
         assert shares == pytest.approx(1 / len(middles), rel=0.1)
 
 
+@pytest.mark.nightly
 def test_axes_are_compared_and_located_one_by_one_and_pictures_are_named_after_them(spring, tmp_path):
     records = [record(FRICTION)]
     compared, found = lumbar.compare(records, spring), lumbar.locate(records, spring)

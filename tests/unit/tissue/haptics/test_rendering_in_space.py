@@ -54,6 +54,7 @@ def drawn(generator) -> np.ndarray:
     return 10 ** generator.uniform(1.5, 4.0) * root @ root.T
 
 
+@pytest.mark.nightly
 def test_below_the_largest_gain_every_pole_is_inside_and_above_one_is_not():
     """Springs and branches whose axes differ, so that no direction is a loop of its own."""
     generator, bounded = np.random.default_rng(4), 0
@@ -137,6 +138,7 @@ def test_sines_in_time_take_no_more_energy_than_the_damping_pays():
     assert min(taken.values()) < 0.95 * needed
 
 
+@pytest.mark.nightly
 def test_an_export_is_judged_along_the_worst_direction(zig_cache, tmp_path):
     settings = RuntimeSettings(models=(), compiler_cache=str(zig_cache))
     model = spatial_export({}, moving_average_ms=3.0)

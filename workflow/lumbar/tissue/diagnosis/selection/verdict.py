@@ -219,8 +219,7 @@ def headline(diagnosis: Verdict) -> str:
     unit, base = diagnosis.experiment.output_unit, diagnosis.base.fit.structure.base.name
     before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
     named = effects_text(diagnosis.selected)
-    share, errors = _percent(1 - after / before), " to ".join(distinguishing_digits([before, after], 3))
-    fall = _SAID["fall"].format(share=share, errors=errors, unit=unit)
+    share, fall = _percent(1 - after / before), error_falls(diagnosis)
     if diagnosis.orientation is not None:
         return f"These records are not what the {base} model takes. {diagnosis.orientation.sentence}"
     if diagnosis.verdict == "adequate":
@@ -236,6 +235,14 @@ def headline(diagnosis: Verdict) -> str:
         return f"{missing}."
     near = "a_little" if diagnosis.explainable_share_removed < EXPLAINS else "nearest"
     return missing + _SAID[near].format(named=named, s="s" * (len(diagnosis.selected) == 1), share=share)
+
+
+def error_falls(diagnosis: Verdict) -> str:
+    """By how much the error on unseen records falls with the selected effects, from what to what."""
+    before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
+    errors = " to ".join(distinguishing_digits([before, after], 3))
+    unit = diagnosis.experiment.output_unit
+    return _SAID["fall"].format(share=_percent(1 - after / before), errors=errors, unit=unit)
 
 
 def _percent(share: float) -> str:

@@ -10,6 +10,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
+from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
 from lumbar.tissue.models.model_data import FittedParameter
 from lumbar.tissue.models.motion import AXES
 from lumbar.tissue.models.plane_contact import PlaneContact
@@ -139,7 +140,8 @@ def _plane_sentence(
 
 
 def _told(row: PrincipalAxis) -> str:
-    value = f"{row.value:.3g} {row.unit} ({row.low:.3g} to {row.high:.3g})"
+    low, found, high = distinguishing_digits([row.low, row.value, row.high], 3)
+    value = f"{found} {row.unit} ({low} to {high})"
     if row.direction is None:
         return f"{value} in {row.along}" if row.along == "every direction" else f"{value} {row.along}"
     direction = ", ".join(f"{part:.2f}" for part in row.direction)

@@ -24,6 +24,9 @@ from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, find_period
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.models.motion import Motion, SpatialMotion
 
+_STILL = 0.05
+"""Share of the largest range along an axis, below which nothing is looked for in a sensor."""
+
 
 @dataclass(frozen=True, eq=False)
 class SpatialData(JointData):
@@ -134,7 +137,9 @@ def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
     sound, faults = list(records), []
     for axis in records[0].axes:
         single = [axis_record(record, axis) for record in records]
-        moving = [index for index, record in enumerate(single) if np.ptp(record["input"]) > 0]
+        # Of an axis that hardly moves beside the others noise is all there is to see.
+        least = [_STILL * float(np.ptp(record.widest["input"])) for record in records]
+        moving = [index for index, record in enumerate(single) if np.ptp(record["input"]) > least[index]]
         repaired, found = repair([single[index] for index in moving])
         faults += found
         for index, record in zip(moving, repaired, strict=True):

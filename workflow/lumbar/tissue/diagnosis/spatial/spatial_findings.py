@@ -6,7 +6,12 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.selection.verdict import (
+    Verdict,
+    effects_text,
+    error_falls,
+    headline,
+)
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.models.symmetry import matrices_of, symmetric_base
@@ -17,6 +22,25 @@ _SMALL = 0.05
 """Share of the largest spread of the position below which a direction is told."""
 SENSOR = ("turned_frame", "crosstalk")
 """Effects of the force sensor."""
+
+
+_TOLD = {"turned_frame": "axes that are turned", "crosstalk": "crosstalk between its channels"}
+
+
+def headline_in_space(verdict: Verdict) -> str:
+    """The verdict in one sentence: what the force sensor does is none of the tissue's."""
+    sensor = [_TOLD[name] for name in verdict.selected if name in SENSOR]
+    if not sensor or verdict.verdict not in ("named", "tied"):
+        return headline(verdict)
+    tissue = [name for name in verdict.selected if name not in SENSOR]
+    base, fall = verdict.base.fit.structure.base.name, error_falls(verdict)
+    told = f"the force sensor has {' and '.join(sensor)}"
+    missing = (
+        f"The {base} model is missing {effects_text(tissue)}, and" if tissue else f"Beside the {base} model"
+    )
+    tied = ", ".join(effects_text(item.effects) for item in verdict.tied_with)
+    beside = f" These records do not tell it from {tied}." if tied else ""
+    return f"{missing} {told}: with {'both' if tissue else 'it'} {fall}.{beside}"
 
 
 def spatial_findings(verdict: Verdict, axes: tuple[str, ...]) -> list[Finding]:
