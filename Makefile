@@ -84,6 +84,7 @@ benchmark: environment ## accuracy of the diagnosis over hundreds of experiments
 	python benchmarks/body_model.py boxes --seeds 18 --first 1000
 	$(MAKE) STUDY=cohort results # the contest of docs/lifting/pushes.md: its tables/push_prediction
 	python benchmarks/marker_faults.py --markdown docs/lifting/quality.md
+	python tests/space_effects/ask_cases.py --seeds 1,2 # docs/tissue/space.md
 	python benchmarks/runtime.py
 	python benchmarks/perception.py --markdown docs/tissue/perception.md
 	python benchmarks/browser.py
