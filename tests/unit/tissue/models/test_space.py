@@ -167,7 +167,7 @@ def test_a_held_base_stays_where_it_was_turned():
 
 def test_the_plane_presses_across_and_rubs_along():
     normal = np.array([0.6, 0.0, 0.8])
-    plane = PlaneContact(BASES["LE-contact"], XYZ, tuple(frame_of(normal).ravel()), 0.2, 1.0)
+    plane = PlaneContact(BASES["LE-contact"], XYZ, (tuple(frame_of(normal).ravel()),), 0.2, 1.0)
     motion, nonlinear = _motion(3), np.array([1e-3, 1.0, 1.0, 1.0])
     forces = Structure(plane.structural).simulate(motion, np.array([2.0, 0.5]), nonlinear).reshape(3, -1)
     position, velocity = motion.position.reshape(3, -1), motion.velocity.reshape(3, -1)

@@ -77,13 +77,18 @@ def entry_of(model: ModelData) -> dict:
     else:
         forward = isinstance(model.structure, ForwardStructure) or None
         spatial = model.structure.base.spatial
-        space = None if spatial is None else _Space(**spatial.written())
+        space = None if spatial is None else _space(spatial)
         written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward, space=space)
     plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
     plain["structure"] = _without_none(plain["structure"])
     if not model.zeros:  # of one axis the zero is the output's offset
         del plain["zeros"]
     return plain
+
+
+def _space(spatial) -> _Space:
+    ends = (getattr(spatial, name, None) for name in ("depth", "reach"))  # of a plane
+    return _Space(spatial.axes, str(spatial.symmetry), spatial.frames, *ends)
 
 
 def _added(form: Form) -> _Added:
@@ -235,9 +240,8 @@ def _in_space(structure: Structure, space: _Space, problems: Problems) -> Struct
     elif not all(is_rotation(frame, size) for frame in space.frames):
         problems.add(f"{place}.frames", str(space.frames), "rotation matrices are needed, row by row")
     elif plane:
-        contact = PlaneContact(
-            base, space.axes, space.frames[0], float(space.depth or 0), float(space.reach or 0)
-        )
+        ends = float(space.depth or 0), float(space.reach or 0)
+        contact = PlaneContact(base, space.axes, space.frames, *ends)
         return Structure(contact.structural, structure.forms)
     else:
         symmetric = SpatialBase(base, Symmetry(space.symmetry), space.axes, space.frames, free=False)

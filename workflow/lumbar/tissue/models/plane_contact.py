@@ -29,8 +29,8 @@ class PlaneContact:
     base: Base
     """Of one axis, with contact."""
     axes: tuple[str, ...]
-    frame: tuple[float, ...]
-    """Rotation matrix, row by row, whose first column is the normal."""
+    frames: tuple[tuple[float, ...], ...]
+    """One rotation matrix, row by row, whose first column is the normal."""
     depth: float
     """Of the surface along the normal."""
     reach: float
@@ -62,22 +62,10 @@ class PlaneContact:
     turning: ClassVar[tuple[NonlinearParameter, ...]] = ()
     """Parameters that a model of it has no need of: none."""
 
-    def written(self) -> dict:
-        """What a file of models says of it."""
-        return {
-            "axes": self.axes,
-            "symmetry": "plane",
-            "frames": (self.frame,),
-            "depth": self.depth,
-            "reach": self.reach,
-        }
-
     def plane(self, nonlinear: np.ndarray) -> tuple[np.ndarray, float]:
         """Normal and depth of the surface at nonlinear parameters of the base."""
-        frame, numbers = (
-            np.array(self.frame).reshape(len(self.axes), -1),
-            np.log(nonlinear[len(self.base.nonlinear) + 1 :]),
-        )
+        frame = np.array(self.frames[0]).reshape(len(self.axes), -1)
+        numbers = np.log(nonlinear[len(self.base.nonlinear) + 1 :])
         turns = numbers[:-1] if len(self.axes) == 2 else np.array([0.0, *numbers[:-1]])
         return (frame @ turn(turns))[:, 0], self.depth + self.reach * float(numbers[-1])
 
@@ -129,7 +117,7 @@ class PlaneContact:
         """The base with the plane where these parameters have moved it."""
         numbers = np.asarray(nonlinear)
         normal, depth = self.plane(numbers)
-        return replace(self, frame=tuple(frame_of(normal).ravel().tolist()), depth=depth)
+        return replace(self, frames=(tuple(frame_of(normal).ravel().tolist()),), depth=depth)
 
 
 def frame_of(normal: np.ndarray) -> np.ndarray:

@@ -199,10 +199,6 @@ class SpatialBase:
             spatial=self,
         )
 
-    def written(self) -> dict:
-        """What a file of models says of it."""
-        return {"axes": self.axes, "symmetry": self.symmetry.value, "frames": self.frames}
-
     def held(self, nonlinear: np.ndarray) -> "SpatialBase":
         """The base whose frames are where these parameters turn them; a fit leaves them there."""
         return self.at(self.frames_at(nonlinear), free=False)

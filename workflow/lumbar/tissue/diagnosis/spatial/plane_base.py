@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit, fit_at
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_at
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, refit
 from lumbar.tissue.models.bases import BASES
@@ -65,18 +65,15 @@ def _nearest_spring(training: FitData, axes: tuple[str, ...]) -> PlaneContact | 
         return None
     normal /= np.linalg.norm(normal)
     along = normal @ position
-    reach, frame = float(np.ptp(along)), tuple(frame_of(normal).ravel().tolist())
+    reach, frames = float(np.ptp(along)), (tuple(frame_of(normal).ravel().tolist()),)
 
     def left(depth: float) -> float:
-        plane = PlaneContact(BASES["LE-contact"], axes, frame, depth, reach)
-        return _spring(plane, training).squared_error
+        plane = PlaneContact(BASES["LE-contact"], axes, frames, depth, reach)
+        start = next(_starts(plane, training))
+        return fit_at(Structure(plane.structural), training, start).squared_error
 
     depths = (along.min() + reach * np.linspace(0.02, 0.98, _DEPTHS)).tolist()
-    return PlaneContact(BASES["LE-contact"], axes, frame, min(depths, key=left), reach)
-
-
-def _spring(plane: PlaneContact, training: FitData) -> Fit:
-    return fit_at(Structure(plane.structural), training, next(_starts(plane, training)))
+    return PlaneContact(BASES["LE-contact"], axes, frames, min(depths, key=left), reach)
 
 
 def _starts(plane: PlaneContact, training: FitData):

@@ -78,8 +78,9 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
         )
     frame = None
     if space.symmetry is not Symmetry.ISOTROPIC:
-        own = getattr(space, "frame", None) or space.frames[0]  # a plane has one: its normal and two along it
-        frame = np.reshape(own, (len(space.axes), -1))
+        frame = np.reshape(
+            space.frames[0], (len(space.axes), -1)
+        )  # of a plane its normal and what is along it
     records = experiment.records
     axes = records[0].axes
     first = next(item for item in records if item.name == experiment.floor_from)
