@@ -48,7 +48,8 @@ VIEWS = (
     whiteness_view,
     correlation_view,
 )
-_ALL_BUT_NOISE = 1.05
+ALL_BUT_NOISE = 1.05
+"""Error in noise floors below which it hardly exceeds them."""
 _RANKED = ("time", "position and velocity", "depth", "reversals", "linear dynamics")
 """Views whose shares compete; that of the spectrum is about all of a repeating error."""
 _WITHOUT_SHARE = ("cycles", "whiteness", "correlations", "work")
@@ -149,7 +150,7 @@ class Location:
     def is_all_but_noise(self) -> bool:
         """Whether the error hardly exceeds the noise floor."""
         floor = self.residual.floor
-        return floor is not None and self.residual.variance < (_ALL_BUT_NOISE * floor.rms) ** 2
+        return floor is not None and self.residual.variance < (ALL_BUT_NOISE * floor.rms) ** 2
 
     @property
     def headline(self) -> str:

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
+from lumbar.tissue.diagnosis.residuals.locate import ALL_BUT_NOISE
 from lumbar.tissue.diagnosis.residuals.residual import (
     SIGNIFICANT,
     Residual,
@@ -25,8 +26,6 @@ BANDS, TURNS = 6, 12
 """Cells of the sphere of directions, all of one size: bands between heights, each divided about the last axis."""
 _SECTORS = 24
 """Cells of a plane's directions."""
-ALL_BUT_NOISE = 1.05
-"""Error in noise floors below which it hardly exceeds them."""
 _RESTS = 0.1
 """Of the RMS speed, below which the direction of travel is not known."""
 _SPEEDS = 3
@@ -251,6 +250,11 @@ def direction_view(residual: SpatialResidual) -> View:
     return View("direction of travel", share if seen else 0.0, p_value, sentence, table)
 
 
+def upward(direction: np.ndarray) -> np.ndarray:
+    """An axis has no sign: its largest component is taken as positive."""
+    return direction * np.sign(direction[np.argmax(np.abs(direction))])
+
+
 def in_words(direction: Sequence[float]) -> str:
     """Components of a unit vector for a sentence."""
     return f"({', '.join(f'{part + 0.0:.2f}' for part in np.round(direction, 2))})"
@@ -267,7 +271,7 @@ def pointing_view(residual: SpatialResidual) -> View:
     order = np.argsort(-sizes)
     total = residual.explainable or 1.0
     shares, vectors = np.clip(sizes[order] / total, 0.0, 1.0), vectors[:, order]
-    vectors = vectors * np.sign(vectors[np.abs(vectors).argmax(axis=0), np.arange(len(vectors))])
+    vectors = np.transpose([upward(vector) for vector in vectors.T])
     p_value = _sphericity_p(residual, covariance)
     words = residual.words(float(shares[0]), p_value)
     pointed = sizes[order[0]] > _ALIKE * max(sizes[order[-1]], 0.0)

@@ -11,6 +11,7 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
+from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
 from lumbar.tissue.models.model_data import FittedParameter
 from lumbar.tissue.models.motion import AXES
 from lumbar.tissue.models.plane_contact import PlaneContact
@@ -62,7 +63,7 @@ def principal_axes(fit: Fit, experiment: Experiment) -> list[PrincipalAxis]:
                     estimate.value,
                     *_ends(estimate),
                     estimate.unit,
-                    tuple(_upward(frames[which][:, number]).tolist()) if has_axis else None,
+                    tuple(upward(frames[which][:, number]).tolist()) if has_axis else None,
                     cones[which][number] if has_axis and cones else None,
                 )
             )
@@ -81,11 +82,6 @@ def _words(symmetry: Symmetry, number: int) -> tuple[str, bool]:
     if symmetry is Symmetry.TRANSVERSE:
         return ("axis", True) if number == 0 else ("across the axis", False)
     return f"axis {number + 1}", True
-
-
-def _upward(direction: np.ndarray) -> np.ndarray:
-    """An axis has no sign: its largest component is taken as positive."""
-    return direction * np.sign(direction[np.argmax(np.abs(direction))])
 
 
 def _cones(fit: Fit, experiment: Experiment) -> list[list[float]]:
@@ -130,11 +126,10 @@ def _plane_sentence(
     plane: PlaneContact, fit: Fit, rows: Sequence[PrincipalAxis], experiment: Experiment
 ) -> str:
     normal, depth = plane.plane(fit.nonlinear[: len(plane.nonlinear)])
-    direction = ", ".join(f"{part:.2f}" for part in normal)
     into, along = rows[:2]
     friction = f"coefficient of friction {along.value / into.value:.3g}"
     return (
-        f"The tool is not fastened: it meets the tissue at a plane across ({direction}), {depth:.3g} "
+        f"The tool is not fastened: it meets the tissue at a plane across {in_words(normal)}, {depth:.3g} "
         f"{experiment.input_unit} along it; {_told(replace(into, direction=None))}, {friction}."
     )
 
@@ -144,9 +139,8 @@ def _told(row: PrincipalAxis) -> str:
     value = f"{found} {row.unit} ({low} to {high})"
     if row.direction is None:
         return f"{value} in {row.along}" if row.along == "every direction" else f"{value} {row.along}"
-    direction = ", ".join(f"{part:.2f}" for part in row.direction)
     within = "" if row.cone_deg is None else f" ± {row.cone_deg:.2g}°"
-    return f"{value} along ({direction}){within}"
+    return f"{value} along {in_words(row.direction)}{within}"
 
 
 def principal_axes_table(rows: Sequence[PrincipalAxis], axes: tuple[str, ...], data: str) -> Table:

@@ -12,6 +12,7 @@ from lumbar.tissue.diagnosis.selection.verdict import (
     error_falls,
     headline,
 )
+from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.models.symmetry import matrices_of, symmetric_base
@@ -99,8 +100,7 @@ def _vague(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
     direction, share, value, half = _least_moved(fit, experiment, len(axes))
     if half < _VAGUE * abs(value) and share > _SMALL:
         return []
-    along = ", ".join(f"{part:.2f}" for part in direction)
-    words = {"along": along, "share": 100 * share, "low": value - half, "high": value + half}
+    words = {"along": in_words(direction), "share": 100 * share, "low": value - half, "high": value + half}
     unit = f"{experiment.output_unit}/{experiment.input_unit}"
     return [Finding.of("unexcited", value, unit, experiment.training.name, **words)]
 
@@ -110,8 +110,7 @@ def _least_moved(fit: Fit, experiment: Experiment, size: int) -> tuple[np.ndarra
     records = experiment.training.records
     position = np.concatenate([item.motion.position.reshape(size, -1) for item in records], axis=1)
     variances, directions = np.linalg.eigh(np.cov(position))
-    direction, share = directions[:, 0], float(np.sqrt(max(variances[0], 0.0) / variances[-1]))
-    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    direction, share = upward(directions[:, 0]), float(np.sqrt(max(variances[0], 0.0) / variances[-1]))
     rows, columns = np.triu_indices(size)
     weight = direction[rows] * direction[columns] * np.where(rows == columns, 1.0, 2.0)
     scaled, scale = scaled_covariance(fit, experiment.training)

@@ -91,17 +91,14 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
     ]
     forces = [model.simulate(record) for record in records]
     simulated = [
-        (axis_record(record, axis), values, own)
+        [(axis_record(record, axis), *rest) for axis, *rest in zip(axes, force, alone, strict=True)]
         for record, force in zip(records, forces, strict=True)
-        for axis, values, own in zip(axes, force, alone, strict=True)
     ]
     correlation = _noise_correlation(first, floors)
-    found = {
-        item.record.name: item for item in reports_of([one for one in simulated if _moves(one[0])], seed)
-    }
+    moved = [one for own in simulated for one in own if _moves(one[0])]
+    found = {item.record.name: item for item in reports_of(moved, seed)}
     made = []
-    for record, values in zip(records, forces, strict=True):
-        own = [one for one in simulated if one[0].name in [axis_record(record, axis).name for axis in axes]]
+    for record, values, own in zip(records, forces, simulated, strict=True):
         parts = tuple(residual_of(*one) for one in own)
         reports = [found[one.name] for one, *_ in own if one.name in found]
         force = record.stacked("output")[:, -len(parts[0].values) :]
