@@ -8,7 +8,6 @@ first of them to meet the negative real axis ends the stable gains. Where a tiss
 principal axes.
 """
 
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,10 +18,8 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
-from lumbar.tissue.fmu.build.compiler import cache_folder
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.guards import shortened
-from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, loop_response
 from lumbar.tissue.haptics.passivity import by_moves
 from lumbar.tissue.haptics.rendered_model import (
@@ -31,9 +28,9 @@ from lumbar.tissue.haptics.rendered_model import (
     RenderedModel,
     UnpackedFmu,
     beside,
+    fmu_of,
     reach_mm,
     scale_of,
-    unpacked,
     watched,
 )
 from lumbar.tissue.haptics.simulation import PUSHES_MM, LoopRun, TissueForce, course, on_servo
@@ -319,15 +316,8 @@ def judge_in_space(
     pushed = _pushed(loops, asking)
     steady = analysis.stable and device.hand_stiffness_N_m > 0
     ripple = max((_ripple if steady else _one_step)(loop, device) for loop in loops)
-    with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
-        from lumbar.tissue.fmu.check.playing import played
-
-        cache = cache_folder(settings.compiler_cache)
-        made = file or export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])[0]
-        with unpacked(made) as fmu:
-            play = partial(_runs, fmu, meets, device, pushed, ripple)
-            runs = played(play, fmu.folder, kinds=(LoopRun,))
-    run = max(runs, key=lambda item: (not item.calm, item.peak_to_peak))
+    with fmu_of(exported, settings, file) as fmu:
+        run = fmu.worst_run(partial(_runs, fmu, meets, device, pushed, ripple))
     return Judgement(meets, analysis, run, fitted)
 
 

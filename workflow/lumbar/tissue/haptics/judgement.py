@@ -1,7 +1,6 @@
 """Models on a device in a hand: damping needed, largest stable gain, the loop in time, and from which rate on each is safe."""
 
 import os
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -17,7 +16,6 @@ from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.fmu.build.compiler import cache_folder
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
-from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.record import read_record
 from lumbar.tissue.fmu.conventions import RECORD
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
@@ -28,6 +26,7 @@ from lumbar.tissue.haptics.rendered_model import (
     RenderedModel,
     UnpackedFmu,
     export_at,
+    fmu_of,
     render_model,
     scale_of,
     unpacked,
@@ -185,23 +184,14 @@ def judge_exported(
     guards = exported.guards
     if isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact):
         return Judgement(meets, analysis, run_loop(meets, device, gains=analysis.gains), fitted, hands)
-    with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
-        cache = cache_folder(settings.compiler_cache)
-        made = file or export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])[0]
-        with unpacked(made) as fmu:
-            return Judgement(meets, analysis, worst_run(fmu, meets, analysis), fitted, hands)
+    with fmu_of(exported, settings, file) as fmu:
+        return Judgement(meets, analysis, worst_run(fmu, meets, analysis), fitted, hands)
 
 
 def worst_run(fmu: UnpackedFmu, meets: RenderedModel, analysis: Analysis) -> LoopRun:
-    """Simulate pushes of several depths, each into a new instance; the run that is least at rest.
-
-    The library is played in a process of its own; errors as of `lumbar.tissue.fmu.check.playing.played`.
-    """
-    from lumbar.tissue.fmu.check.playing import played
-
+    """Simulate pushes of several depths, each into a new instance; errors as of `UnpackedFmu.worst_run`."""
     expected = _expected(meets, analysis.device, analysis.gains)
-    play = partial(_runs, fmu, meets, analysis.device, *expected)
-    return max(played(play, fmu.folder, kinds=(LoopRun,)), key=lambda run: (not run.calm, run.peak_to_peak))
+    return fmu.worst_run(partial(_runs, fmu, meets, analysis.device, *expected))
 
 
 def _runs(

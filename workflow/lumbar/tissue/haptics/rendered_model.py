@@ -14,13 +14,15 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
+from lumbar.tissue.fmu.build.compiler import cache_folder
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, averaged_samples, export_models
 from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
-from lumbar.tissue.fmu.check.playing import PlayError
+from lumbar.tissue.fmu.check.playing import PlayError, played
 from lumbar.tissue.fmu.conventions import RATE_LIMIT, slow_push, told_meaning, work_units
 from lumbar.tissue.haptics.closed_loop import SampledModel
-from lumbar.tissue.haptics.simulation import PUSH_MM, Step, on_servo
+from lumbar.tissue.haptics.simulation import PUSH_MM, LoopRun, Step, on_servo
 from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
 from lumbar.tissue.haptics.ticks.uneven import WorstTiming, worst_timing
 from lumbar.tissue.models.fitted_model import FittedModel
@@ -292,6 +294,16 @@ def unpacked(path: Path) -> "Iterator[UnpackedFmu]":
             raise InputError(f"{path}: {error}") from error
 
 
+@contextmanager
+def fmu_of(model: ExportModel, settings: RuntimeSettings, file: Path | None) -> "Iterator[UnpackedFmu]":
+    """Unpack the FMU of a model for a while: its file, or one that is made for this machine where there is none."""
+    with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
+        cache = cache_folder(settings.compiler_cache)
+        made = file or export_fmus([model], Path(folder), "", ["host"], cache, versions=["3.0"])[0]
+        with unpacked(made) as fmu:
+            yield fmu
+
+
 class UnpackedFmu:
     """An FMU for FMI 3.0 in a folder, which is loaded once, by the process that plays it, and instantiated as often as it is."""
 
@@ -312,6 +324,11 @@ class UnpackedFmu:
             yield instance.sample
         finally:
             instance.free()
+
+    def worst_run(self, play: Callable[[], list[LoopRun]]) -> LoopRun:
+        """The run that is least at rest of those that `play` makes with it, in a process of its own; errors as of `played`."""
+        runs = played(play, self.folder, kinds=(LoopRun,))
+        return max(runs, key=lambda run: (not run.calm, run.peak_to_peak))
 
     def response(self, positions: np.ndarray) -> np.ndarray:
         """Forces of an instance from its start on to positions in its unit; shape (samples,).
