@@ -16,6 +16,7 @@ from lumbar.publishing.explorer.shown import candidates_of, model_key
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
+from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, gather_evidence, write_diagnosis
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -25,6 +26,7 @@ from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, details, headline
+from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 from lumbar.tissue.effects.notation import check_name
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
@@ -76,6 +78,11 @@ class Diagnosis:
     def evidence(self) -> Evidence:
         """Ties, the experiment that settles them, what these records would have shown, what remains."""
         return gather_evidence(self.verdict, self.settings, self.study.seed, self.study.signals.machine)
+
+    @cached_property
+    def in_space(self) -> list[SpatialReport]:
+        """The same of records of several axes as a whole."""
+        return []
 
     @cached_property
     def base_on_records(self) -> list[ResidualReport]:
@@ -246,11 +253,14 @@ class Diagnosis:
 
         simulated = self.base_on_records
         comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
-        location_table([item.location for item in simulated], self.data).write(folder / "location")
+        self._location.write(folder / "location")
         felt_table(simulated, self.data).write(folder / "felt")
-        return draw_pictures(
-            self.verdict, simulated, self.candidates, folder, self.data, proposal=self.proposal
-        )
+        given = (self.verdict, simulated, self.settings.candidates, folder, self.data)
+        return draw_pictures(*given, self.proposal, self.in_space)
+
+    @property
+    def _location(self) -> Table:
+        return location_table([item.location for item in self.base_on_records], self.data)
 
     def __str__(self) -> str:
         return "\n  ".join(self.sentences)

@@ -13,8 +13,7 @@ from lumbar.base.files import write_json, write_text
 from lumbar.interface.diagnosed import Diagnosis
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, ladder_csv, signal_angles
-from lumbar.tissue.diagnosis.residuals.compare import comparison_table
-from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 from lumbar.tissue.diagnosis.selection.refine import refined_document
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
 from lumbar.tissue.diagnosis.selection.verdict import details
@@ -61,6 +60,11 @@ class SpatialDiagnosis(Diagnosis):
     def in_space(self) -> list[SpatialReport]:
         """The base model beside every record, and where it fails."""
         return spatial_reports(self.models[0], self.verdict.experiment, self.study.seed)
+
+    @cached_property
+    def base_on_records(self) -> list[ResidualReport]:
+        """The same along every axis."""
+        return of_axes(self.in_space)
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -130,11 +134,6 @@ class SpatialDiagnosis(Diagnosis):
         drawn = self._save_pictures(folder) if pictures else {}
         write_text(folder / "diagnosis.html", self.to_html(drawn))
 
-    def _save_pictures(self, folder: Path) -> dict[str, Path]:
-        from lumbar.publishing.pages.diagnosis_pictures import draw_in_space
-
-        axes = of_axes(self.in_space)
-        comparison_table([item.comparison for item in axes], self.data).write(folder / "compare")
-        spatial_location_table(self.in_space, self.data).write(folder / "location")
-        felt_table(axes, self.data).write(folder / "felt")
-        return draw_in_space(self.verdict, self.in_space, self.settings.candidates, folder, self.data)
+    @property
+    def _location(self) -> Table:
+        return spatial_location_table(self.in_space, self.data)

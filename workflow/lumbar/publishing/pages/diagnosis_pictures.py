@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.publishing.figures.comparison_figures import (
     comparison_figure,
@@ -34,22 +32,36 @@ def draw_pictures(
     folder: Path,
     data: str,
     proposal: Proposal | None = None,
+    in_space: Sequence[SpatialReport] = (),
 ) -> dict[str, Path]:
     """Write ``comparison``, ``location``, ``ladder`` and ``signatures``, and ``proposed_law``, ``chain`` where found.
 
-    `simulated` is the base model on every record; the SVG files are returned by caption.
+    `simulated` is the base model on every record, of those of several axes, `in_space`, along every axis; `catalogue` is that of
+    one axis, along which signatures are drawn. The SVG files are returned by caption.
     """
-    comparisons = [item.comparison for item in simulated]
-    shown, base = least_explained(simulated), diagnosis.base.fit.structure.base.name
-    trained = next(item for item in simulated if item.record.name == diagnosis.experiment.floor_from)
-    figures = {
-        "comparison": comparison_figure(shown.record, shown.values, comparisons, base),
-        "location": location_figure(trained.location),
-        "ladder": _ladder(diagnosis),
-        "signatures": signature_figure(
-            pictured_effects(diagnosis, catalogue), diagnosis.base.fit.structure.base.system
-        ),
-    }
+    shown, base = least_explained(simulated), diagnosis.base.fit.structure.base
+    trained = next(
+        item for item in in_space or simulated if item.record.name == diagnosis.experiment.floor_from
+    )
+    if isinstance(trained, SpatialReport):
+        whole = next(report for report in in_space if shown in report.axes)
+        shown_name, location = whole.record.name, SPACE_CAPTION
+        figures = {
+            "comparison": comparison_in_space(whole, base.name),
+            "location": location_in_space(trained),
+        }
+    else:
+        comparisons = [item.comparison for item in simulated]
+        shown_name, location = shown.record.name, LOCATION_CAPTION
+        figures = {
+            "comparison": comparison_figure(shown.record, shown.values, comparisons, base.name),
+            "location": location_figure(trained.location),
+        }
+    content, felt = diagnosis.to_json(), diagnosis.experiment.error_just_felt
+    figures["ladder"] = ladder_figure(
+        ladder_rungs(content), content["unit"], content["noise_floor_rms"], felt
+    )
+    figures["signatures"] = signature_figure(pictured_effects(diagnosis, catalogue), base.system)
     if proposal is not None and proposal.law is not None:
         figures["proposed_law"] = law_figure(proposal)
     if diagnosis.linear is not None:
@@ -58,39 +70,9 @@ def draw_pictures(
         figures["chain"] = chain_figure(diagnosis)
     for name, drawn in figures.items():
         save(drawn, folder / name, "" if name == "signatures" else data)
-    words = {"base": base, "least_explained": shown.record.name, "trained": trained.record.name}
-    words |= {"location": LOCATION_CAPTION, "kind": diagnosis.chain.kind if diagnosis.chain else ""}
+    words = {"base": base.name, "least_explained": shown_name, "trained": trained.record.name}
+    words |= {"location": location, "kind": diagnosis.chain.kind if diagnosis.chain else ""}
     return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
-
-
-def draw_in_space(
-    diagnosis: Verdict,
-    reports: Sequence[SpatialReport],
-    catalogue: dict[str, Effect],
-    folder: Path,
-    data: str,
-) -> dict[str, Path]:
-    """Write the same of records of several axes; `catalogue` is that of one axis, along which signatures are drawn."""
-    base = diagnosis.base.fit.structure.base.name
-    least = least_explained([item for report in reports for item in report.axes])
-    shown = next(report for report in reports if least in report.axes)
-    trained = next(item for item in reports if item.record.name == diagnosis.experiment.floor_from)
-    figures = {
-        "comparison": comparison_in_space(shown, base),
-        "location": location_in_space(trained),
-        "ladder": _ladder(diagnosis),
-        "signatures": signature_figure(pictured_effects(diagnosis, catalogue)),
-    }
-    for name, drawn in figures.items():
-        save(drawn, folder / name, "" if name == "signatures" else data)
-    words = {"base": base, "least_explained": shown.record.name, "trained": trained.record.name}
-    words["location"] = SPACE_CAPTION
-    return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
-
-
-def _ladder(diagnosis: Verdict) -> Figure:
-    content, felt = diagnosis.to_json(), diagnosis.experiment.error_just_felt
-    return ladder_figure(ladder_rungs(content), content["unit"], content["noise_floor_rms"], felt)
 
 
 def pictured_effects(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Effect]:
