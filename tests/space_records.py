@@ -20,14 +20,19 @@ def white(seed: int = 1) -> np.ndarray:
     return NOISE * np.random.default_rng(seed).standard_normal(POSITION.shape)
 
 
+def record_of(name: str, time: np.ndarray, position, force, axes: str) -> Record:
+    """A record of these axes; position in mm and force in N of shape (axes, samples)."""
+    channels = {}
+    for axis, moved, pushed in zip(axes, position, force, strict=True):
+        channels[f"input_{axis}"] = Channel(moved, "position", "mm")
+        channels[f"output_{axis}"] = Channel(pushed, "force", "N")
+    return Record(name, time, channels)
+
+
 def record(error: np.ndarray, noise: np.ndarray | None = None, axes: str = "xyz") -> Record:
     """The record with an error of the force and this noise; default `white`."""
     force = STIFFNESS * POSITION + error + (white() if noise is None else noise)
-    channels = {}
-    for place, axis in enumerate(axes):
-        channels[f"input_{axis}"] = Channel(POSITION[place], "position", "mm")
-        channels[f"output_{axis}"] = Channel(force[place], "force", "N")
-    return Record("multisine", TIME, channels)
+    return record_of("multisine", TIME, POSITION[: len(axes)], force[: len(axes)], axes)
 
 
 HEADER = "time_s,position_x_mm,position_y_mm,position_z_mm,force_x_N,force_y_N,force_z_N\n"

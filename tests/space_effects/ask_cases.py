@@ -11,16 +11,17 @@ from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[2] / "workflow"), str(Path(__file__).parent)]
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE.parents[1] / "workflow"), str(HERE.parent), str(HERE)]
 
 import numpy as np  # noqa: E402
 from make_cases import CASES, axis_names, make_with_truth  # noqa: E402
 
-from lumbar.records.record import Channel, Record  # noqa: E402
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings  # noqa: E402
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates  # noqa: E402
 from lumbar.tissue.diagnosis.selection.verdict import Verdict  # noqa: E402
 from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import diagnose  # noqa: E402
+from space_records import record_of  # noqa: E402
 
 FINDINGS = {"frame": "turned_frame", "crosstalk": "crosstalk"}
 SYMBOLS = {"K_e": "k_e", "K_1": "k_b", "B": "b", "tau_s": "tau"}
@@ -46,23 +47,14 @@ class Answer:
 def ask(name: str, seed: int) -> tuple[Answer, dict]:
     """Diagnose a case; its truth comes second."""
     made, truth = make_with_truth(name, seed)
-    records = [_record(key, table, axis_names(CASES[name])) for key, table in made.items()]
+    records = [
+        record_of(key, table[:, 0], *np.split(table[:, 1:].T, 2), axis_names(CASES[name]))
+        for key, table in made.items()
+    ]
     verdict = diagnose(records, DiagnosisSettings(train="multisine"))
     findings = frozenset(item.kind for item in verdict.findings)
     contact = {"contact_plane"} if verdict.model.fit.structure.base.contact else set()
     return Answer(verdict, frozenset(verdict.selected) - {*FINDINGS.values()} | contact, findings), truth
-
-
-def _record(name: str, table: np.ndarray, axes: str) -> Record:
-    position, force = np.split(table[:, 1:].T, 2)
-    channels = {
-        f"input_{axis}": Channel(values, "position", "mm")
-        for axis, values in zip(axes, position, strict=True)
-    }
-    channels |= {
-        f"output_{axis}": Channel(values, "force", "N") for axis, values in zip(axes, force, strict=True)
-    }
-    return Record(name, table[:, 0], channels)
 
 
 def is_right(expected: list[dict], answer: Answer) -> bool:
@@ -115,10 +107,11 @@ def _of_axes(spatial, fit, tissue: dict) -> dict[str, float]:
     """Principal values in the order of the axes that were found, and how far these are turned from the true ones."""
     found: dict[str, float] = {}
     frames = spatial.frames_at(fit.nonlinear[: len(spatial.nonlinear)])
+    several = len(frames) > 1
     matrices = [key for key in SYMBOLS if f"{key}_principal" in tissue]
     for number, key in enumerate(matrices):
         values, axes = np.array(tissue[f"{key}_principal"]), np.array(tissue[f"{key}_axes"])
-        frame, several = frames[number if len(frames) > 1 else 0], len(frames) > 1
+        frame = frames[number if several else 0]
         if spatial.turns == 0:
             found[f".{SYMBOLS[key]}"] = float(values.mean())
             continue
@@ -139,12 +132,9 @@ def _of_axes(spatial, fit, tissue: dict) -> dict[str, float]:
         off = frame.T @ (axes[:, order] * signs)
         found |= {f".{SYMBOLS[key]}_{place + 1}": values[at] for place, at in enumerate(order)}
         turns = [off[2, 1], off[0, 2], off[1, 0]] if len(values) == 3 else [off[1, 0]]
-        owner = SYMBOLS[key] if several else ""
-        found |= (
-            {f".r_{place + 1}{owner}": turn for place, turn in enumerate(turns)}
-            if several or number == 0
-            else {}
-        )
+        if several or number == 0:
+            owner = SYMBOLS[key] if several else ""
+            found |= {f".r_{place + 1}{owner}": turn for place, turn in enumerate(turns)}
     # Turns are counted from the frame that is given, by little: those that were found belong to both.
     names = [item.symbol for item in spatial.nonlinear]
     return {
