@@ -11,7 +11,7 @@ from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.haptics.held_force import felt_on_device
-from lumbar.tissue.haptics.in_space import analyse_in_space
+from lumbar.tissue.haptics.in_space import analyse_in_space, spatial_loops
 from lumbar.tissue.haptics.judgement import analyse, judge_exported
 from lumbar.tissue.haptics.passivity import FASTEST_HZ
 from lumbar.tissue.haptics.rendered_model import REACH_MM, render_model, renderable
@@ -152,7 +152,7 @@ def with_device(
 
 def _read_late(model: ExportModel, device: DeviceSettings) -> Analysis:
     if model.axes:
-        return analyse_in_space(model, device, late=True)
+        return analyse_in_space(model, device, *spatial_loops(model, device, late=True))[0]
     return analyse(render_model(model, device, late=True), device)
 
 

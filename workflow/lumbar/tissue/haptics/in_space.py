@@ -272,16 +272,10 @@ def _linearisations(
     return found[:1] if same else found
 
 
-def analyse_in_space(model: ExportModel, device: DeviceSettings, late: bool = False) -> Analysis:
-    """Analyse the loop of a model of several axes, or of all its linearisations; errors as of `spatial_loops`."""
-    loops, meets = spatial_loops(model, device, late)
-    return _analysed(model, device, loops, meets)[0]
-
-
-def _analysed(
+def analyse_in_space(
     model: ExportModel, device: DeviceSettings, loops: list[SpatialLoop], meets: RenderedModel
 ) -> tuple[Analysis, list[np.ndarray]]:
-    """The analysis, and the directions that ask most."""
+    """Analyse the loop of a model of several axes, or of all its linearisations, and return the directions that ask most."""
     damping, asks = max(map(required_damping, loops), key=lambda item: item[0])
     gains = [largest_stable_gain(item, device) for item in loops]
     worst = min(range(len(loops)), key=lambda index: gains[index][0])
@@ -312,7 +306,7 @@ def judge_in_space(
     """
     device = settings.device
     loops, meets = spatial_loops(exported, device)
-    analysis, asking = _analysed(exported, device, loops, meets)
+    analysis, asking = analyse_in_space(exported, device, loops, meets)
     pushed = _pushed(loops, asking)
     steady = analysis.stable and device.hand_stiffness_N_m > 0
     ripple = max((_ripple if steady else _one_step)(loop, device) for loop in loops)
@@ -370,16 +364,6 @@ def _runs(
                 tick = TissueForce(step, meets.sampled[0].sampling_time)
                 given = (repeat(1.0 / device.rate_Hz), device, meets.limit, 1e-3 * device.delay_ms, push_mm)
                 points, samples = course(tick, *given, direction=direction)
-                time, position, force = (np.array(values) for values in zip(*points, strict=True))
-                runs += [
-                    LoopRun(
-                        time,
-                        position[:, axis],
-                        force[:, axis],
-                        np.array(samples)[:, axis],
-                        ripple,
-                        meets.limit,
-                    )
-                    for axis in range(len(direction))
-                ]
+                time, *signals = (np.array(values).T for values in (*zip(*points, strict=True), samples))
+                runs += [LoopRun(time, *own, ripple, meets.limit) for own in zip(*signals, strict=True)]
     return runs

@@ -4,7 +4,7 @@ import cmath
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -353,12 +353,12 @@ class Equation:
         """
         if self.channels:
             return None
-        (value,), statements = self._c_sums([self.portable_terms], self.linear, solution)
-        return CStep(value, statements, len(self.slopes), self._c_constants)
+        step = self._c_step_of([self.portable_terms], self.linear, solution)
+        return replace(step, value=step.value[0])
 
-    def _c_sums(
+    def _c_step_of(
         self, sums: Sequence[Sequence[Expression]], linear: Iterable[LinearParameter], solution: str = ""
-    ) -> tuple[tuple[str, ...], str]:
+    ) -> CStep:
         """Each sum of terms in C, and the statements that come before; linear parameters have their own names."""
         names = {item.symbol: item.name for item in (*linear, *self.nonlinear)}
         names |= {name: item.c_name for name, item in SIGNALS.items()} | {FORCE: "force"}
@@ -368,7 +368,8 @@ class Equation:
         steps = [solution] if solution or not self.state else self._c_state_steps(self.state, names)
         ready = iter(values)
         added = tuple(" + ".join(next(ready) for _ in terms) for terms in sums)
-        return added, "\n".join(filter(None, [*steps, *shared]))
+        statements = "\n".join(filter(None, [*steps, *shared]))
+        return CStep(added, statements, len(self.slopes), self._c_constants)
 
     def _c_constants(self, parameters: Mapping[str, float], sampling_time: float) -> dict[str, float]:
         """Sampling time, and the pole of the states that follow their equations without motion."""

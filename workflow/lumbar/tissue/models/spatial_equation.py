@@ -160,10 +160,8 @@ class SpatialEquation(Equation):
         for _ in self.rates:
             # A state may hang on another one: what is a vector follows from what is known to be one.
             for name, rate in self.rates.items():
-                if name not in found and symbols(rate) & found.keys():
-                    found |= (
-                        {name: _components(name, self.axes)} if self._is_vector(rate, found, name) else {}
-                    )
+                if name not in found and symbols(rate) & found.keys() and self._is_vector(rate, found, name):
+                    found[name] = _components(name, self.axes)
         return found
 
     def _is_vector(self, rate: Expression, known: Mapping[str, Vector], state: str) -> bool:
@@ -177,10 +175,10 @@ class SpatialEquation(Equation):
             read = in_space(rate, self.vectors)
             if isinstance(read, tuple) is not (name in self.vectors):
                 raise InputError(f"the rate of {name}, {to_text(rate)}, has no meaning for vectors")
-            parts = zip(self.axes, read, strict=True) if isinstance(read, tuple) else ()
-            found |= (
-                {f"{name}_{axis}": part for axis, part in parts} if isinstance(read, tuple) else {name: read}
-            )
+            if isinstance(read, tuple):
+                found |= {f"{name}_{axis}": part for axis, part in zip(self.axes, read, strict=True)}
+            else:
+                found[name] = read
         return found
 
     @cached_property
@@ -303,8 +301,7 @@ class SpatialEquation(Equation):
             )
             for row in range(len(self.axes))
         ]
-        values, statements = self._c_sums(sums, (item for item, _ in self._read))
-        return CStep(values, statements, len(self.slopes), self._c_constants)
+        return self._c_step_of(sums, (item for item, _ in self._read))
 
     def c_step_by_matrices(self) -> CStep:
         """The same where every linear parameter is a symmetric matrix, whose elements have the names `element` gives."""
@@ -317,8 +314,7 @@ class SpatialEquation(Equation):
                     names.append(LinearParameter(name, "", symbol=name))
                     terms.append(Operation("*", (Symbol(name), part)))
             sums.append(self._portable(terms))
-        values, statements = self._c_sums(sums, names)
-        return CStep(values, statements, len(self.slopes), self._c_constants)
+        return self._c_step_of(sums, names)
 
     @property
     def _c_begun(self) -> dict[str, str]:
