@@ -35,8 +35,7 @@ def record(error: np.ndarray, noise: np.ndarray | None = None, axes: str = "xyz"
     return record_of("multisine", TIME, POSITION[: len(axes)], force[: len(axes)], axes)
 
 
-HEADER = "time_s,position_x_mm,position_y_mm,position_z_mm,force_x_N,force_y_N,force_z_N\n"
-TABLE = "".join(
+TABLE = "time_s,position_x_mm,position_y_mm,position_z_mm,force_x_N,force_y_N,force_z_N\n" + "".join(
     ",".join(f"{value:.6f}" for value in row) + "\n"
     for row in np.column_stack([TIME, POSITION.T, record(FRICTION).stacked("output").T])
 )

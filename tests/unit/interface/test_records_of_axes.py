@@ -8,13 +8,14 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
-from space_records import FRICTION, HEADER, TABLE, record
+from space_records import FRICTION, TABLE, record
+
+SETTINGS = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
 
 
 @pytest.fixture(scope="module")
 def diagnosis():
-    settings = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
-    return lumbar.diagnose([record(FRICTION)], settings=settings, data="made up")
+    return lumbar.diagnose([record(FRICTION)], settings=SETTINGS, data="made up")
 
 
 def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp_path):
@@ -30,12 +31,9 @@ def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp
 
 @pytest.mark.nightly
 def test_the_page_says_the_python_that_repeats_it(tmp_path, monkeypatch):
-    (tmp_path / "multisine.csv").write_text(HEADER + TABLE)
+    (tmp_path / "multisine.csv").write_text(TABLE)
     monkeypatch.chdir(tmp_path)
-    again = lumbar.diagnose(
-        lumbar.read(tmp_path / "multisine.csv"),
-        settings=StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1)),
-    )
+    again = lumbar.diagnose(lumbar.read(tmp_path / "multisine.csv"), settings=SETTINGS)
     [program] = re.findall(r"(?s)<pre[^>]*>(.*?)</pre>", again.to_html())
     known: dict = {}
     exec(program.replace("&#39;", "'").replace("print(", "("), known)
@@ -57,7 +55,7 @@ def test_a_diagnosis_in_space_has_no_page_to_look_around_in_and_no_law(diagnosis
 
 
 def test_a_record_of_several_axes_is_no_marker_file_and_no_device(tmp_path):
-    (tmp_path / "v.csv").write_text(HEADER + TABLE)
+    (tmp_path / "v.csv").write_text(TABLE)
     with pytest.raises(InputError, match="no markers; lumbar diagnose"):
         lumbar.inspect(tmp_path / "v.csv")
     with pytest.raises(InputError, match="v: device takes records of one axis"):

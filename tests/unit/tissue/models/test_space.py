@@ -33,6 +33,12 @@ def _turned(motion: SpatialMotion, matrix: np.ndarray) -> SpatialMotion:
     return SpatialMotion(tuple(Motion(TIME, row, 0.01) for row in rows), names=motion.names)
 
 
+def _force(base, motion: SpatialMotion, linear, nonlinear=(), forms=()) -> np.ndarray:
+    """Of a base with forms, shape (axes, samples)."""
+    found = Structure(base.structural, forms).simulate(motion, np.array(linear), np.array(nonlinear))
+    return found.reshape(len(motion.names), -1)
+
+
 FORMS = [
     (form, form.in_space(XYZ))
     for effect in TISSUE.values()
@@ -137,7 +143,7 @@ def test_a_base_is_its_matrices(symmetry):
     rng = np.random.default_rng(1)
     linear = rng.uniform(0.3, 2.0, len(base.linear))
     nonlinear = np.array([0.15, *np.exp(rng.normal(0, 0.2, len(base.nonlinear) - 1))])
-    found = Structure(base.structural).simulate(motion, linear, nonlinear).reshape(3, -1)
+    found = _force(base, motion, linear, nonlinear)
     matrices = base.matrices(linear, nonlinear)
     assert all(
         np.linalg.eigvalsh(matrix)[0] > 0 and np.allclose(matrix, matrix.T) for matrix in matrices.values()
@@ -158,18 +164,15 @@ def test_a_held_base_stays_where_it_was_turned():
     linear = np.arange(1.0, 7.0)
     held = base.held(nonlinear)
     assert [item.name for item in held.nonlinear] == ["relaxation_time"]
-    before, after = (
-        Structure(item.structural).simulate(motion, linear, numbers)
-        for item, numbers in ((base, nonlinear), (held, nonlinear[:1]))
-    )
+    before, after = _force(base, motion, linear, nonlinear), _force(held, motion, linear, nonlinear[:1])
     assert np.allclose(before, after, atol=1e-12)
 
 
 def test_the_plane_presses_across_and_rubs_along():
     normal = np.array([0.6, 0.0, 0.8])
     plane = PlaneContact(BASES["LE-contact"], XYZ, (tuple(frame_of(normal).ravel()),), 0.2, 1.0)
-    motion, nonlinear = _motion(3), np.array([1e-3, 1.0, 1.0, 1.0])
-    forces = Structure(plane.structural).simulate(motion, np.array([2.0, 0.5]), nonlinear).reshape(3, -1)
+    motion = _motion(3)
+    forces = _force(plane, motion, [2.0, 0.5], [1e-3, 1.0, 1.0, 1.0])
     position, velocity = motion.position.reshape(3, -1), motion.velocity.reshape(3, -1)
     into = 2.0 * np.maximum(normal @ position - 0.2, 0.0)
     assert np.allclose(normal @ forces, into, atol=1e-9)
@@ -182,16 +185,12 @@ def test_the_plane_presses_across_and_rubs_along():
 def test_the_sensor_turns_and_mixes():
     effects, motion = force_sensor_effects(XYZ), _motion(3)
     base = _base(Symmetry.ISOTROPIC, "LE")
-    plain = Structure(base.structural).simulate(motion, np.array([2.0]), np.zeros(0)).reshape(3, -1)
-    vector = np.array([0.1, -0.2, 0.3])
-    turned = Structure(base.structural, effects["turned_frame"].forms)
-    assert np.allclose(
-        turned.simulate(motion, np.array([2.0]), np.exp(vector)).reshape(3, -1), turn(vector) @ plain
-    )
-    mixed = Structure(base.structural, effects["crosstalk"].forms)
-    shares = np.array([0.1, 0.0, 0.0, 0.0, 0.0, -0.05])
+    plain, vector = _force(base, motion, [2.0]), np.array([0.1, -0.2, 0.3])
+    turned = _force(base, motion, [2.0], np.exp(vector), effects["turned_frame"].forms)
+    assert np.allclose(turned, turn(vector) @ plain)
+    mixed = _force(base, motion, [2.0], np.exp([0.1, 0.0, 0.0, 0.0, 0.0, -0.05]), effects["crosstalk"].forms)
     matrix = np.array([[1, 0.1, 0], [0, 1, 0], [0, -0.05, 1]])
-    assert np.allclose(mixed.simulate(motion, np.array([2.0]), np.exp(shares)).reshape(3, -1), matrix @ plain)
+    assert np.allclose(mixed, matrix @ plain)
 
 
 @pytest.mark.parametrize(
