@@ -28,7 +28,7 @@ def study_config(*files: str) -> dict:
 def study_settings(*files: str) -> StudySettings:
     """Return the settings of the default study, with files of config/ laid over them."""
     problems = Problems("configuration")
-    settings = validate(study_config(*files), StudySettings, problems, Origins())
+    settings = validate(study_config(*files), StudySettings, Origins(problems))
     problems.raise_if_any()
     return settings
 

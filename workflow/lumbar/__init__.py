@@ -62,6 +62,6 @@ def _checked(value):
     from lumbar.study.validation import Origins, validate
 
     problems = Problems(type(value).__name__)
-    found = validate(plain(value), type(value), problems, Origins())
+    found = validate(plain(value), type(value), Origins(problems))
     problems.raise_if_any()
     return found

@@ -220,7 +220,7 @@ def test_every_lift_can_be_moved(cohort):
         person = draw_person(large, name, group, SEED)
         for mass, trial in lifts_of(large):
             lift = draw_lift(large, person, mass, lift_name(name, mass, trial), SEED)
-            validate(plain(lift), SyntheticLift, problems, Origins())
+            validate(plain(lift), SyntheticLift, Origins(problems))
             assert np.all(np.diff([1.2, *vars(lift.events_s).values()]) >= 0.2)
     problems.raise_if_any()
 

@@ -96,7 +96,7 @@ def _typed(kind: Any, content: Any, complete: bool) -> Any:
     if origin is Annotated:
         return _typed(arguments[0], content, complete)
     if origin in (Union, UnionType):
-        return _typed(_member(arguments, content), content, complete)
+        return _typed(_member(members_of(kind), content), content, complete)
     if isinstance(kind, type) and is_dataclass(kind):
         types = types_of(kind)
         given = {item.name: name_of(item) for item in fields(kind) if name_of(item) in content}
@@ -113,24 +113,24 @@ def _typed(kind: Any, content: Any, complete: bool) -> Any:
     return float(content) if kind is float else content
 
 
-def _member(kinds: tuple, content: Any) -> Any:
-    """Return the member of a union that the content is of."""
-    flat = [member for kind in kinds for member in _members(kind)]
+def members_of(kind: Any) -> list:
+    """Members of a union, or the type itself, without ``Annotated``."""
+    if get_origin(kind) is Annotated:
+        return members_of(get_args(kind)[0])
+    if get_origin(kind) in (Union, UnionType):
+        return [inner for member in get_args(kind) for inner in members_of(member)]
+    return [kind]
+
+
+def _member(kinds: list, content: Any) -> Any:
+    """Return the one of some types that the content is of."""
     if isinstance(content, Mapping):
-        return next(kind for kind in flat if is_dataclass(kind) and _fills(kind, content))
+        return next(kind for kind in kinds if is_dataclass(kind) and _fills(kind, content))
     if isinstance(content, list | tuple):
-        return next(kind for kind in flat if get_origin(_bare(kind)) is tuple)
-    scalars = {NoneType: NoneType, bool: bool, int: int, float: float, str: str}
-    exact = scalars.get(type(content))
-    return next((kind for kind in flat if _bare(kind) is exact), float if float in flat else NoneType)
-
-
-def _members(kind: Any) -> tuple:
-    return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
-
-
-def _bare(kind: Any) -> Any:
-    return get_args(kind)[0] if get_origin(kind) is Annotated else kind
+        return next(kind for kind in kinds if get_origin(kind) is tuple)
+    if type(content) in kinds and not is_dataclass(content):
+        return type(content)
+    return float if float in kinds else NoneType
 
 
 def _fills(kind: Any, content: Mapping) -> bool:

@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.base.errors import LumbarError, Problems, did_you_mean
-from lumbar.base.yaml_file import way_of
+from lumbar.base.errors import LumbarError, did_you_mean
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.stability import GROUPS, weight_problems
 from lumbar.settings.study_settings import StudySettings
@@ -27,7 +26,8 @@ from lumbar.study.study import (
 if TYPE_CHECKING:
     from lumbar.study.validation import Origins
 
-    Add = Callable[[str, str, str], None]
+Add = Callable[[str | tuple, str, str], None]
+"""Takes the key, what was found there and what is allowed."""
 
 
 def _check_names(key: str, names: list[str], add: Add) -> None:
@@ -156,7 +156,7 @@ def _check_effects(
             add(f"{key}.{number}", f"{name!r} is no effect{did_you_mean(name, known)}", allowed)
 
 
-def _check_twin_lifts(study: Study, sources: Mapping[str, Origins], problems: Problems) -> None:
+def _check_twin_lifts(study: Study, sources: Mapping[str, Origins]) -> None:
     """Check that the twin can make all that people declare of their lifts."""
     twin = study.settings.twin.lifting
     for person, lifts in study.lifts_by_person.items():
@@ -169,50 +169,45 @@ def _check_twin_lifts(study: Study, sources: Mapping[str, Origins], problems: Pr
                 found, place = getattr(lift.trial, key), ("subject", "trials", number, key)
                 if found not in (None, made.get(key)):
                     words = f"the twin records it as {made[key]}" if key in made else "the twin records none"
-                    problems.add(sources[person].place(place), repr(found), words)
+                    sources[person].add(place, repr(found), words)
         if study.subjects[person].static:
-            place = sources[person].place(("subject", "static"))
-            problems.add(place, repr(study.subjects[person].static), "the twin records none")
+            sources[person].add(
+                "subject.static", repr(study.subjects[person].static), "the twin records none"
+            )
         group, drawn = study.subjects[person].experience, [name for name in lifts if name not in twin.lifts]
         if drawn and group not in twin.groups:
             words = (
                 f"the twin moves {', '.join(drawn)} as people of a label do; it knows {', '.join(twin.groups) or 'none'}: "
                 f"add {group} to twin.lifting.groups in config/twin.yaml, or these lifts to twin.lifting.lifts"
             )
-            problems.add(sources[person].place(("subject", "experience")), repr(group), words)
+            sources[person].add("subject.experience", repr(group), words)
 
 
-def _check_twin_movements(settings: StudySettings, add_at: Callable[[tuple, str, str], None]) -> None:
+def _check_twin_movements(settings: StudySettings, add: Add) -> None:
     """Check that lifts and trials of the twin name people and lifts that it has, and records of hip moments its trials."""
     twin, way = settings.twin.lifting, ("twin", "lifting")
     trials = twin.hip_moment.trials
     for name, lift in twin.lifts.items():
         if lift.person not in twin.people:
-            add_at((*way, "lifts", name, "person"), repr(lift.person), f"people: {', '.join(twin.people)}")
+            add((*way, "lifts", name, "person"), repr(lift.person), f"people: {', '.join(twin.people)}")
     for name, trial in trials.items():
         if trial.lift not in twin.lifts:
             place = (*way, "hip_moment", "trials", name, "lift")
-            add_at(place, repr(trial.lift), f"lifts: {', '.join(twin.lifts)}")
+            add(place, repr(trial.lift), f"lifts: {', '.join(twin.lifts)}")
     for number, entry in enumerate(settings.improvement.record_sets):
         for item, record in enumerate(entry.records or ()):
             if record.file.startswith(HIP_MOMENTS) and record.name not in trials:
                 place = ("improvement", "record_sets", number, "records", item, "name")
-                add_at(place, repr(record.name), f"twin.lifting.hip_moment.trials: {', '.join(trials)}")
+                add(place, repr(record.name), f"twin.lifting.hip_moment.trials: {', '.join(trials)}")
 
 
-def check_consistency(
-    study: Study, root: Path, origins: Origins, sources: Mapping[str, Origins], problems: Problems
-) -> None:
+def check_consistency(study: Study, root: Path, origins: Origins, sources: Mapping[str, Origins]) -> None:
     """Check names, references between keys and that every given recording is there and inside the root.
 
     Whether an object store has a recording is asked by Snakemake.
     `root` is the project's folder; `origins` know files and lines of the keys, `sources` those of every person's file.
     """
-
-    def add(key: str, found: str, allowed: str) -> None:
-        problems.add(origins.place(way_of(key)), found, allowed)
-
-    settings = study.settings
+    settings, add = study.settings, origins.add
     if study.has("surgeon"):
         _check_names("surgeon.records", [record.name for record in settings.surgeon.records], add)
     if study.has("tissue"):
@@ -234,7 +229,7 @@ def check_consistency(
     if study.has("stability") or study.has("population"):
         _check_groups(study, add)
     if study.has("stability") or study.has("perturbations"):
-        problems.extend(weight_problems(**vars(settings.stability.regulator)))
+        origins.problems.extend(weight_problems(**vars(settings.stability.regulator)))
         checks = settings.stability.checks
         if "cvxpy" in checks and "sum_of_squares" not in checks:
             add(
@@ -243,9 +238,9 @@ def check_consistency(
                 "it checks those certificates: choose both",
             )
     if study.synthetic:
-        _check_twin_movements(settings, lambda way, *words: problems.add(origins.place(way), *words))
+        _check_twin_movements(settings, add)
         if not study.cohort:
-            _check_twin_lifts(study, sources, problems)
+            _check_twin_lifts(study, sources)
     _check_recordings(study, add)
 
 

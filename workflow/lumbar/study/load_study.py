@@ -11,12 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from lumbar.base.errors import Problems
-from lumbar.base.yaml_file import YamlFile, read_yaml, way_of
+from lumbar.base.yaml_file import YamlFile, read_yaml
 from lumbar.settings.improvement import ImprovementSettings, is_data
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
 from lumbar.study.artefacts import LIFTED, NEEDS, OF_TISSUE, OF_TWIN, read_artefacts
-from lumbar.study.consistency import check_consistency, check_effects
+from lumbar.study.consistency import Add, check_consistency, check_effects
 from lumbar.study.study import TWIN, RecordedLift, Study
 from lumbar.study.validation import Origins, overlay, validate
 
@@ -42,13 +42,14 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
         With every wrong key, value, missing file or contradiction found.
     """
     problems = Problems("configuration")
-    origins = Origins([read_yaml(_below(root, file), problems, _named(root, file)) for file in files])
-    settings = validate(config, StudySettings, problems, origins)
-    subjects, sources = _load_subjects(config, settings, root, problems, origins)
+    read = [read_yaml(_below(root, file), problems, _named(root, file)) for file in files]
+    origins = Origins(problems, read)
+    settings = validate(config, StudySettings, origins)
+    subjects, sources = _load_subjects(config, settings, root, origins)
     if settings is not None:
-        _check_chapters(settings, problems, origins)
+        _check_chapters(settings, origins.add)
     if settings is not None and not trust:
-        check_code(settings.improvement, [_below(root, file) for file in files], root, problems, origins)
+        check_code(settings.improvement, [_below(root, file) for file in files], root, origins.add)
     problems.raise_if_any()
     chapters = settings.chapters
     lifts = name_lifts(subjects)
@@ -67,10 +68,10 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
             and (settings.data == "twin" or row.id not in OF_TWIN)
             and ("tissue" in chapters or row.id not in OF_TISSUE)
         ],
-        data_root=_data_root(settings, root, problems, origins),
+        data_root=_data_root(settings, root, origins.add),
         lifts=lifts if LIFTED & set(chapters) else {},
     )
-    check_consistency(study, root, origins, sources, problems)
+    check_consistency(study, root, origins, sources)
     problems.raise_if_any()
     return study
 
@@ -99,20 +100,18 @@ def _named(root: Path, file: str | Path) -> str:
     return str(path.relative_to(root)) if path.is_relative_to(root) else str(file)
 
 
-def _check_chapters(settings: StudySettings, problems: Problems, origins: Origins) -> None:
+def _check_chapters(settings: StudySettings, add: Add) -> None:
     chapters = settings.chapters
     if not chapters:
-        problems.add(origins.place(("chapters",)), "none", "a study has a chapter at least")
+        add("chapters", "none", "a study has a chapter at least")
     for chapter in chapters:
         missing = [needed for needed in NEEDS.get(chapter, []) if needed not in chapters]
         if missing:
-            found = f"{chapter} without {', '.join(missing)}"
-            problems.add(origins.place(("chapters",)), found, "it builds on it: add it")
+            add("chapters", f"{chapter} without {', '.join(missing)}", "it builds on it: add it")
     if "pushes" in chapters and LIFTED.isdisjoint(chapters):
-        found = "pushes without lifts"
-        problems.add(origins.place(("chapters",)), found, f"add {' or '.join(sorted(LIFTED))}")
+        add("chapters", "pushes without lifts", f"add {' or '.join(sorted(LIFTED))}")
     if "perturbations" in chapters and settings.perturbations is None:
-        problems.add(origins.place(("perturbations",)), "null", "the chapter needs its trials")
+        add("perturbations", "null", "the chapter needs its trials")
 
 
 def name_lifts(subjects: dict[str, SubjectSettings]) -> dict[str, RecordedLift]:
@@ -131,7 +130,7 @@ def name_lifts(subjects: dict[str, SubjectSettings]) -> dict[str, RecordedLift]:
 
 
 def _load_subjects(
-    config: dict, settings: StudySettings | None, root: Path, problems: Problems, origins: Origins
+    config: dict, settings: StudySettings | None, root: Path, origins: Origins
 ) -> tuple[dict[str, SubjectSettings], dict[str, Origins]]:
     """Read the study's subject files; those of a configuration that is wrong itself are checked all the same.
 
@@ -141,7 +140,8 @@ def _load_subjects(
         names = (
             config.get("lifting", {}).get("subjects", []) if isinstance(config.get("lifting"), dict) else []
         )
-        names = [] if "subject" in config or not isinstance(names, list) else filter(_is_name, names)
+        names = [] if "subject" in config or not isinstance(names, list) else names
+        names = [name for name in names if isinstance(name, str) and "/" not in name]
     elif not LIFTED & set(settings.chapters):
         return {}, {}
     elif settings.subject:
@@ -157,55 +157,47 @@ def _load_subjects(
         path = root / "config" / "subjects" / f"{name}.yaml"
         if not path.is_file():
             known = ", ".join(sorted(item.stem for item in path.parent.glob("*.yaml")))
-            place = origins.place(("lifting", "subjects", number))
-            problems.add(place, f"no file config/subjects/{name}.yaml", f"there are: {known}")
-            continue
-        subject, source = read_subject(path, f"config/subjects/{name}.yaml", problems)
-        if subject is not None and subject.name != name:
-            problems.add(
-                source.place(("subject", "name")), repr(subject.name), f"the file is named {name}.yaml"
+            origins.add(
+                f"lifting.subjects.{number}", f"no file config/subjects/{name}.yaml", f"there are: {known}"
             )
+            continue
+        subject, source = read_subject(path, f"config/subjects/{name}.yaml", origins.problems)
+        if subject is not None and subject.name != name:
+            source.add("subject.name", repr(subject.name), f"the file is named {name}.yaml")
         elif subject is not None:
             subjects[name], sources[name] = subject, source
     return subjects, sources
-
-
-def _is_name(name: object) -> bool:
-    return isinstance(name, str) and "/" not in name
 
 
 def read_subject(path: Path, name: str, problems: Problems) -> tuple[SubjectSettings | None, Origins]:
     """Read a subject file, and where its keys stand; None where it cannot be used, and `problems` says why."""
     before = len(problems.entries)
     file: YamlFile = read_yaml(path, problems, name)
-    origins = Origins([file])
+    origins = Origins(problems, [file])
     if len(problems.entries) > before:
         return None, origins
-    checked = validate(file.content, SubjectFile, problems, origins)
+    checked = validate(file.content, SubjectFile, origins)
     return (checked.subject if checked else None), origins
 
 
-def _data_root(
-    settings: StudySettings, root: Path, problems: Problems, origins: Origins
-) -> Path | str | None:
+def _data_root(settings: StudySettings, root: Path, add: Add) -> Path | str | None:
     if settings.data == TWIN:
         return None
     named = os.environ.get("LUMBAR_DATA") or settings.data_root
     source = settings.data_source
     if source is None:
-        words = "recordings need name, licence and where to obtain them"
-        problems.add(origins.place(("data_source",)), "missing", words)
+        add("data_source", "missing", "recordings need name, licence and where to obtain them")
         return None
     if named is None:
         words = "set it in the study's YAML or in the environment variable LUMBAR_DATA"
-        problems.add(origins.place(("data_root",)), "not set", words)
+        add("data_root", "not set", words)
         return None
     if "://" in named:
         return named.rstrip("/")
     folder = _below(root, Path(named).expanduser())
     if not folder.is_dir():
-        problems.add(
-            origins.place(("data_root",)),
+        add(
+            "data_root",
             f"the folder {folder} does not exist",
             f"it should hold: {source.name} (licence: {source.licence}); obtain it from "
             f"{source.obtain}, then set data_root in the study's YAML or the environment variable "
@@ -239,11 +231,10 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     2
     """
     files, problems = tuple(map(Path, files)), Problems("configuration")
-    read = [read_yaml(path, problems) for path in files]
-    origins, content = Origins(read), {}
-    for file in read:
+    origins, content = Origins(problems, [read_yaml(path, problems) for path in files]), {}
+    for file in origins.files:
         content = overlay(content, file.content)
-    settings = validate(content, StudySettings, problems, origins)
+    settings = validate(content, StudySettings, origins)
     problems.raise_if_any()
     places = [Path(), *(parent for path in reversed(files) for parent in path.resolve().parents)]
     own = tuple(_first_found(file, places) for file in settings.improvement.effect_files)
@@ -252,13 +243,9 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     )
     if not trust:
         project = Path() if DEFAULT_FILES[0].is_file() else None
-        check_code(improvement, files, project, problems, origins)
+        check_code(improvement, files, project, origins.add)
         problems.raise_if_any()
-
-    def add(key: str, found: str, allowed: str) -> None:
-        problems.add(origins.place(way_of(key)), found, allowed)
-
-    check_effects(improvement, Path(), add)
+    check_effects(improvement, Path(), origins.add)
     problems.raise_if_any()
     return replace(settings, improvement=improvement)
 
@@ -291,8 +278,7 @@ def check_code(
     improvement: ImprovementSettings,
     files: Sequence[Path],
     project: Path | None,
-    problems: Problems,
-    origins: Origins,
+    add: Add,
 ) -> None:
     """Check, before anything is run, that Python and every file of settings lie in the project that one works in.
 
@@ -304,9 +290,8 @@ def check_code(
             continue
         strange = [file for file in (*files, Path(project or "", effect)) if not _lies_in(file, project)]
         if strange:
-            place = origins.place(("improvement", "effect_files", number))
-            problems.add(
-                place,
+            add(
+                f"improvement.effect_files.{number}",
                 f"{effect} is Python, which would be run, and {strange[0]} lies in no project that you work in",
                 "read it first; then write the effect in YAML, copy study and effect into your project, or say --trust "
                 "(lumbar.load_settings: trust=True)",

@@ -8,10 +8,10 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from lumbar.base.errors import Problems, did_you_mean
-from lumbar.base.yaml_file import YamlFile
+from lumbar.base.yaml_file import YamlFile, way_of
 from lumbar.settings.key import Each
 from lumbar.settings.layout import AXIS_ROLES, SIDES
-from lumbar.settings.plain import name_of, plain, types_of
+from lumbar.settings.plain import members_of, name_of, plain, types_of
 
 _WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false", NoneType: "null"}
 _SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
@@ -61,12 +61,12 @@ def key_at(section: type, way: tuple) -> KeyType | None:
 
 def section_of(kind: Any) -> type | None:
     """Return the one section that a type is or may be."""
-    sections = [member for member in _members(kind) if is_dataclass(member)]
+    sections = [member for member in members_of(kind) if is_dataclass(member)]
     return sections[0] if len(sections) == 1 else None
 
 
 def _below(kind: Any, part: Any) -> KeyType | None:
-    for member in _members(kind):
+    for member in members_of(kind):
         origin, arguments = get_origin(member), get_args(member)
         if is_dataclass(member) and part in (known := keys_of(member)):
             return known[part]
@@ -76,15 +76,6 @@ def _below(kind: Any, part: Any) -> KeyType | None:
             entry = arguments[0] if arguments[-1] is Ellipsis else arguments[min(part, len(arguments) - 1)]
             return KeyType(entry, {})
     return None
-
-
-def _members(kind: Any) -> list:
-    """Members of a union, or the type itself, without ``Annotated``."""
-    if get_origin(kind) is Annotated:
-        return _members(get_args(kind)[0])
-    if get_origin(kind) in (Union, UnionType):
-        return [inner for member in get_args(kind) for inner in _members(member)]
-    return [kind]
 
 
 def allowed_words(kind: Any, limits: Mapping[str, Any] | None = None) -> str:
@@ -147,10 +138,15 @@ def overlay(base: dict, upper: dict) -> dict:
 
 
 class Origins:
-    """File and line that a key of a merged configuration comes from; the last of the files lies on top."""
+    """File and line that a key of a merged configuration comes from, for what is wrong with it; the last file lies on top."""
 
-    def __init__(self, files: Sequence[YamlFile] = ()):
-        self.files = files
+    def __init__(self, problems: Problems, files: Sequence[YamlFile] = ()):
+        self.problems, self.files = problems, files
+
+    def add(self, key: str | tuple, found: str, allowed: str) -> None:
+        """Note a problem at a key, by its name or the way to it, as of `place`."""
+        way = way_of(key) if isinstance(key, str) else key
+        self.problems.add(self.place(way), found, allowed)
 
     def place(self, way: tuple, value: Any = _ANY) -> str:
         """Name file, line and key of a place, as far as the files hold it.
@@ -189,7 +185,7 @@ def _adapter(kind: type):
     return TypeAdapter(kind)
 
 
-def validate(content: dict, kind: type[Kind], problems: Problems, origins: Origins) -> Kind | None:
+def validate(content: dict, kind: type[Kind], origins: Origins) -> Kind | None:
     """Return a configuration as settings, with the defaults of all that it leaves out; None if there are problems.
 
     Parameters
@@ -198,15 +194,14 @@ def validate(content: dict, kind: type[Kind], problems: Problems, origins: Origi
         As the files hold it.
     kind : type
         Class of `lumbar.settings`.
-    problems : Problems
+    origins : Origins
         Takes every wrong key and value, with file, line, what was found and what is allowed.
     """
     from pydantic import ValidationError
 
     unfilled = _unfilled(content)
     for way in unfilled:
-        value = f"{FILL_IN}: still to be filled in"
-        problems.add(origins.place(way), value, _rule(key_at(kind, way)))
+        origins.add(way, f"{FILL_IN}: still to be filled in", _rule(key_at(kind, way)))
     merged = overlay(_beside(content, _defaults(kind)), content)
     try:
         checked = _adapter(kind).validate_json(json.dumps(merged, default=_as_plain), strict=True)
@@ -220,7 +215,7 @@ def validate(content: dict, kind: type[Kind], problems: Problems, origins: Origi
         for way, (found, allowed_words) in said.items():
             if any(place[: len(way)] == way for place in unfilled):
                 continue
-            problems.add(places[way], found, allowed_words)
+            origins.problems.add(places[way], found, allowed_words)
     return None
 
 
@@ -267,7 +262,8 @@ def _explained(kind: type, content: dict, error: dict) -> tuple[tuple, str, str]
     """Return where an error of Pydantic lies, what was found there, and what is allowed."""
     way, value = [], content
     for part in error["loc"]:
-        if not (part in value if isinstance(value, dict) else _is_index(part, value)):
+        known = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
+        if part not in known:
             break
         way.append(part)
         value = value[part]
@@ -291,7 +287,7 @@ def _explained(kind: type, content: dict, error: dict) -> tuple[tuple, str, str]
 def _meant(value: Any, key: KeyType | None) -> str:
     """Of a word that stands for one of few: the one that it is like."""
     words = (
-        [word for each in _members(key.kind) if get_origin(each) is Literal for word in get_args(each)]
+        [word for each in members_of(key.kind) if get_origin(each) is Literal for word in get_args(each)]
         if key
         else []
     )
@@ -300,10 +296,6 @@ def _meant(value: Any, key: KeyType | None) -> str:
         if isinstance(value, str)
         else ""
     )
-
-
-def _is_index(part: Any, value: Any) -> bool:
-    return isinstance(value, list) and isinstance(part, int) and part < len(value)
 
 
 def _unknown_key(section: KeyType | None, name: str) -> tuple[str, str]:
