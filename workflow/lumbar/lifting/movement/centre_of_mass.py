@@ -36,8 +36,8 @@ class LimbSegment(NamedTuple):
     """Radius about the centre, across the segment, share of its length; NaN where nothing needs it."""
 
 
-TRUNK_SHARE, FOOT_SHARE = 0.497, 0.0145
-"""Masses of the trunk and of one foot, shares of the body's."""
+TRUNK_SHARE = 0.497
+"""Mass of the trunk, share of the body's."""
 HEAD = LimbSegment(0.081, 1.0, 0.495)
 """Head and neck, from C7/T1 to the ear canal."""
 TRUNK_HEAD = LimbSegment(0.578, 0.66, 0.503)

@@ -53,7 +53,8 @@ class Leap:
 def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[slice]]:
     """Return the leaps of one marker, shape (n_frames, 3) in metres, and its spikes, which come back within a few frames."""
     size = step_sizes(positions)
-    threshold = np.maximum(_thresholds(size, rate), _travel_beside(positions))
+    threshold = np.maximum(max(SMALLEST_M, _AT.jerk_m_s3 / rate**3), ABOVE_UNREST * unrest(size))
+    threshold = np.maximum(threshold, _travel_beside(positions))
     with np.errstate(invalid="ignore"):
         large = size > threshold
     # Responses to one leap are up to two steps apart.
@@ -99,11 +100,6 @@ def unrest(size: np.ndarray) -> np.ndarray:
     at = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0) * 4 // 5
     found = np.nan_to_num(np.take_along_axis(ordered, at[:, None], axis=1))
     return np.repeat(found, _AT.block)[: len(size)]
-
-
-def _thresholds(size: np.ndarray, rate: float) -> np.ndarray:
-    """Size from which a step is a leap, by the unrest of the marker about it, shape of `size`."""
-    return np.maximum(max(SMALLEST_M, _AT.jerk_m_s3 / rate**3), ABOVE_UNREST * unrest(size))
 
 
 def _line(positions: np.ndarray, frames: np.ndarray, at: float) -> np.ndarray:
