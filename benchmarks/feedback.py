@@ -10,36 +10,31 @@ claims is tried on the simulated person: do its starts end in the goal set? With
 from __future__ import annotations
 
 import argparse
-import os
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
+import one_thread  # noqa: F401 # isort: skip
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
+import numpy as np
+import pandas as pd
 
-from acceptance_page import write_section  # noqa: E402
-from lumbar.base.errors import NumericalError  # noqa: E402
-from lumbar.base.files import write_csv  # noqa: E402
-from lumbar.lifting.pushes.feedback import (  # noqa: E402
+from acceptance_page import write_section
+from lumbar.base.errors import NumericalError
+from lumbar.base.files import write_csv
+from lumbar.lifting.pushes.feedback import (
     FURTHEST_DEG,
     basin_area,
     identify_feedback,
     interval_of,
 )
-from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums  # noqa: E402
-from lumbar.lifting.stability.model.eq_4_2_regulator import (  # noqa: E402
+from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums
+from lumbar.lifting.stability.model.eq_4_2_regulator import (
     check_weights,
     regulate,
     weights_of,
 )
-from lumbar.settings.stability import StabilitySettings  # noqa: E402
+from lumbar.settings.stability import StabilitySettings
 
 DURATION_S, POINTS, SUBSTEPS = 2.0, 201, 10
 KINDS = {

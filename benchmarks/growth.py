@@ -21,26 +21,23 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
+from one_thread import PROJECT  # isort: skip
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
+import numpy as np
+import pandas as pd
 
-import lumbar  # noqa: E402
-import run.job_libraries  # noqa: E402, F401 - so that no task pays for imports
-from lumbar.lifting.pushes.contest import COLUMNS as PUSH_COLUMNS  # noqa: E402
-from lumbar.lifting.pushes.contest import contest_of  # noqa: E402
-from lumbar.lifting.pushes.prediction import prediction_frame  # noqa: E402
-from lumbar.records.record import Channel, Record  # noqa: E402
-from lumbar.settings.improvement import ImprovementSettings  # noqa: E402
-from lumbar.settings.pushes import PushesSettings  # noqa: E402
-from lumbar.settings.signals import SurgeonSettings  # noqa: E402
-from lumbar.settings.study_settings import StudySettings  # noqa: E402
-from lumbar.twin.tissue_recordings import tissue_force  # noqa: E402
-from run.timings import timings  # noqa: E402
+import lumbar
+import run.job_libraries  # noqa: F401 - so that no task pays for imports
+from lumbar.lifting.pushes.contest import COLUMNS as PUSH_COLUMNS
+from lumbar.lifting.pushes.contest import contest_of
+from lumbar.lifting.pushes.prediction import prediction_frame
+from lumbar.records.record import Channel, Record
+from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.pushes import PushesSettings
+from lumbar.settings.signals import SurgeonSettings
+from lumbar.settings.study_settings import StudySettings
+from lumbar.twin.tissue_recordings import tissue_force
+from run.timings import timings
 
 STEP_S = 0.02
 PLAN = """

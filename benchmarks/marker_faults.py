@@ -17,24 +17,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
+from one_thread import PROJECT  # isort: skip
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from acceptance_page import write_section  # noqa: E402
-from lumbar.lifting.quality.displacement import ALONE  # noqa: E402
-from lumbar.lifting.quality.drift import smallest_seen  # noqa: E402
-from lumbar.lifting.quality.gate import examine, unchecked_properties  # noqa: E402
-from lumbar.lifting.quality.landmarks import landmarks  # noqa: E402
-from lumbar.lifting.quality.sheet import FINE_RATE, LEFT_OUT, Finding, Legend  # noqa: E402
-from lumbar.records.c3d_file import analog_channels  # noqa: E402
-from lumbar.records.c3d_structure import check_structure  # noqa: E402
-from lumbar.records.force_plates import read_force_plates  # noqa: E402
-from lumbar.records.markers import read_markers  # noqa: E402
-from lumbar.settings.layout import MarkerLayout  # noqa: E402
+from acceptance_page import write_section
+from lumbar.lifting.quality.displacement import ALONE
+from lumbar.lifting.quality.drift import smallest_seen
+from lumbar.lifting.quality.gate import examine, unchecked_properties
+from lumbar.lifting.quality.landmarks import landmarks
+from lumbar.lifting.quality.sheet import FINE_RATE, LEFT_OUT, Finding, Legend
+from lumbar.records.c3d_file import analog_channels
+from lumbar.records.c3d_structure import check_structure
+from lumbar.records.force_plates import read_force_plates
+from lumbar.records.markers import read_markers
+from lumbar.settings.layout import MarkerLayout
 
 SEEDED = {
     "lifting/athlete_floor_pickup_squats/squat.c3d": "+y",

@@ -10,28 +10,23 @@ study's table ``rates`` has the records' own 100 Hz. With ``--markdown`` the tab
 from __future__ import annotations
 
 import argparse
-import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
+from one_thread import PROJECT  # isort: skip
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-from scipy.signal import resample  # noqa: E402
+import numpy as np
+import pandas as pd
+from scipy.signal import resample
 
-from acceptance_page import write_section  # noqa: E402
-from lumbar.records.record import Channel, Record  # noqa: E402
-from lumbar.settings.runtime import RuntimeSettings  # noqa: E402
-from lumbar.study.load_study import load_settings  # noqa: E402
-from lumbar.tissue.haptics.rates import RATES_HZ, rates, rates_table  # noqa: E402
-from lumbar.tissue.perception.felt import Difference, Felt  # noqa: E402
-from lumbar.tissue.perception.thresholds import Hands, thresholds_table  # noqa: E402
-from lumbar.twin.tissue_recordings import tissue_test  # noqa: E402
+from acceptance_page import write_section
+from lumbar.records.record import Channel, Record
+from lumbar.settings.runtime import RuntimeSettings
+from lumbar.study.load_study import load_settings
+from lumbar.tissue.haptics.rates import RATES_HZ, rates, rates_table
+from lumbar.tissue.perception.felt import Difference, Felt
+from lumbar.tissue.perception.thresholds import Hands, thresholds_table
+from lumbar.twin.tissue_recordings import tissue_test
 
 RATE = 1000.0
 

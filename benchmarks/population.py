@@ -10,25 +10,21 @@ as CSV. The target is 3 to 7 %. Rows named "for comparison" are what is not used
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from itertools import product
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
+import one_thread  # noqa: F401 # isort: skip
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
+import numpy as np
+import pandas as pd
 
-from lumbar.lifting.population.contrast import between_groups, within_persons  # noqa: E402
-from lumbar.lifting.population.sample_size import person_mean_sd, persons_needed, power  # noqa: E402
-from lumbar.lifting.population.variance_components import variance_components  # noqa: E402
-from lumbar.lifting.pushes.chances import told_by_others  # noqa: E402
-from lumbar.lifting.pushes.prediction import increment_of  # noqa: E402
-from lumbar.lifting.pushes.roc import (  # noqa: E402
+from lumbar.lifting.population.contrast import between_groups, within_persons
+from lumbar.lifting.population.sample_size import person_mean_sd, persons_needed, power
+from lumbar.lifting.population.variance_components import variance_components
+from lumbar.lifting.pushes.chances import told_by_others
+from lumbar.lifting.pushes.prediction import increment_of
+from lumbar.lifting.pushes.roc import (
     area,
     area_interval,
     areas,
@@ -36,8 +32,8 @@ from lumbar.lifting.pushes.roc import (  # noqa: E402
     left_out,
     sort_scores,
 )
-from lumbar.settings.pushes import ScoringSettings  # noqa: E402
-from simulated_people import UNEQUAL, draw_group, draw_pair  # noqa: E402
+from lumbar.settings.pushes import ScoringSettings
+from simulated_people import UNEQUAL, draw_group, draw_pair
 
 TARGET = 0.03, 0.07
 MEAN = 10.0

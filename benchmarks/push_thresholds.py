@@ -11,27 +11,23 @@ With ``--markdown`` the first two go into docs/lifting/push_experiment.md.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests"), str(PROJECT / "tests" / "unit")]
+import one_thread  # noqa: F401 # isort: skip
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-from lifting_cases import deposit  # noqa: E402
-from scipy.special import expit, ndtr  # noqa: E402
+import numpy as np
+import pandas as pd
+from lifting_cases import deposit
+from scipy.special import expit, ndtr
 
-from acceptance_page import write_section  # noqa: E402
-from lumbar.lifting.pushes.contest import scene_of  # noqa: E402
-from lumbar.lifting.pushes.dose_response import PushRecords, posterior_of  # noqa: E402
-from lumbar.lifting.pushes.push_design import next_push  # noqa: E402
-from lumbar.lifting.pushes.simulation import Pushes, draw_traits, simulate  # noqa: E402
-from lumbar.lifting.pushes.threshold_tables import predicted, trends  # noqa: E402
-from lumbar.settings.pushes import PushesSettings  # noqa: E402
+from acceptance_page import write_section
+from lumbar.lifting.pushes.contest import scene_of
+from lumbar.lifting.pushes.dose_response import PushRecords, posterior_of
+from lumbar.lifting.pushes.push_design import next_push
+from lumbar.lifting.pushes.simulation import Pushes, draw_traits, simulate
+from lumbar.lifting.pushes.threshold_tables import predicted, trends
+from lumbar.settings.pushes import PushesSettings
 
 WAYS = ("forward", "backward")
 RANGES = np.array([[2.0, 30.0], [10.0, 80.0]])

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-import os
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -19,33 +18,30 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"
-PROJECT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(PROJECT / "workflow"))
+from one_thread import PROJECT  # isort: skip
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
+import numpy as np
+import pandas as pd
 
-from lumbar.base.errors import NumericalError  # noqa: E402
-from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, funnel_variants  # noqa: E402
-from lumbar.lifting.stability.funnel.interval_proof import proved_share  # noqa: E402
-from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family  # noqa: E402
-from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check  # noqa: E402
-from lumbar.lifting.stability.funnel.saturation import (  # noqa: E402
+from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, funnel_variants
+from lumbar.lifting.stability.funnel.interval_proof import proved_share
+from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
+from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
+from lumbar.lifting.stability.funnel.saturation import (
     UNSATURATED,
     Saturation,
     disturbance_of,
     reference_of,
     saturated_funnels,
 )
-from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops  # noqa: E402
-from lumbar.lifting.stability.model.trajectories import trajectories_of_lift  # noqa: E402
-from lumbar.lifting.stability.programme.certified_funnel import certified_funnels  # noqa: E402
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import RateProgramme  # noqa: E402
-from lumbar.lifting.stability.programme.polynomials import growth_polynomial  # noqa: E402
-from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme  # noqa: E402
-from lumbar.settings.stability import StabilitySettings  # noqa: E402
+from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
+from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import RateProgramme
+from lumbar.lifting.stability.programme.polynomials import growth_polynomial
+from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
+from lumbar.settings.stability import StabilitySettings
 
 ROWS: list[dict] = []
 SIGNS = ("hanging", "inverted")
