@@ -22,6 +22,9 @@ from lumbar.records.marker_file import MarkerFile, RecordedEvent, mark_missing, 
 class AnalogChannels:
     """What the analog channels of a C3D file are, and how their samples become physical values."""
 
+    path: Path
+    structure: C3dStructure
+    """`path`, `structure`: of the file."""
     labels: tuple[str, ...]
     units: tuple[str, ...]
     """`labels`, `units`: one per channel; empty where the file states none."""
@@ -37,6 +40,32 @@ class AnalogChannels:
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    def read(self, numbers: Sequence[int]) -> np.ndarray:
+        """Physical values of some channels, counted from 0; shape (n_frames * per_frame, len(numbers)).
+
+        Raises
+        ------
+        InputError
+            A channel that the file does not have, or for which it states no scale or offset.
+        """
+        numbers, structure = list(numbers), self.structure
+        absent = [number + 1 for number in numbers if not 0 <= number < len(self)]
+        if absent:
+            raise InputError(f"{self.path}: no analog channel {absent[0]}; the file has {len(self)}")
+        unscaled = [n for n in numbers if not np.isfinite(self.scale[n] + self.offset[n])]
+        if unscaled:
+            raise InputError(
+                f"{self.path}: analog channel {unscaled[0] + 1} ({self.labels[unscaled[0]]}) has no ANALOG:SCALE or "
+                "no ANALOG:OFFSET; export the recording again"
+            )
+        raw = _frames(self.path, structure, 4 * structure.n_points, structure.n_analog)
+        raw = raw.reshape(structure.n_frames * self.per_frame, len(self), structure.word_bytes)
+        raw = np.ascontiguousarray(raw[:, numbers]).reshape(len(raw), -1)
+        samples = (reals if structure.scale < 0 else integers)(raw, structure.processor).astype(float)
+        if self.unsigned and structure.scale > 0:
+            samples %= 65536
+        return (samples - self.offset[numbers]) * self.scale[numbers]
 
 
 def read_coordinates(path: Path, structure: C3dStructure) -> np.ndarray:
@@ -77,6 +106,8 @@ def analog_channels(path: Path, structure: C3dStructure) -> AnalogChannels:
     unsigned = "UNSIGNED" in map(str.upper, map(str, parameters.get("ANALOG:FORMAT", [])))
     offset = _per_channel(parameters, "OFFSET", n_channels, np.nan)
     return AnalogChannels(
+        path,
+        structure,
         labels=tuple(map(str, _per_channel(parameters, "LABELS", n_channels, ""))),
         units=tuple(map(str, _per_channel(parameters, "UNITS", n_channels, ""))),
         rate=structure.rate * per_frame,
@@ -85,35 +116,6 @@ def analog_channels(path: Path, structure: C3dStructure) -> AnalogChannels:
         offset=np.array([value % 65536 if unsigned else value for value in offset], dtype=float),
         unsigned=unsigned,
     )
-
-
-def read_analog(
-    path: Path, structure: C3dStructure, channels: AnalogChannels, numbers: Sequence[int]
-) -> np.ndarray:
-    """Physical values of some channels, counted from 0; shape (n_frames * channels.per_frame, len(numbers)).
-
-    Raises
-    ------
-    InputError
-        A channel that the file does not have, or for which it states no scale or offset.
-    """
-    numbers = list(numbers)
-    absent = [number + 1 for number in numbers if not 0 <= number < len(channels)]
-    if absent:
-        raise InputError(f"{path}: no analog channel {absent[0]}; the file has {len(channels)}")
-    unscaled = [n for n in numbers if not np.isfinite(channels.scale[n] + channels.offset[n])]
-    if unscaled:
-        raise InputError(
-            f"{path}: analog channel {unscaled[0] + 1} ({channels.labels[unscaled[0]]}) has no ANALOG:SCALE or "
-            "no ANALOG:OFFSET; export the recording again"
-        )
-    raw = _frames(path, structure, 4 * structure.n_points, structure.n_analog)
-    raw = raw.reshape(structure.n_frames * channels.per_frame, len(channels), structure.word_bytes)
-    raw = np.ascontiguousarray(raw[:, numbers]).reshape(len(raw), -1)
-    samples = (reals if structure.scale < 0 else integers)(raw, structure.processor).astype(float)
-    if channels.unsigned and structure.scale > 0:
-        samples %= 65536
-    return (samples - channels.offset[numbers]) * channels.scale[numbers]
 
 
 def parameter_list(parameters: dict[str, list], name: str) -> list:

@@ -18,8 +18,8 @@ import numpy as np
 from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
 from lumbar.base.files import require_file
-from lumbar.records.c3d_file import AnalogChannels, analog_channels, read_analog
-from lumbar.records.c3d_structure import C3dStructure, check_structure
+from lumbar.records.c3d_file import AnalogChannels, analog_channels
+from lumbar.records.c3d_structure import check_structure
 from lumbar.records.ground_forces import UNLOADED_N, ForcePlate, read_mot
 from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, metres_per_unit
@@ -66,9 +66,9 @@ class _Plate:
         columns = [x, np.cross(z, x), z]
         return np.transpose([column / np.linalg.norm(column) for column in columns])
 
-    def signals(self, path: Path, structure: C3dStructure, channels: AnalogChannels) -> np.ndarray:
+    def signals(self, channels: AnalogChannels) -> np.ndarray:
         """Channels of the plate in N, N·m and (type 1) m, less the baseline; shape (n, 6 or 8)."""
-        values = read_analog(path, structure, channels, self.channels)
+        values = channels.read(self.channels)
         self.notes.extend(self._clipped(values, channels))
         if self.calibration is not None:
             values = values @ self.calibration.T
@@ -79,7 +79,7 @@ class _Plate:
         else:
             each = enumerate(zip(self.channels, _QUANTITIES[self.kind], strict=True), 1)
             factors = [self._factor(channel, what, channels.units[at]) for channel, (at, what) in each]
-        return self._without_baseline(values * factors, structure, channels)
+        return self._without_baseline(values * factors, channels)
 
     def _clipped(self, values: np.ndarray, channels: AnalogChannels) -> list[str]:
         """Channels that stay at the largest size they reach: a converter's range ends at about the same on both sides."""
@@ -112,12 +112,10 @@ class _Plate:
             f"{self.place}: channel {channel} is in {unit!r}; allowed are {', '.join(known)}: export scaled forces"
         )
 
-    def _without_baseline(
-        self, signals: np.ndarray, structure: C3dStructure, channels: AnalogChannels
-    ) -> np.ndarray:
+    def _without_baseline(self, signals: np.ndarray, channels: AnalogChannels) -> np.ndarray:
         """Subtract the mean over the frames of FORCE_PLATFORM:ZERO, where the plate was unloaded in them."""
-        zero = structure.parameters.get("FORCE_PLATFORM:ZERO", [])
-        if self.kind == 1 or len(zero) < 2 or not 1 <= zero[0] < zero[1] <= structure.n_frames:
+        zero = channels.structure.parameters.get("FORCE_PLATFORM:ZERO", [])
+        if self.kind == 1 or len(zero) < 2 or not 1 <= zero[0] < zero[1] <= channels.structure.n_frames:
             return signals
         stretch = signals[(int(zero[0]) - 1) * channels.per_frame : int(zero[1]) * channels.per_frame]
         vertical = stretch[:, 2] if self.kind != 3 else stretch[:, 4:].sum(axis=1)
@@ -201,7 +199,7 @@ def read_c3d_plates(path: Path, layout: MarkerLayout) -> list[ForcePlate]:
     plates = []
     for number in range(used):
         plate = _plate(path, structure.parameters, number, used, metres)
-        wrench = _WRENCHES[plate.kind](plate.signals(path, structure, channels), plate)
+        wrench = _WRENCHES[plate.kind](plate.signals(channels), plate)
         turned, corners = plate.turned(wrench, rotation), plate.corners @ rotation.T
         plates.append(ForcePlate(f"plate {number + 1}", time, *turned, rate, corners, (*notes, *plate.notes)))
     return plates
