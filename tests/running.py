@@ -8,6 +8,7 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import forking_snakemake
 from lumbar.tissue.fmu.build.compiler import cache_folder
@@ -46,6 +47,11 @@ class Run:
         counts = {row.split()[0]: int(row.split()[1]) for row in rows}
         counts.pop("total", None)
         return counts
+
+    def whole(self) -> Self:
+        """Return it; it must have ended well."""
+        assert self.status == 0, self.text[-6000:]
+        return self
 
 
 def copy_project(folder: Path) -> Path:

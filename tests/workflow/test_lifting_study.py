@@ -40,8 +40,7 @@ def study(tmp_path_factory):
     """A study that has run, and whose people have other labels since."""
     folder = copy_project(tmp_path_factory.mktemp("groups"))
     (folder / "config" / "groups.yaml").write_text(STUDY, encoding="utf-8")
-    run = plan(folder, "stability")
-    assert run.status == 0, run.text[-6000:]
+    plan(folder, "stability").whole()
     table = pd.read_csv(folder / "results" / "groups" / "tables" / "table_4_1.csv")
     assert set(table["status"]) == {"computed"}
     relabel(folder, "expert", "trained")
@@ -92,8 +91,7 @@ def test_a_lift_without_a_deposit_leaves_the_others_their_basins(study):
     trial = "markers: lifting/novice_15kg.c3d,"
     assert trial in text
     path.write_text(text.replace(trial, f"{trial} window_s: [0, 5],"), encoding="utf-8")
-    run = plan(study, "lifting", "stability")
-    assert run.status == 0, run.text[-6000:]
+    plan(study, "lifting", "stability").whole()
     tables = study / "results" / "groups" / "tables"
     missing = pd.read_csv(tables / "missing_basins.csv")
     # So coarse a grid may cost the sensitivity runs of other lifts a basin.

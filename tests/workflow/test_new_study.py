@@ -75,8 +75,7 @@ def test_nothing_runs_before_it_is_filled_in_and_the_chapter_runs_after(laborato
     for path in paths:
         fill_in(path)
     assert snakemake(project, "--dry-run", *planned).jobs["lift"] == 1
-    run = snakemake(project, *planned)
-    assert run.status == 0, run.text[-6000:]
+    snakemake(project, *planned).whole()
     facts = project / "results" / "my_lab" / "lifting" / "my_lab_6kg" / "pendulum.json"
     assert json.loads(facts.read_text(encoding="utf-8"))["missing"] == {}
     # The same recording under the same rules, with the study that was written by hand.

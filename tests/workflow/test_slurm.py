@@ -19,6 +19,5 @@ def node(tmp_path):
 def test_a_chapter_through_slurm_has_the_same_bytes_also_when_its_job_is_cancelled(node, tmp_path):
     expected, folder = (copy_project(tmp_path / name) for name in ("local", "slurm"))
     job_cancelled(node, folder)
-    local = snakemake(expected, "--cores", "1", CHAPTER, program=PLAIN)
-    assert local.status == 0, local.text[-4000:]
+    snakemake(expected, "--cores", "1", CHAPTER, program=PLAIN).whole()
     assert not differing(expected / RESULTS, folder / RESULTS)
