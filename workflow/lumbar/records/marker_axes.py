@@ -60,24 +60,6 @@ def upright(positions: dict[str, np.ndarray]) -> np.ndarray | None:
     return _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
 
 
-def check_up(upward: np.ndarray, layout: MarkerLayout, source: str, seen_by: str = "") -> None:
-    """Raise when a vector from feet to trunk, shape (3,), turned by the declared axes, does not point up.
-
-    Raises
-    ------
-    InputError
-        Naming the axis of the file along which the body stands.
-    """
-    if not _contradicts(upward, 2):
-        return
-    problems = Problems(source)
-    found = file_axis(upward, rotation_to_standard(layout.up, layout.forward))
-    problems.add(
-        "markers.up", f"{layout.up}, but the body stands along {found}{seen_by}", f'set up: "{found}"'
-    )
-    problems.raise_if_any()
-
-
 def check_axes(
     positions: dict[str, np.ndarray], layout: MarkerLayout, source: str, seen_by: str = ""
 ) -> None:
@@ -100,8 +82,11 @@ def check_axes(
     problems = Problems(source)
     rotation = rotation_to_standard(layout.up, layout.forward)
     upward = upright(positions)
-    if upward is not None:
-        check_up(upward, layout, source, seen_by)
+    if upward is not None and _contradicts(upward, 2):
+        found = file_axis(upward, rotation)
+        words = f"{layout.up}, but the body stands along {found}{seen_by}"
+        problems.add("markers.up", words, f'set up: "{found}"')
+        problems.raise_if_any()
     facing, words = facing_by(positions)
     if facing is not None and _contradicts(facing, 1):
         found = file_axis(facing, rotation)

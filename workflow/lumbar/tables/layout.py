@@ -111,7 +111,7 @@ def scientific(text: str) -> str:
     mantissa, sign, exponent = text.partition("e")
     if not sign or not re.fullmatch(r"[+-]?\d+", exponent):
         return text
-    return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+    return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
 
 
 def fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:

@@ -7,7 +7,6 @@ favoured. A trial that was inside and left without being pushed contradicts the 
 person; one that was pushed on the way does not, as no funnel covers disturbances that come later.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -66,7 +65,9 @@ def trial_of(
     InputError
         One of these markers is missing or has a gap that cannot be filled.
     """
-    smooth = cleaned_trial(recording, (*settings.pivot, *settings.top), lifting)
+    smooth, _, gaps = clean(recording, lifting)
+    used = {*settings.pivot, *settings.top}
+    refuse_open_gaps(recording, gaps, lifting.gaps.maximum_s, used, remedy=FILL_OR_RAISE)
     pivot, top = (np.mean([smooth[name] for name in end], axis=0) for end in (settings.pivot, settings.top))
     relative = settings.centre_share * (top - pivot)
     start, stop = float(smooth.time[0]), float(smooth.time[-1])
@@ -80,15 +81,6 @@ def trial_of(
         chosen.angular_velocity,
         float(chosen.length.mean()),
     )
-
-
-def cleaned_trial(
-    recording: MarkerRecording, markers: Iterable[str], lifting: LiftingSettings
-) -> MarkerRecording:
-    """Return a trial cleaned as a lift is; a gap that stays open in one of `markers` is an error that names it."""
-    smooth, _, gaps = clean(recording, lifting)
-    refuse_open_gaps(recording, gaps, lifting.gaps.maximum_s, set(markers), remedy=FILL_OR_RAISE)
-    return smooth
 
 
 def mean_trajectory(trials: list[Trial], settings: PerturbationsSettings) -> Trajectory:
