@@ -10,47 +10,39 @@ a spline here, however long, where they would leave it open by default.
 from __future__ import annotations
 
 import argparse
-import os
-import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
-PROJECT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [
-    str(PROJECT / "workflow"),
-    str(PROJECT / "tests"),
-    str(PROJECT / "tests" / "unit" / "lifting" / "movement"),
-]
+from one_thread import PROJECT  # isort: skip
 
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
+import numpy as np
+import pandas as pd
 
-from acceptance_page import write_section  # noqa: E402
-from lumbar.lifting.body_model import anatomy  # noqa: E402
-from lumbar.lifting.body_model.build import (  # noqa: E402
+from acceptance_page import show_section
+from lumbar.lifting.body_model import anatomy
+from lumbar.lifting.body_model.build import (
     at_nodes,
     build,
     measured_markers,
 )
-from lumbar.lifting.body_model.fit import BodyFit, fit, model_points  # noqa: E402
-from lumbar.lifting.body_model.pendulums import DEPOSIT, Conditions, Planar, basin_intervals, model_pendulums  # noqa: E402
-from lumbar.lifting.movement.centre_of_mass import COMS, WINTER, segment_centres, trunk_centre  # noqa: E402
-from lumbar.lifting.movement.cleaning import filter_markers  # noqa: E402
-from lumbar.lifting.movement.event_detection import find_events  # noqa: E402
-from lumbar.lifting.movement.events import held_frames  # noqa: E402
-from lumbar.lifting.movement.gaps import fill_gaps  # noqa: E402
-from lumbar.lifting.movement.joint_centres import trunk_points  # noqa: E402
-from lumbar.lifting.movement.pendulum_states import pendulum_states  # noqa: E402
-from lumbar.lifting.movement.rigid_filling import body_shape, fill_rigid  # noqa: E402
-from lumbar.lifting.stability.comparison.percent_differences import measured_interval  # noqa: E402
-from lumbar.records.markers import MarkerRecording, read_markers  # noqa: E402
-from lumbar.settings.layout import MarkerLayout  # noqa: E402
-from lumbar.settings.lifting import BodyModelSettings  # noqa: E402
-from predicted_markers import predicted_marker  # noqa: E402
-from study_settings import study_settings, subject_settings  # noqa: E402
-from virtual_people import JOINTS, virtual_trial  # noqa: E402
+from lumbar.lifting.body_model.fit import BodyFit, fit, model_points
+from lumbar.lifting.body_model.pendulums import DEPOSIT, Conditions, Planar, basin_intervals, model_pendulums
+from lumbar.lifting.movement.centre_of_mass import COMS, WINTER, segment_centres, trunk_centre
+from lumbar.lifting.movement.cleaning import filter_markers
+from lumbar.lifting.movement.event_detection import find_events
+from lumbar.lifting.movement.events import held_frames
+from lumbar.lifting.movement.gaps import fill_gaps
+from lumbar.lifting.movement.joint_centres import trunk_points
+from lumbar.lifting.movement.pendulum_states import pendulum_states
+from lumbar.lifting.movement.rigid_filling import body_shape, fill_rigid
+from lumbar.lifting.stability.comparison.percent_differences import measured_interval
+from lumbar.records.markers import MarkerRecording, read_markers
+from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.lifting import BodyModelSettings
+from predicted_markers import predicted_marker
+from study_settings import study_settings, subject_settings
+from virtual_people import JOINTS, virtual_trial
 
 RATE = 50.0
 """Instants of the model per second."""
@@ -250,10 +242,7 @@ def coverage(people: int, first: int = 0, joints: str = JOINTS[0], markdown: Pat
     print(table.round(3).to_string(index=False))
     for name in DEPOSIT:
         print(f"{name}, late by ms:", (1e3 * rows[name]).agg(["mean", "std"]).round(0).to_dict())
-    lines = coverage_lines(table)
-    print("\n".join(lines))
-    if markdown:
-        write_section(markdown, "areas covered", lines)
+    show_section(markdown, "areas covered", coverage_lines(table))
 
 
 def boxes(people: int, first: int = 0) -> None:

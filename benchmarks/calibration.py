@@ -20,7 +20,7 @@ from pathlib import Path
 import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-from acceptance_page import write_section
+from acceptance_page import show_section
 from calibration_figure import calibration_figure
 from calibration_records import (
     COLOURS,
@@ -143,10 +143,9 @@ def report(nulls: pd.DataFrame, intervals: pd.DataFrame, page: Path | None) -> N
         "",
         *coverage_lines(covered),
     ]
-    print("\n".join(lines))
+    show_section(page, "calibration", lines)
     if page is None:
         return
-    write_section(page, "calibration", lines)
     with tempfile.TemporaryDirectory() as folder:
         stem = Path(folder) / "calibration"
         save(calibration_figure(nulls, covered), stem, "simulated, see the text")

@@ -19,7 +19,7 @@ import one_thread  # noqa: F401 # isort: skip
 import numpy as np
 import pandas as pd
 
-from acceptance_page import write_section
+from acceptance_page import show_section
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_csv
 from lumbar.lifting.pushes.feedback import (
@@ -279,10 +279,7 @@ def main() -> None:
     ]
     table = pd.DataFrame(rows)
     write_csv(options.output, table)
-    lines = report(table)
-    print("\n".join(lines))
-    if options.markdown:
-        write_section(options.markdown, "own feedback", lines)
+    show_section(options.markdown, "own feedback", report(table))
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from one_thread import PROJECT  # isort: skip
 
 import numpy as np
 
-from acceptance_page import write_section
+from acceptance_page import show_section
 from lumbar.lifting.quality.displacement import ALONE
 from lumbar.lifting.quality.drift import smallest_seen
 from lumbar.lifting.quality.gate import examine, unchecked_properties
@@ -270,9 +270,7 @@ def main() -> int:
     for fault, verdicts in counted.items():
         shown = "|".join(str(verdicts[word]) for word in ("named", "other", "said", "missed"))
         lines.append(f"|{fault}|{shown}|")
-    print("\n".join(lines))
-    if options.markdown:
-        write_section(options.markdown, "slow faults", lines)
+    show_section(options.markdown, "slow faults", lines)
     return 0
 
 

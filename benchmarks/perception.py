@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy.signal import resample
 
-from acceptance_page import write_section
+from acceptance_page import show_section
 from lumbar.records.record import Channel, Record
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.study.load_study import load_settings
@@ -130,10 +130,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=PROJECT / "results" / "thesis")
     parser.add_argument("--markdown", type=Path)
     options = parser.parse_args()
-    lines = report(options.results)
-    print("\n".join(lines))
-    if options.markdown:
-        write_section(options.markdown, "what a hand tells", lines)
+    show_section(options.markdown, "what a hand tells", report(options.results))
 
 
 if __name__ == "__main__":

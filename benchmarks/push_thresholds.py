@@ -21,7 +21,7 @@ import pandas as pd
 from lifting_cases import deposit
 from scipy.special import expit, ndtr
 
-from acceptance_page import write_section
+from acceptance_page import show_section
 from lumbar.lifting.pushes.contest import scene_of
 from lumbar.lifting.pushes.dose_response import PushRecords, posterior_of
 from lumbar.lifting.pushes.push_design import next_push
@@ -285,10 +285,7 @@ def main() -> int:
         print(table.round(3).to_string(index=False), flush=True)
         if name in sections:
             section, lines_of = sections[name]
-            lines = lines_of(table)
-            print("\n".join(lines))
-            if arguments.markdown:
-                write_section(arguments.markdown, section, lines)
+            show_section(arguments.markdown, section, lines_of(table))
     return 0
 
 

@@ -11,12 +11,11 @@ import argparse
 import sys
 from pathlib import Path
 
-PROJECT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(PROJECT / "workflow"), str(PROJECT / "tests")]
+from one_thread import PROJECT  # isort: skip
 
-import pandas as pd  # noqa: E402
+import pandas as pd
 
-from acceptance_page import write_section  # noqa: E402
+from acceptance_page import show_section
 
 PARTS = ("duration", "length", "mass", "start", "course")
 
@@ -51,10 +50,7 @@ def main() -> None:
     source = options.results / "tables" / "table_4_1_parts.csv"
     if not source.is_file():
         sys.exit(f"{source}: not there; make it first: snakemake --cores 2 table_4_1_parts")
-    lines = report(pd.read_csv(source))
-    print("\n".join(lines))
-    if options.markdown:
-        write_section(options.markdown, "parts of Table 4.1", lines)
+    show_section(options.markdown, "parts of Table 4.1", report(pd.read_csv(source)))
 
 
 if __name__ == "__main__":

@@ -16,3 +16,10 @@ def write_section(page: Path, name: str, lines: Sequence[str]) -> None:
         raise ValueError(f"{page}: no section from {start} to {end}")
     body = "\n".join([start, "", *lines, "", end])
     write_text(page, pattern.sub(lambda _: body, text))
+
+
+def show_section(page: Path | None, name: str, lines: Sequence[str]) -> None:
+    """Print a section, and where there is a page for it, renew it there."""
+    print("\n".join(lines))
+    if page:
+        write_section(page, name, lines)
