@@ -195,12 +195,11 @@ def side_exchanges(
                 f"{len(sides)} pairs of left and right markers lie the wrong way round for a body that faces where "
                 f"{len(depths)} pairs of front and back markers say"
             )
-        reversed_pairs = _contradicted({**sides, **depths})
+        reversed_pairs = _contradicted(sides, depths)
         if not reversed_pairs:
             break
         left = {
-            pair: len(_contradicted(_all_rightward(_exchanged(points, pair), named)))
-            for pair in reversed_pairs
+            pair: len(_contradicted(*rightward(_exchanged(points, pair), named))) for pair in reversed_pairs
         }
         pair = min(left, key=lambda one: (left[one], -reversed_pairs[one]))
         kind = "left and right" if pair in sides else "front and back"
@@ -216,13 +215,9 @@ def _exchanged(points: dict[str, np.ndarray], pair: tuple[str, str]) -> dict[str
     return {**points, pair[0]: points[pair[1]], pair[1]: points[pair[0]]}
 
 
-def _all_rightward(points: dict[str, np.ndarray], named: dict[str, str]) -> dict[tuple[str, str], np.ndarray]:
-    sides, depths = rightward(points, named)
-    return {**sides, **depths}
-
-
-def _contradicted(rightward: dict[tuple[str, str], np.ndarray]) -> dict[tuple[str, str], float]:
+def _contradicted(sides: dict, depths: dict) -> dict[tuple[str, str], float]:
     """Pairs whose direction most of the others contradict, with the share of frames; none of fewer than three."""
+    rightward = {**sides, **depths}
     if len(rightward) < 3:
         return {}
     total = np.nansum(list(rightward.values()), axis=0)

@@ -132,21 +132,16 @@ def _within(points: dict[str, np.ndarray], label: str) -> _Within | None:
         return None
     frames = seen[np.linspace(0, len(seen) - 1, min(_AT.samples, len(seen))).astype(int)]
     sample = {other: positions[frames] for other, positions in points.items()}
-    steady = _by(sample, frames, label, *_mates(sample, label, near=False))
+    steady = _by(sample, frames, label, *mates_of(sample, label, near=False))
     if steady and np.trace(steady.wavers) < _AT.steady_m**2:
         return steady
-    near = _by(sample, frames, label, *_mates(sample, label, near=True))
+    near = _by(sample, frames, label, *mates_of(sample, label, near=True))
     if near and (not steady or np.trace(near.wavers) < _AT.steadier * np.trace(steady.wavers)):
         return near
     return steady
 
 
-def constant_mates(sample: dict[str, np.ndarray], label: str) -> list[str]:
-    """Markers at the most constant distance; none where there are too few."""
-    return _mates(sample, label, near=False)[0]
-
-
-def _mates(sample: dict[str, np.ndarray], label: str, near: bool) -> tuple[list[str], np.ndarray]:
+def mates_of(sample: dict[str, np.ndarray], label: str, near: bool) -> tuple[list[str], np.ndarray]:
     """Markers at the most constant distance, or the nearest, and by how much it varies, metres; none where there are too few."""
     labels = list(sample)
     distance = np.linalg.norm(np.stack([sample[other] for other in labels]) - sample[label], axis=2)

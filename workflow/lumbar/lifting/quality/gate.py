@@ -15,7 +15,7 @@ from lumbar.lifting.quality.body import (
     stature_found,
 )
 from lumbar.lifting.quality.displacement import Displacement, displacements, length, off_its_part
-from lumbar.lifting.quality.drift import constant_mates, drifts, smallest_seen
+from lumbar.lifting.quality.drift import drifts, mates_of, smallest_seen
 from lumbar.lifting.quality.landmarks import landmarks, side_pairs
 from lumbar.lifting.quality.leaps import (
     Exchange,
@@ -310,7 +310,7 @@ def _exchange_findings(
     """One finding per stretch, with the lengths to a third marker, which changes no place, as they are and as they would be."""
     pair = (exchange.first, exchange.second)
     others = {one: points for one, points in _sampled(straight).items() if one not in changing - {pair[0]}}
-    partner = constant_mates(others, exchange.first)[:1]
+    partner, _ = mates_of(others, exchange.first, near=False)
     findings = []
     for stretch in stretches:
         evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to where the other was"
