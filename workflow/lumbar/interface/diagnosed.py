@@ -26,7 +26,6 @@ from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, details, headline
-from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 from lumbar.tissue.effects.notation import check_name
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
@@ -34,6 +33,7 @@ from lumbar.tissue.models.form import Effect
 if TYPE_CHECKING:
     from lumbar.publishing.explorer.page import ExplorerPage
     from lumbar.tissue.diagnosis.law.proposal import Proposal
+    from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 
 STATIC = "points of a static test, without a clock"
 FORWARD = "records with the force as input (improvement.forward): no law is looked for in them"

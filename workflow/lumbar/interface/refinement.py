@@ -27,6 +27,7 @@ from lumbar.tissue.diagnosis.residuals.locate import (
     all_records_sentence,
     compare_and_locate,
     location_table,
+    of_several_axes,
     residual_reports,
 )
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
@@ -38,19 +39,13 @@ from lumbar.tissue.diagnosis.selection.refine import (
     refined_document,
 )
 from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
-from lumbar.tissue.diagnosis.spatial.spatial_data import prepare as prepare_in_space
-from lumbar.tissue.diagnosis.spatial.spatial_reports import (
-    SpatialReport,
-    in_words,
-    of_axes,
-    spatial_location_table,
-    spatial_reports,
-)
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.perception.thresholds import Hands
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 
 
 def refine(
@@ -161,6 +156,8 @@ class Refinement(Result):
     @cached_property
     def _on_records(self) -> Sequence[ResidualReport | SpatialReport]:
         if self.records[0].axes:
+            from lumbar.tissue.diagnosis.spatial.spatial_reports import spatial_reports
+
             return spatial_reports(self.model, self.experiment, self.seed)
         return compare_and_locate(self.experiment, self.path[-1].fit, self.seed)
 
@@ -278,6 +275,9 @@ def _on_records(
     if train is None and model.trained_on in [record.name for record in records]:
         train = model.trained_on
     if any(record.axes for record in records):
+        from lumbar.tissue.diagnosis.spatial.spatial_data import prepare as prepare_in_space
+        from lumbar.tissue.diagnosis.spatial.spatial_reports import spatial_reports
+
         chosen = DiagnosisSettings.from_study(settings, None, train)
         in_space = spatial_reports(model, prepare_in_space(records, chosen), settings.seed)
         return model, in_space, data, changed
@@ -311,9 +311,10 @@ class OnRecords(Result):
         findings: tuple[Finding, ...],
     ) -> Self:
         """A model beside records of one axis or of several."""
-        in_space = [item for item in reports if isinstance(item, SpatialReport)]
+        in_space = [item for item in reports if not isinstance(item, ResidualReport)]
         alone = [item for item in reports if isinstance(item, ResidualReport)]
-        return cls(model, alone or of_axes(in_space), data, findings, in_space)
+        of_axes = [own for item in in_space for own in item.axes]
+        return cls(model, alone or of_axes, data, findings, in_space)
 
     def __len__(self) -> int:
         return len(self.simulated)
@@ -415,6 +416,8 @@ class Locations(OnRecords):
     def table(self) -> Table:
         """Numbers behind the pictures."""
         if self.in_space:
+            from lumbar.tissue.diagnosis.spatial.spatial_reports import spatial_location_table
+
             return spatial_location_table(self.in_space, self.data)
         return location_table([item.location for item in self.simulated], self.data)
 
@@ -458,5 +461,5 @@ class Locations(OnRecords):
                 "\n  ".join([*item.sentences, *(axis.location.headline for axis in item.axes)])
                 for item in self.in_space
             ]
-        first = all_records_sentence(locations, in_words(self.in_space))
+        first = all_records_sentence(locations, of_several_axes(self.in_space))
         return "\n".join([first, *told, *self._finding_lines])

@@ -6,15 +6,18 @@ Of them are the pages of `lumbar compare` and `lumbar locate`: what a model make
 import base64
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.residuals.felt_where import located_sentences
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence
-from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport, in_words
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence, of_several_axes
 from lumbar.tissue.models.printing import equation_mathml
+
+if TYPE_CHECKING:
+    from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 
 PAGE = "publishing/pages/page.html.jinja"
 _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
@@ -88,7 +91,7 @@ def comparison_page(
     model: str,
     data: str,
     pictures: dict[str, Path],
-    in_space: Sequence[SpatialReport] = (),
+    in_space: "Sequence[SpatialReport]" = (),
 ) -> str:
     """Return the page of a comparison; `pictures` are SVG files by record, `in_space` records of several axes."""
     blocks = [paragraph(_SAID["comparison"]), *comparison_blocks(simulated)]
@@ -118,7 +121,7 @@ def location_page(
     model: str,
     data: str,
     pictures: dict[str, Path],
-    in_space: Sequence[SpatialReport] = (),
+    in_space: "Sequence[SpatialReport]" = (),
 ) -> str:
     """Return the page that says and shows where a model fails; parameters as for `comparison_page`."""
     sections = [(item, item.sentences, SPACE_CAPTION) for item in in_space]
@@ -132,5 +135,5 @@ def location_page(
             listing(sentences),
             figure(pictures[name], caption),
         ]
-    told = all_records_sentence([item.location for item in simulated], in_words(in_space))
+    told = all_records_sentence([item.location for item in simulated], of_several_axes(in_space))
     return document(f"Where the {model} model fails", data, [paragraph(told, "headline"), *blocks])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -257,6 +258,14 @@ def _counted_folding(folding: Folding, first: int) -> Folding | None:
     """Folding of the part that counts: periods that begin before it are left out."""
     rows = folding.rows[folding.rows[:, 0] >= first] - first
     return replace(folding, rows=rows) if len(rows) >= 2 else None
+
+
+def of_several_axes(reports: Sequence[Any]) -> str:
+    """What records these are, at the beginning of a sentence; empty without any."""
+    if not reports:
+        return ""
+    records = f"All {len(reports)} records" if len(reports) > 1 else "This record"
+    return f"{records} of {len(reports[0].record.axes)} axes, axis by axis"
 
 
 def location_table(locations: list[Location], data: str) -> Table:

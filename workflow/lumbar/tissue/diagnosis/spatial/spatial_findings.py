@@ -8,6 +8,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.tissue.diagnosis.selection.verdict import (
     Verdict,
+    distinguishing_digits,
     effects_text,
     error_falls,
     headline,
@@ -71,11 +72,9 @@ def _turned(known: list, axes: tuple[str, ...]) -> Finding:
     said = np.zeros(3)
     sign = -1.0 if len(axes) == 3 or axes != ("x", "z") else 1.0
     said[list(about)] = sign * vector
-    words = {
-        "low": angle - spread,
-        "high": angle + spread,
-        "frame": ", ".join(f"{part:.3g}" for part in said),
-    }
+    low, found, high = distinguishing_digits([angle - spread, angle, angle + spread], 3)
+    frame = ", ".join(f"{part:.4g}" for part in said)
+    words = {"angle": found, "low": low, "high": high, "frame": frame}
     return Finding.of("turned_frame", angle, "°", **words)
 
 

@@ -122,14 +122,6 @@ def _moves(record: Record) -> bool:
     return np.ptp(record["input"]) > 0 and np.ptp(record["output"]) > 0
 
 
-def in_words(reports: Sequence[SpatialReport]) -> str:
-    """What records these are, at the beginning of a sentence; empty without any."""
-    if not reports:
-        return ""
-    records = f"All {len(reports)} records" if len(reports) > 1 else "This record"
-    return f"{records} of {len(reports[0].record.axes)} axes, axis by axis"
-
-
 def of_axes(reports: Sequence[SpatialReport]) -> list[ResidualReport]:
     """What is seen along every axis of every record."""
     return [item for report in reports for item in report.axes]
