@@ -21,13 +21,8 @@ OBLIQUE = 0.9
 """Largest cosine between a principal axis and an axis of the records."""
 
 
-def make(name: str, seed: int = 1) -> dict[str, np.ndarray]:
-    """Records of a case: time (s), position per axis (mm), force per axis (N) in columns, by record name."""
-    return make_with_truth(name, seed)[0]
-
-
 def make_with_truth(name: str, seed: int = 1) -> tuple[dict[str, np.ndarray], dict]:
-    """Records of a case, and all that was drawn."""
+    """Records of a case by name, columns of time (s), position per axis (mm) and force per axis (N); and all that was drawn."""
     case = CASES[name]
     rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
     motions = draw_motions(rng, case)

@@ -160,12 +160,10 @@ class SpatialEquation(Equation):
         for _ in self.rates:
             # A state may hang on another one: what is a vector follows from what is known to be one.
             for name, rate in self.rates.items():
-                if name not in found and symbols(rate) & found.keys() and self._is_vector(rate, found, name):
-                    found[name] = _components(name, self.axes)
+                if name not in found and symbols(rate) & found.keys():
+                    known = found | {name: _components(name, self.axes)}
+                    found = known if isinstance(in_space(rate, known), tuple) else found
         return found
-
-    def _is_vector(self, rate: Expression, known: Mapping[str, Vector], state: str) -> bool:
-        return isinstance(in_space(rate, {**known, state: _components(state, self.axes)}), tuple)
 
     @cached_property
     def slopes(self) -> dict[str, Expression]:

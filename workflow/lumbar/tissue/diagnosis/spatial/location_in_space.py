@@ -299,9 +299,7 @@ def _sphericity_p(residual: SpatialResidual, covariance: np.ndarray) -> float:
     root = np.linalg.cholesky(np.linalg.inv(noise + 1e-12 * np.trace(noise) * np.eye(size)))
     white = root.T @ covariance @ root
     white *= size / np.trace(white)
-    independent = float(residual.samples)
-    for part in residual.parts:
-        independent = min(independent, _independent(part))
+    independent = min(residual.samples, *map(_independent, residual.parts))
     statistic = (
         0.5 * independent * np.sum((white - np.eye(size)) ** 2) / (1 + independent / residual.noise_freedom)
     )
