@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 
@@ -282,20 +282,7 @@ def prepare(
     tests = [
         _fit_data(item, whitening if alike[item.name] else np.ones(1), settling, past) for item in others
     ]
-    if not others:
-        fitted, tests = held_back(fitted)
-    return Experiment(
-        fitted[0] if len(fitted) == 1 else JointData.of(fitted),
-        tests,
-        floor,
-        first.channels["input"].unit,
-        first.channels["output"].unit,
-        first.name,
-        first.channels["input"].quantity,
-        first.channels["output"].quantity,
-        session=session,
-        settling_s=settling_s,
-    )
+    return put_together(first, fitted, tests, floor, session=session, settling_s=settling_s)
 
 
 def choose_training(
@@ -326,13 +313,27 @@ def settling_samples(record: Record, settling_s: float | None) -> int:
     return samples
 
 
-_Data = TypeVar("_Data", bound=FitData)
+def put_together(
+    first: Record, fitted: Sequence[FitData], tests: Sequence[FitData], floor: NoiseFloor | None, **more
+) -> Experiment:
+    """An experiment of prepared records; `first` is the one that the floor is from, along one axis.
 
-
-def held_back(fitted: list[_Data]) -> tuple[list[_Data], list[_Data]]:
-    """The last part of every record is held back; what began in the first part goes on there."""
-    fitted, tests = map(list, zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True))
-    return fitted, tests
+    Where there are no others the last part of every record is held back; what began in the first part goes on there.
+    """
+    if not tests:
+        fitted, tests = zip(*(item.split(1 - _HELD_BACK) for item in fitted), strict=True)
+    position, force = first.channels["input"], first.channels["output"]
+    return Experiment(
+        fitted[0] if len(fitted) == 1 else JointData.of(list(fitted)),
+        list(tests),
+        floor,
+        position.unit,
+        force.unit,
+        first.name,
+        position.quantity,
+        force.quantity,
+        **more,
+    )
 
 
 def check_excitation(training: Record, others: list[Record]) -> None:

@@ -16,7 +16,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import (
     Experiment,
     choose_training,
-    held_back,
+    put_together,
     settling_samples,
 )
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
@@ -108,18 +108,11 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         )
 
     fitted, tests = [data(record) for record in chosen], [data(record) for record in others]
-    if not others:
-        fitted, tests = held_back(fitted)
-    one = first.axis(first.axes[0]).channels
-    return Experiment(
-        fitted[0] if len(fitted) == 1 else JointData.of(list(fitted)),
-        list(tests),
+    return put_together(
+        first.axis(first.axes[0]),
+        fitted,
+        tests,
         None if floors is None else NoiseFloor.together(floors),
-        one["input"].unit,
-        one["output"].unit,
-        first.name,
-        one["input"].quantity,
-        one["output"].quantity,
         records=tuple(sound),
         faults=tuple(faults),
         settling_s=settings.settling_s,
