@@ -213,12 +213,9 @@ def _tied(
     """Measures than which the best one is not shown to add `NEGLIGIBLE` more, by an interval over persons."""
     steps = frame["steps"].to_numpy(bool)
     person = np.unique(frame["subject"].to_numpy(str), return_inverse=True)[1]
-    own = sort_scores(told[best, ADDED], steps, person)
     tied = []
     for name in names:
-        other = sort_scores(told[name, ADDED], steps, person)
-        whole = area(told[best, ADDED], steps) - area(told[name, ADDED], steps)
-        low, _ = _interval(whole, own, other, person, scoring)
+        low = increment_of(told[best, ADDED], told[name, ADDED], steps, person, scoring)["increment_low"]
         if name != best and low is not None and low < NEGLIGIBLE:
             tied.append(name)
     return tuple(tied)
@@ -274,11 +271,10 @@ def sensitivity_frame(
 ) -> pd.DataFrame:
     """Hold the contest with other bodies and controllers."""
     rows = []
-    cases = [("nothing", 1.0, {})]
-    cases += [
+    varied = [
         (what, factor, {field: factor}) for what, (field, factors) in VARIED.items() for factor in factors
     ]
-    for what, factor, changed in cases:
+    for what, factor, changed in [("nothing", 1.0, {}), *varied]:
         try:
             drawn = push_bodies(
                 followed.motions, followed.levels, settings, seed, changed, followed.chosen, equal=False
