@@ -120,10 +120,10 @@ def _search(
             break
     found = selection.diagnosis()
     path = [freed(item, experiment) for item in found.path]
-    last, count = path[-1], len(path[-1].fit.structure.base.nonlinear)
-    if last.effects:
-        again = choose_base(experiment, axes, kinds, last.fit.structure.forms, last.fit.nonlinear[count:])
-        path[-1] = min(last, again, key=lambda item: item.score)
+    if (
+        again.effects and again.effects == path[-1].effects
+    ):  # beside the effects that were found another symmetry may be likelier
+        path[-1] = min(path[-1], again, key=lambda item: item.score)
     return replace(found, base=path[0], path=path)
 
 
