@@ -18,9 +18,6 @@ from lumbar.records.markers import MarkerRecording
 
 COMS = ("thorax", "abdomen", "pelvis")
 """The three centres of mass of the trunk, from top to bottom (thesis, Figure 4.2)."""
-SHARES = ("by_mass", "whole")
-"""How the box is shared among the centres of mass: in proportion to the segments' masses, so that trunk and
-box together keep their mass, or each pendulum carrying the whole box."""
 HEAD_BEYOND = 0.35
 """The ear canal, centre of head and neck, lies beyond C7/T1 by this share of the line from the hips to C7/T1."""
 
@@ -126,8 +123,6 @@ def segment_table(name: str, sex: str) -> SegmentTable:
 
     De Leva's and Dumas's parameters differ between the sexes, Winter's do not.
     """
-    if name not in _TABLES:
-        raise InputError(f"lifting.segments is {name!r}; allowed: {', '.join(_TABLES)}")
     tables = _TABLES[name]
     if "both" not in tables and sex not in tables:
         raise InputError(
@@ -209,9 +204,11 @@ def trunk_centre(centres: dict[str, np.ndarray], table: SegmentTable) -> np.ndar
 
 
 def box_shares(table: SegmentTable, box_mass: float, share: str) -> dict[str, float]:
-    """Mass of the box that each centre of mass carries, in kilograms; `share` is one of `SHARES`."""
-    if share not in SHARES:
-        raise InputError(f"lifting.box.share is {share!r}; allowed: {', '.join(SHARES)}")
+    """Mass of the box that each centre of mass carries, in kilograms.
+
+    `share` is by_mass (in proportion to the segments' masses, so that trunk and box together keep their mass) or whole (each
+    pendulum carries the whole box).
+    """
     trunk = sum(segment.mass_share for segment in table.segments)
     return {
         segment.name: box_mass * (segment.mass_share / trunk if share == "by_mass" else 1.0)
@@ -231,7 +228,7 @@ def centres_of_mass(
     """Centres of mass of the trunk over the whole recording.
 
     The box counts as a point mass at the centre of its markers, or of the hands where it has none, carried from
-    lift-off to release, and shared among the centres of mass as one of `SHARES` says; masses in kilograms. The result is in
+    lift-off to release, and shared among the centres of mass as `box_shares` says; masses in kilograms. The result is in
     the order of `COMS`, as far as the recording has their landmarks. Where neither box nor hands are seen while it is held,
     it is not known where they are with the box: NaN.
     """

@@ -33,7 +33,6 @@ _THORACOLUMBAR = {"male": (94.0, 0.52), "female": (92.0, 0.50)}
 _CERVICAL = {"male": (8.0, 0.55), "female": (14.0, 0.53)}
 """Angle from the line C7-suprasternale upwards, degrees, and share of its length."""
 INNER, SKIN = "inner", "skin"
-ENDS = (INNER, SKIN)
 SIDES = ("L", "R")
 MID_HIP = "MID_HIP"
 """Middle between the hips: of their joint centres, or of the greater trochanters."""
@@ -111,10 +110,6 @@ def trunk_points(recording: MarkerRecording, ends: str, hips: str, sex: str) -> 
     may be off. Joint centres of the file are taken as they are.
     The recording is filtered; `ends` are inner (joint centres) or skin (the thesis's markers), `hips` one of `HIP_RULES`.
     """
-    if ends not in ENDS:
-        raise InputError(f"lifting.segment_ends is {ends!r}; allowed: {', '.join(ENDS)}")
-    if hips not in HIP_RULES:
-        raise InputError(f"lifting.hip_centres is {hips!r}; allowed: {', '.join(HIP_RULES)}")
     inner = _InnerPoints(recording, hips, sex)
     found: dict[str, TrunkPoint] = {}
     missing: dict[str, str] = {}

@@ -37,9 +37,6 @@ from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 NEW_STUDY = "'lumbar new-study'"
 """The command that writes the aliases of a folder of recordings."""
-FRAMES = ("laboratory", "pelvis")
-"""Axes of the planes: those of the laboratory, or turned about the vertical with the hips at the deposit's
-start."""
 
 
 @dataclass(frozen=True)
@@ -269,9 +266,10 @@ def _pivot(
 def _frame_angle(
     recording: MarkerRecording, frame: str, events: dict[str, Event]
 ) -> tuple[float, str | None]:
-    """Angle by which the axes are turned, and why it is not known where it is not."""
-    if frame not in FRAMES:
-        raise InputError(f"lifting.frame is {frame!r}; allowed: {', '.join(FRAMES)}")
+    """Angle by which the axes are turned about the vertical, and why it is not known where it is not.
+
+    The axes of the planes are those of the laboratory, or turned with the hips at the deposit's start.
+    """
     time = events["deposit_start"].time_s
     if frame == "laboratory" or time is None:
         return 0.0, None
