@@ -212,8 +212,6 @@ def metres_per_unit(source: str, unit: str, declared: str) -> float:
         No unit is known, or the two differ.
     """
     stated = _UNIT_NAMES.get(unit.strip().lower())
-    if declared != "file" and declared not in METRES:
-        raise InputError(f"markers.unit is {declared!r}; allowed are file, {', '.join(METRES)}")
     if declared == "file":
         if stated is None:
             found = f"states the unit {unit!r}" if unit.strip() else "states no unit"
