@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -204,6 +205,7 @@ class Confirmation(Selection):
         self.zero_of = zero_of
         self.evaluations = evaluations
 
+    @cached_property
     def selected_path(self) -> list[Candidate]:
         """Simulate what was named, and its rivals; from the base on to larger sets that pass, the best of each step."""
         self.simulate(self.named)
