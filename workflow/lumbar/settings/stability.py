@@ -33,8 +33,8 @@ class RegulatorSettings:
     )
 
 
-def weight_problems(state_weight, terminal_weight) -> Problems:
-    """Collect what keeps the matrices of a configuration from being admissible; arguments as of `RegulatorSettings`."""
+def weight_problems(state_weight, control_weight: float, terminal_weight) -> Problems:
+    """Collect what keeps the weights of a configuration from being admissible; arguments as of `RegulatorSettings`."""
     import numpy as np
 
     problems = Problems("stability.regulator")
@@ -44,12 +44,16 @@ def weight_problems(state_weight, terminal_weight) -> Problems:
     ):
         values = np.asarray(matrix, dtype=float)
         kind = "definite" if definite else "semidefinite"
-        if values[0, 1] != values[1, 0]:
-            problems.add(name, f"{values.tolist()}", "a symmetric 2×2 matrix of numbers is needed")
+        if values.shape != (2, 2) or not np.isfinite(values).all() or values[0, 1] != values[1, 0]:
+            problems.add(
+                name, f"{np.asarray(matrix).tolist()}", "a symmetric 2×2 matrix of numbers is needed"
+            )
             continue
         lowest = np.linalg.eigvalsh(values)[0]
         if lowest < 0 or (definite and lowest == 0):
             problems.add(name, f"smallest eigenvalue {lowest:g}", f"it must be positive {kind}")
+    if not (np.isfinite(control_weight) and control_weight > 0):
+        problems.add("control_weight", f"{control_weight:g}", "it must be positive")
     return problems
 
 

@@ -229,8 +229,7 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
     if study.has("stability") or study.has("population"):
         _check_groups(study, add)
     if study.has("stability") or study.has("perturbations"):
-        regulator = settings.stability.regulator
-        origins.problems.extend(weight_problems(regulator.state_weight, regulator.terminal_weight))
+        origins.problems.extend(weight_problems(**vars(settings.stability.regulator)))
         checks = settings.stability.checks
         if "cvxpy" in checks and "sum_of_squares" not in checks:
             add(

@@ -72,16 +72,18 @@ def test_euler_blows_up_where_the_accurate_solution_does_not():
 
 
 @pytest.mark.parametrize(
-    ("state", "terminal", "message"),
+    ("state", "control", "terminal", "message"),
     [
-        ([[-1, 0], [0, 1]], [[1, 0], [0, 1]], "state_weight: smallest eigenvalue -1"),
-        ([[1, 0], [0, 1]], [[1, 0], [0, 0]], "terminal_weight: smallest eigenvalue 0"),
-        ([[1, 2], [0, 1]], [[1, 0], [0, 1]], "state_weight.*symmetric"),
+        ([[-1, 0], [0, 1]], 1, [[1, 0], [0, 1]], "state_weight: smallest eigenvalue -1"),
+        ([[1, 0], [0, 1]], 0, [[1, 0], [0, 1]], "control_weight: 0; it must be positive"),
+        ([[1, 0], [0, 1]], float("nan"), [[1, 0], [0, 1]], "control_weight: nan"),
+        ([[1, 0], [0, 1]], 1, [[1, 0], [0, 0]], "terminal_weight: smallest eigenvalue 0"),
+        ([[1, 2], [0, 1]], 1, [[1, 0], [0, 1]], "state_weight.*symmetric"),
     ],
 )
-def test_inadmissible_weights_are_named(state, terminal, message):
+def test_inadmissible_weights_are_named(state, control, terminal, message):
     with pytest.raises(InputError, match=message):
-        check_weights(state, 1.0, terminal)
+        check_weights(state, control, terminal)
 
 
 @pytest.mark.parametrize("sign", ["hanging", "inverted"])

@@ -43,9 +43,9 @@ def check_weights(state, control: float, terminal) -> Weights:
     Raises
     ------
     InputError
-        Q not symmetric and positive semidefinite, Qf not symmetric and positive definite.
+        Q not symmetric and positive semidefinite, R not positive, Qf not symmetric and positive definite.
     """
-    weight_problems(state, terminal).raise_if_any()
+    weight_problems(state, control, terminal).raise_if_any()
     entries = [np.asarray(matrix, dtype=float)[[0, 0, 1], [0, 1, 1]] for matrix in (state, terminal)]
     return Weights(entries[0], np.asarray(float(control)), entries[1])
 
