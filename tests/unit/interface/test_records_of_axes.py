@@ -1,6 +1,7 @@
 """What verbs make of records of several axes: a page of the diagnosis that can be repeated, or words of refusal."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -8,7 +9,7 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
-from space_records import FRICTION, TABLE, record
+from space_records import FRICTION, TABLE, record, white
 
 SETTINGS = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
 
@@ -65,7 +66,7 @@ def test_a_record_of_several_axes_is_no_marker_file_and_no_device(tmp_path):
 @pytest.mark.nightly
 def test_the_doctor_names_what_it_puts_into_records_in_space():
     settings = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
-    records = [record(FRICTION, name) for name in ("multisine", "other")]
+    records = [record(FRICTION), replace(record(FRICTION, white(2)), name="other")]
     found = lumbar.doctor(records, effects=["hardening_stiffness"], settings=settings)
     assert found["hardening_stiffness"].words == "named"
     assert found["hardening_stiffness"].felt is None and found.examination.further is None
