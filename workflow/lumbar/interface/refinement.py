@@ -27,6 +27,7 @@ from lumbar.tissue.diagnosis.residuals.locate import (
     all_records_sentence,
     compare_and_locate,
     location_table,
+    of_axes,
     of_several_axes,
     residual_reports,
 )
@@ -313,8 +314,7 @@ class OnRecords(Result):
         """A model beside records of one axis or of several."""
         in_space = [item for item in reports if not isinstance(item, ResidualReport)]
         alone = [item for item in reports if isinstance(item, ResidualReport)]
-        of_axes = [own for item in in_space for own in item.axes]
-        return cls(model, alone or of_axes, data, findings, in_space)
+        return cls(model, alone or of_axes(in_space), data, findings, in_space)
 
     def __len__(self) -> int:
         return len(self.simulated)

@@ -13,7 +13,7 @@ from lumbar.base.files import write_json, write_text
 from lumbar.interface.diagnosed import Diagnosis
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, ladder_csv, signal_angles
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, of_axes
 from lumbar.tissue.diagnosis.selection.refine import refined_document
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
 from lumbar.tissue.diagnosis.selection.verdict import details
@@ -26,7 +26,6 @@ from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import in_space, usable_i
 from lumbar.tissue.diagnosis.spatial.spatial_findings import headline_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_reports import (
     SpatialReport,
-    of_axes,
     spatial_location_table,
     spatial_reports,
 )

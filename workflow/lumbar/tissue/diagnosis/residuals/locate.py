@@ -260,6 +260,11 @@ def _counted_folding(folding: Folding, first: int) -> Folding | None:
     return replace(folding, rows=rows) if len(rows) >= 2 else None
 
 
+def of_axes(reports: Sequence[Any]) -> list[ResidualReport]:
+    """What is seen along every axis of records of several."""
+    return [item for report in reports for item in report.axes]
+
+
 def of_several_axes(reports: Sequence[Any]) -> str:
     """What records these are, at the beginning of a sentence; empty without any."""
     if not reports:

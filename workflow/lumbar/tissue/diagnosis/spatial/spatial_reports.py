@@ -122,11 +122,6 @@ def _moves(record: Record) -> bool:
     return np.ptp(record["input"]) > 0 and np.ptp(record["output"]) > 0
 
 
-def of_axes(reports: Sequence[SpatialReport]) -> list[ResidualReport]:
-    """What is seen along every axis of every record."""
-    return [item for report in reports for item in report.axes]
-
-
 def spatial_location_table(reports: Sequence[SpatialReport], data: str) -> Table:
     """The table ``location`` of records of several axes: of every record the views in space, then those of its axes."""
     seen = []
