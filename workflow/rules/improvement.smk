@@ -52,6 +52,7 @@ rule diagnose_records:
             "location_figures",
             "effect_signatures",
             "error_ladders",
+            *(["principal_axes"] if settings.tissue.layout.axes else []),
         ),
         refined="<results>/improvement/{record_set}/refined.json",
     log:

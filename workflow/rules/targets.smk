@@ -30,6 +30,10 @@ onstart:
     end_when_told(workflow)
     fork_scripts(workflow)
     RUN["log"] = watch(workflow, STAGES, BENCHMARKS)
+    if study.has("tissue") and settings.tissue.layout.axes:
+        print(
+            "Records of several axes: Table 3.1 and what is made of its models take one axis and are left out."
+        )
 
 
 onsuccess:

@@ -50,6 +50,7 @@ def test_every_file_is_described(tmp_path):
             "rate_Hz": 100.0,
             "duration_s": 2.0,
             "channels": {"output": {"quantity": "force", "unit": "N"}},
+            "quantities": "force (N)",
         }
     ]
 

@@ -139,6 +139,22 @@ def test_what_keys_say_together_is_refused_where_it_cannot_be(config, folder, ch
         assert word in message
 
 
+def test_records_of_several_axes_leave_out_what_takes_one(config, folder):
+    columns = {"time": {"column": "time_s", "unit": "s"}}
+    for axis in "xy":
+        columns |= {f"input_{axis}": {"column": f"position_{axis}_mm", "unit": "mm"}}
+        columns |= {f"output_{axis}": {"column": f"force_{axis}_N", "unit": "N"}}
+    one = {row.id for row in load_study(config, folder).artefacts}
+    several = {**config, "tissue": {**config["tissue"], "layout": {"columns": columns}}}
+    with pytest.raises(InputError, match="chapters: runtime with records of several axes"):
+        load_study(several, folder)
+    several["chapters"] = [name for name in config["chapters"] if name != "runtime"]
+    made = {row.id for row in load_study(several, folder).artefacts}
+    assert {"table_2_1", "diagnoses", "survey_paired"} <= made
+    assert made - one == {"principal_axes"}
+    assert {"table_3_1", "models", "survey_felt"} <= one - made
+
+
 def test_record_sets_of_a_pendulum_need_gravity(config, folder):
     config["stability"] = {"pendulum": {"gravity_m_s2": 1.62}}
     load_study(config, folder)

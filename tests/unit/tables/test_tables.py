@@ -66,6 +66,7 @@ def test_decimals_are_those_asked_for():
     assert "0.333 " in made(decimals={"value_N": 3}).to_latex()
     assert made(decimals={"value_N": 0}).cell("value_N", 2.6) == "3"
     assert made().cell("value_N", 2.5e-16) == "2.5·10⁻¹⁶"
+    assert [made().cell("p_value", value) for value in (0.0, 1e-4)] == ["< 0.0001", "0.0001"]
 
 
 def test_page_needs_nothing_from_outside_and_escapes_text():

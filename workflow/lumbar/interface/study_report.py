@@ -74,11 +74,12 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
         name: person_and_box({"subject": lift.subject, "box_mass_kg": lift.trial.box_mass_kg})
         for name, lift in study.lifts.items()
     }
+    asked = {row.id for row in study.artefacts}
     sheet = read_artefacts(project / "config" / "artefacts.tsv")
     made = chapters(
         results,
         project / "workflow" / "report",
-        [row for row in sheet if row.chapter in study.settings.chapters],
+        [row for row in sheet if row.id in asked],
         {
             "lift": people,
             "record_set": {

@@ -87,6 +87,7 @@ def _columns(item: dict) -> tuple[object, dict]:
         "rate_Hz": round(1 / record.sampling_time, 9),
         "duration_s": round(record.duration, 9),
         "channels": channels,
+        "quantities": record.quantities,
     }
 
 

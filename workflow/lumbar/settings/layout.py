@@ -45,6 +45,11 @@ class ColumnLayout:
         if problems := list(_problems_of_axes(self.columns)):
             raise ValueError(f"columns: {'; '.join(problems)}")
 
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes of records of several; empty for one axis."""
+        return tuple(axis for axis in AXES if f"input_{axis}" in self.columns)
+
 
 def _problems_of_axes(columns: dict[str, ColumnSettings]) -> Iterator[str]:
     """What is wrong with the roles of a layout of several axes."""

@@ -23,6 +23,12 @@ OF_TISSUE = {"survey_felt", "survey_power"}
 """Artefacts of another chapter that are made where the study has tissue models."""
 
 
+OF_ONE_AXIS = {"tissue_models", "compare_with_print", "felt_ratings"}
+"""Rules whose artefacts take tissue tests along one axis: not made of records of several."""
+OF_SEVERAL_AXES = {"principal_axes"}
+"""Artefacts of tissue tests along several axes."""
+
+
 @dataclass(frozen=True)
 class Artefact:
     """One table, figure or file of the thesis: a row of ``config/artefacts.tsv``."""

@@ -15,7 +15,15 @@ from lumbar.base.yaml_file import YamlFile, read_yaml
 from lumbar.settings.improvement import ImprovementSettings, is_data
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectFile, SubjectSettings
-from lumbar.study.artefacts import LIFTED, NEEDS, OF_TISSUE, OF_TWIN, read_artefacts
+from lumbar.study.artefacts import (
+    LIFTED,
+    NEEDS,
+    OF_ONE_AXIS,
+    OF_SEVERAL_AXES,
+    OF_TISSUE,
+    OF_TWIN,
+    read_artefacts,
+)
 from lumbar.study.consistency import Add, check_consistency, check_effects
 from lumbar.study.study import TWIN, RecordedLift, Study
 from lumbar.study.validation import Origins, overlay, validate
@@ -67,6 +75,9 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
             and (not row.check or row.check in settings.stability.checks)
             and (settings.data == "twin" or row.id not in OF_TWIN)
             and ("tissue" in chapters or row.id not in OF_TISSUE)
+            and (
+                row.rule not in OF_ONE_AXIS if settings.tissue.layout.axes else row.id not in OF_SEVERAL_AXES
+            )
         ],
         data_root=_data_root(settings, root, origins.add),
         lifts=lifts if LIFTED & set(chapters) else {},
@@ -112,6 +123,12 @@ def _check_chapters(settings: StudySettings, add: Add) -> None:
         add("chapters", "pushes without lifts", f"add {' or '.join(sorted(LIFTED))}")
     if "perturbations" in chapters and settings.perturbations is None:
         add("perturbations", "null", "the chapter needs its trials")
+    if "runtime" in chapters and settings.tissue.layout.axes:
+        add(
+            "chapters",
+            "runtime with records of several axes",
+            "it exports the models of Table 3.1, of one axis: leave it out; lumbar export takes refined.json",
+        )
 
 
 def name_lifts(subjects: dict[str, SubjectSettings]) -> dict[str, RecordedLift]:

@@ -52,7 +52,9 @@ _GAP = 3
 _WORDS, _FEWEST = 26, 14
 """Characters of a line of words in a cell: longer ones go on below; where columns are many, lines are shorter."""
 EMPTY = "–"
-_NUMBER = re.compile(r"([+−-]?\d+)((?:\.\d+)?(?:·10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?)")
+SMALLEST_P = 1e-4
+"""Below it a p value is printed as smaller than that: no tail of a distribution is known so far out."""
+_NUMBER = re.compile(r"((?:< )?[+−-]?\d+)((?:\.\d+)?(?:·10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?)")
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tables.layout import (
     EMPTY,
+    SMALLEST_P,
     Column,
     blocks,
     column_in_words,
@@ -127,6 +128,8 @@ class Table:
         if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
             return "yes" if value else "no"
         if isinstance(value, float):
+            if value < SMALLEST_P and column.startswith("p_"):
+                return f"< {SMALLEST_P:f}".rstrip("0")
             return scientific(
                 f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
             )

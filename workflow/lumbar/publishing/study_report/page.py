@@ -57,7 +57,7 @@ def recordings(results: Path) -> list[dict]:
 def _channels(entry: dict) -> str:
     if "markers" in entry:
         return f"{len(entry['markers'])} markers"
-    return ", ".join(f"{item['quantity']} ({item['unit']})" for item in entry.get("channels", {}).values())
+    return entry.get("quantities", "")
 
 
 def _finding(finding: dict) -> str:

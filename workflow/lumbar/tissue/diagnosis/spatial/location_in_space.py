@@ -339,7 +339,7 @@ def work_view(residual: SpatialResidual, frame: np.ndarray | None = None) -> Vie
         "way": "more" if missing.sum() > 0 else "less",
         "work": "mJ" if units == _MILLIJOULE else "·".join(units),
         "told": "; ".join(
-            f"{one:.3g} ({less:+.2g}) along {name}"
+            f"{_plain(one)} ({_plain(less, '+')}) along {name}"
             for one, less, name in zip(measured, missing, names, strict=True)
         ),
     }
@@ -347,6 +347,11 @@ def work_view(residual: SpatialResidual, frame: np.ndarray | None = None) -> Vie
     table = {"measured": measured, "simulated": measured - missing, "deviation": np.sqrt(np.diag(covariance))}
     table |= {f"direction_{axis}": frame[place] for place, axis in enumerate(residual.axes)}
     return View("work", 0.0, p_value, sentence, table)
+
+
+def _plain(value: float, sign: str = "") -> str:
+    """Three significant digits, written out."""
+    return f"{float(f'{value:.3g}'):{sign}g}"
 
 
 def views_in_space(residual: SpatialResidual, frame: np.ndarray | None = None) -> dict[str, View]:
