@@ -182,7 +182,7 @@ def test_basin_areas_have_an_interval_that_holds_the_true_one(fitted, movement, 
     spread = table.mean_area_sd / table.mean_area
     assert spread.between(0.005, 0.2).all()
     assert (np.abs(table.mean_area - truth.mean_area) < 3 * table.mean_area_sd).all()
-    assert truth.mean_area_low.isna().all() and (table.lasting_share == 0).all()
+    assert truth.mean_area_low.isna().all() and table.lasting_share.isna().all()
     other, *causes = np.random.default_rng(1).standard_normal((21, 400))
     assert explained_share(3 * causes[0] + other, np.transpose(causes)) == pytest.approx(0.9, abs=0.03)
     assert explained_share(other, np.transpose(causes)) < 0.06

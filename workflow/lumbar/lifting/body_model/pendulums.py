@@ -165,7 +165,7 @@ def basin_intervals(
     for key, own in best.items():
         sound = [id(one) in areas for one in drawn[key]]
         found = [areas[id(one)] for one in drawn[key] if id(one) in areas]
-        low, high, sd, lasting = np.nan, np.nan, np.nan, 0.0
+        low, high, sd, lasting = (np.nan,) * 4
         if id(own) in areas and len(found) > 1:
             # The truth is as one draw more: between ranks of count + 1.
             low, high = np.percentile(found, [50 * (1 - COVERAGE), 50 * (1 + COVERAGE)], method="weibull")
@@ -177,11 +177,11 @@ def basin_intervals(
 
 
 def explained_share(values: np.ndarray, causes: np.ndarray) -> float:
-    """Share of the variance of values that a line in causes, shape (values, causes), explains: adjusted R², 0 where few tell."""
+    """Share of the variance of values that a line in causes, shape (values, causes), explains: adjusted R², NaN where few tell."""
     line = np.column_stack([np.ones(len(causes)), causes])
     found, _, rank, _ = np.linalg.lstsq(line, values, rcond=None)
     left = np.sum((values - line @ found) ** 2) / max(1, len(values) - rank)
-    return float(max(0.0, 1 - left / np.var(values, ddof=1))) if len(values) > 2 * rank else 0.0
+    return float(max(0.0, 1 - left / np.var(values, ddof=1))) if len(values) > 2 * rank else np.nan
 
 
 def _areas(trajectories: list[Trajectory], settings: StabilitySettings, sign: str) -> dict[int, float]:

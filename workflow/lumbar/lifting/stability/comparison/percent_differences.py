@@ -109,7 +109,8 @@ def measured_interval(measured: pd.DataFrame, before, after, com: str, plane: st
     """Ends of the 95 % interval that measurement leaves of a percent difference; NaN without a basin or a comparison.
 
     `measured` is that of `Study`, `before` and `after` are of `comparisons`. Relative errors are lognormal about
-    the middle of its interval. The share that lasts is the same in all lifts of a person; all else is independent.
+    the middle of its interval. The share that lasts is the same in all lifts of a person; all else, and all of it where no
+    share is known, is independent.
     """
     ratio, variance, lasting = 1.0, 0.0, pd.Series(dtype=float)
     cells = measured[(measured["com"] == com) & (measured["plane"] == plane)]
@@ -120,7 +121,8 @@ def measured_interval(measured: pd.DataFrame, before, after, com: str, plane: st
         low, high = rows[["mean_area_low", "mean_area_high"]].to_numpy(float).T
         area = np.sqrt(low * high)
         ratio *= area.mean() ** power
-        error, share = power * area / area.sum() * np.log(high / low) / 2, rows["lasting_share"].to_numpy()
+        error = power * area / area.sum() * np.log(high / low) / 2
+        share = rows["lasting_share"].fillna(0.0).to_numpy()
         variance += np.sum(error**2 * (1 - share))
         own_error = pd.Series(error * np.sqrt(share)).groupby(rows["subject"].to_numpy()).sum()
         lasting = lasting.add(own_error, fill_value=0.0)
