@@ -43,6 +43,20 @@ def test_the_page_says_the_python_that_repeats_it(tmp_path, monkeypatch):
     assert again.model[force].value == pytest.approx(0.4, rel=0.05)
 
 
+def test_a_robot_may_count_from_its_foot(diagnosis, tmp_path):
+    moved = record(FRICTION)
+    foot = dict(zip("xyz", (300.0, -450.0, 120.0), strict=True))
+    moved = moved.with_values(**{f"input_{axis}": moved[f"input_{axis}"] + at for axis, at in foot.items()})
+    found = lumbar.diagnose([moved], settings=SETTINGS, data="made up")
+    assert found.selected == ("coulomb_friction",)
+    assert "counted from (300" in found.sentences[2]
+    assert found.model.rests == pytest.approx(tuple(foot.values()), abs=0.1)
+    found.save(tmp_path, pictures=False)
+    read = lumbar.load_models(tmp_path / "refined.json")[-1]
+    assert read.rests == found.model.rests and read.zeros == found.model.zeros
+    assert not diagnosis.model.rests
+
+
 @pytest.mark.parametrize("verb", ["identify", "propose"])
 def test_verbs_of_one_axis_say_which_take_several(verb):
     with pytest.raises(InputError, match=f"multisine: {verb} takes records of one axis; compare, locate"):

@@ -282,7 +282,7 @@ def _on_records(
         chosen = DiagnosisSettings.from_study(settings, None, train)
         in_space = spatial_reports(model, prepare_in_space(records, chosen), settings.seed)
         return model, in_space, data, changed
-    experiment = prepare(records, train, settling_s=settings.tissue.settling_s)
+    experiment = prepare(records, train, settling_s=settings.tissue.settling_s).from_rest()
     experiment = replace(experiment, hands=Hands.of(settings.perception))
     simulate = in_session(records, model.simulate) if session else model.simulate
     reports = residual_reports(records, simulate, experiment, settings.seed)

@@ -277,6 +277,20 @@ def test_a_position_zero_beside_friction_is_no_drift():
     assert found.model.fit.zero == pytest.approx(3.6, abs=0.01)
 
 
+def test_where_a_machine_counts_from_is_nothing_that_a_tissue_does(tmp_path):
+    """A robot's foot a metre away: the same tissue, said to be counted from elsewhere, and written into the model."""
+    far = [item.with_values(input=item["input"] + 1000.0) for item in experiment(hardening)]
+    found = diagnose(far)
+    assert (found.verdict, found.selected) == ("named", ("hardening_stiffness",))
+    assert found.model.test_rms == pytest.approx(0.01, rel=0.1)
+    assert [item.kind for item in found.findings] == ["position_offset"]
+    model = fitted_model(found.model, found.experiment)
+    assert model.input.offset == pytest.approx(1000.0, abs=1.0)
+    np.testing.assert_allclose(model.simulate(far[0])[50:], far[0]["output"][50:], atol=0.06)
+    beside = [item.with_values(input=item["input"] + 3.0) for item in experiment(hardening)]
+    assert diagnose(beside).experiment.surface == 0.0
+
+
 STEP, MASS, DAMPING = 1e-3, 0.09, 0.2
 TIME = np.arange(20_000) * STEP
 LINES = 0.4 * np.arange(1, 40, 2)

@@ -2,6 +2,7 @@
 
 import zipfile
 from collections import defaultdict
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from runtime_models import TARGET
 from spatial_models import FIVE, FRAME, STIFFNESS, integrated, spatial_export, spatial_model
 
 from lumbar.base.errors import InputError
+from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.effects.catalogue import TISSUE
+from lumbar.tissue.fmu.build.export_model import export_models
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.check.file_check import check_files
 from lumbar.tissue.fmu.check.fmu_check import check_fmus, simulate_fmu
@@ -62,6 +65,22 @@ def test_a_model_of_two_axes_with_every_guard_is_what_its_file_says(zig_cache, t
     check_fmus([model], tmp_path, 1500, seed=4)
     for check in check_files(paths, zig_cache):
         assert check.same_bytes, check.problems
+
+
+def test_a_model_counts_from_where_its_tissue_rests(zig_cache, tmp_path):
+    """A robot's foot elsewhere: every start value and offset along its own axis, and the force that of the way from there."""
+    rests = (300.0, -450.0, 120.0)
+    settings = RuntimeSettings(models=(), rate_Hz=1000.0, moving_average_ms=0, start="offset")
+    (model,) = export_models([replace(spatial_model({}), rests=rests)], settings)
+    paths = export_fmus([model], tmp_path, "own", TARGET, zig_cache)
+    check_fmus([model], tmp_path, 300, seed=4)
+    for path, check in zip(paths, check_files(paths, zig_cache), strict=True):
+        assert check.same_bytes, check.problems
+        fmu = fmu_of(tmp_path, 2 if "fmi2" in path.name else 3)
+        assert [fmu.numbered("start")[f"position_offset[{row}]"] for row in (1, 2, 3)] == list(rests)
+    still = Instance(fmu).play(np.repeat([rests], 5, axis=0))
+    np.testing.assert_allclose(still, 0.0, atol=1e-12)
+    assert np.linalg.norm(Instance(fmu).play(np.repeat([np.add(rests, 1.0)], 5, axis=0))[-1]) > 0.5
 
 
 @pytest.fixture(scope="module")

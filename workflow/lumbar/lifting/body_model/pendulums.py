@@ -177,7 +177,7 @@ def basin_intervals(
 
 
 def explained_share(values: np.ndarray, causes: np.ndarray) -> float:
-    """Share of the variance of values that a line in causes, shape (values, causes), explains: adjusted R², NaN where few tell."""
+    """Share of the variance of values that a line in causes, shape (values, causes), explains: adjusted R²; NaN of too few."""
     line = np.column_stack([np.ones(len(causes)), causes])
     found, _, rank, _ = np.linalg.lstsq(line, values, rcond=None)
     left = np.sum((values - line @ found) ** 2) / max(1, len(values) - rank)

@@ -61,7 +61,9 @@ class FittedModel(ModelData):
             if record.axes != self.structure.base.spatial.axes:
                 axes = ", ".join(self.structure.base.spatial.axes)
                 raise InputError(f"{record.name} is not of the axes {axes} that {self.name} takes")
-            forces = self.structure.simulate(SpatialMotion.of(record), *self._numbers(self.structure))
+            forces = self.structure.simulate(
+                SpatialMotion.of(record, self.rests), *self._numbers(self.structure)
+            )
             return forces.reshape(len(record.axes), -1) + np.array(self.zeros)[:, None]
         if isinstance(self.structure, Structure):
             return self._simulate_structure(self.structure, record) + self.output.offset

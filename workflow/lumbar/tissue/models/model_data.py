@@ -149,6 +149,8 @@ class ModelData:
     """Motion of the record it was fitted to; None for a given model, and where a file does not say."""
     zeros: tuple[float, ...] = ()
     """Of several axes: what the force sensor reads along each where the model gives 0."""
+    rests: tuple[float, ...] = ()
+    """Of several axes: the position along each from which the model's are counted; empty where it is 0."""
 
     @property
     def discrete(self) -> bool:

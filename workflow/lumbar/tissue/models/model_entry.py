@@ -81,8 +81,9 @@ def entry_of(model: ModelData) -> dict:
         written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward, space=space)
     plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
     plain["structure"] = _without_none(plain["structure"])
-    if not model.zeros:  # of one axis the zero is the output's offset
-        del plain["zeros"]
+    for name in ("zeros", "rests"):  # of one axis the ports' offsets
+        if not plain[name]:
+            del plain[name]
     return plain
 
 

@@ -6,7 +6,7 @@ Of one record (`Motion`), as a running loop knows it (`SampledMotion`), of sever
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
@@ -334,9 +334,10 @@ class SpatialMotion(JoinedMotions, Remembering):
     """Names of the axes, of `AXES`."""
 
     @classmethod
-    def of(cls, record: Record) -> Self:
-        """Motion of a record of several axes."""
-        parts = tuple(Motion.of(record.axis(axis)) for axis in record.axes)
+    def of(cls, record: Record, rests: Sequence[float] = ()) -> Self:
+        """Motion of a record of several axes; positions are counted from `rests`, by default as recorded."""
+        along = zip(record.axes, rests or [0.0] * len(record.axes), strict=True)
+        parts = tuple(Motion.of(record.axis(axis), offset=rest) for axis, rest in along)
         return cls(parts, names=record.axes)
 
     @property

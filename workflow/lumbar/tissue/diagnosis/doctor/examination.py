@@ -199,7 +199,11 @@ def _question(item: EffectSize) -> Question:
     assert item.outcome is not None
     size = item.put_in / 2 if item.is_named else item.put_in
     rival, others, found = item.injection.model, (), item.outcome.verdict
-    if found and item.outcome.kind in (Kind.MISTAKEN, Kind.TIED) and found.experiment.surface == 0:
+    if (
+        found
+        and item.outcome.kind in (Kind.MISTAKEN, Kind.TIED)
+        and found.experiment.surface == found.experiment.rest[0]
+    ):
         candidates = [found.model, *found.tied_with]
         wrong = next((each for each in candidates if item.form.effect not in each.effects), None)
         if wrong is not None:

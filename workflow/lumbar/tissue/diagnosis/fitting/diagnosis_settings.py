@@ -110,7 +110,7 @@ def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experimen
         seen = [for_base(record, BASES[settings.base]) for record in records]
         return replace(settings.prepare(seen), records=tuple(records))
     sound, faults = repair(records)
-    experiment = settings.prepare(sound)
+    experiment = settings.prepare(sound).from_rest()
     left = _force_of_noise(records, sound, faults)
     return replace(experiment, records=tuple(sound), faults=tuple(faults), position_noise_force=left)
 

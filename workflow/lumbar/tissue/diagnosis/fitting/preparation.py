@@ -129,6 +129,10 @@ _ABOVE_NOISE = 2.0
 """Variance of a response in noise variances, below which it holds little else."""
 DWARFING = 3.0
 """Error in noise floors from which on it is a model's and not the noise's."""
+_BEGINNING, _TOGETHER = 100, 0.05
+"""Part of the samples that is a record's beginning, and share of all records' reach within which these lie at one place."""
+_FINE = 5
+"""Decimals of a position at rest that tell, of the records' reach."""
 _FEWEST = 50
 """Samples that must follow the start of a record which is left out."""
 _HELD_BACK = 0.3
@@ -151,8 +155,11 @@ class Experiment:
     """Name of the training record that the floor was taken from, or would have been."""
     input_quantity: str = "position"
     output_quantity: str = "force"
+    rest: tuple[float, ...] = (0.0,)
+    """Position along every axis from which those of a fastened tool are counted: 0, or that of `from_rest`."""
     surface: float = 0.0
-    """Position from which positions are counted: that of a tissue's surface which the tool is not fastened to; else 0."""
+    """Position from which positions are counted, of one axis: that of a tissue's surface which the tool is not fastened to;
+    else that of `rest`."""
     records: tuple[Record, ...] = ()
     """All records, faults of their sensors repaired."""
     faults: tuple[Finding, ...] = ()
@@ -203,6 +210,12 @@ class Experiment:
         if not shift:
             return self
         return replace(self._each(lambda item: item.with_origin(shift)), surface=surface)
+
+    def from_rest(self) -> Self:
+        """The same records, of one axis, their positions counted from `resting_position`."""
+        records = (*self.training.records, *self.tests)
+        rest = resting_position([item.own(item.motion.position)[None] for item in records])
+        return replace(self, rest=tuple(rest)).with_origin(float(rest[0]))
 
     @property
     def own_zeros(self) -> bool:
@@ -283,6 +296,27 @@ def prepare(
         _fit_data(item, whitening if alike[item.name] else np.ones(1), settling, past) for item in others
     ]
     return put_together(first, fitted, tests, floor, session=session, settling_s=settling_s)
+
+
+def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:
+    """Position from which records are counted, by axis: 0, unless no record comes as near to it as all of them reach.
+
+    A machine counts from its frame, a robot from its foot: nothing that a tissue does depends on where that is. Then it is where
+    all records begin to move, or, where they do not begin at one place, the mean of the first.
+
+    Parameters
+    ----------
+    positions : sequence of ndarray
+        Of every record, shape (axes, samples); the first is that of training.
+    """
+    every = np.concatenate(positions, axis=1)
+    reach = float(np.linalg.norm(np.ptp(every, axis=1)))
+    if np.linalg.norm(every, axis=0).min() <= reach:
+        return np.zeros(len(every))
+    begins = np.concatenate([item[:, : 1 + item.shape[1] // _BEGINNING] for item in positions], axis=1)
+    together = np.linalg.norm(np.ptp(begins, axis=1)) <= _TOGETHER * reach
+    rest = (begins if together else positions[0]).mean(axis=1)
+    return np.round(rest, max(0, int(np.ceil(_FINE - np.log10(reach)))))
 
 
 def choose_training(

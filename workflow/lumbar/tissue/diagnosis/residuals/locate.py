@@ -84,9 +84,9 @@ def _location(record: Record, residual: Residual, causes: Sequence[Cause]) -> Lo
 
 def residual_of(record: Record, simulated: np.ndarray, experiment: Experiment) -> Residual:
     """What a simulation leaves of a record of an experiment, from the settling time on; errors as of `locate`."""
-    return _residual(
-        record, simulated, experiment.floor, _floor_from(record, experiment), _start(record, experiment)
-    )
+    floor = experiment.floor, _floor_from(record, experiment)
+    left = _residual(record, simulated, *floor, _start(record, experiment))
+    return replace(left, position=left.position - experiment.rest[0])
 
 
 def _floor_from(record: Record, experiment: Experiment) -> str:

@@ -261,7 +261,7 @@ def choose_base(
     positions are counted from the tissue's surface where the base is one with contact.
     """
     # Surfaces are positions as recorded, also where a base is chosen again.
-    experiment = experiment.with_origin(0.0)
+    experiment = experiment.with_origin(experiment.rest[0])
     if isinstance(name, Base):
         return experiment, fit_base(name, experiment)
     if name != CHOSEN_BY_DATA:

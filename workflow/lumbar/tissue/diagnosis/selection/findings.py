@@ -28,6 +28,8 @@ def offsets(found: Verdict) -> list[Finding]:
     findings = []
     if fit.structure.base.contact:
         findings.append(Finding.of("surface", experiment.surface, experiment.input_unit))
+    else:
+        findings += position_offset(experiment)
     low, high = zero_interval(fit, experiment.training)
     notable = _NOTABLE * float(np.ptp(experiment.training.force))
     if abs(fit.zero) > notable and (low > 0 or high < 0):
@@ -36,6 +38,16 @@ def offsets(found: Verdict) -> list[Finding]:
     if experiment.own_zeros and fit.structure.base.sensor_zero:
         findings += _own_zeros(found)
     return findings
+
+
+def position_offset(experiment: Experiment) -> list[Finding]:
+    """From where positions are counted, where no record comes near 0."""
+    if not any(experiment.rest):
+        return []
+    unit, size = experiment.input_unit, float(np.linalg.norm(experiment.rest))
+    at = ", ".join(f"{value:.5g}" for value in experiment.rest)
+    words = {"position": experiment.input_quantity, "at": f"({at})" if len(experiment.rest) > 1 else at}
+    return [Finding.of("position_offset", size, unit, **words)]
 
 
 @dataclass(frozen=True)

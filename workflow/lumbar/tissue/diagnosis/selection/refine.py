@@ -84,6 +84,7 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
         zeros=()
         if spatial is None
         else tuple(fit.zeros.reshape(-1, len(spatial.axes)).mean(axis=0).tolist()),
+        rests=experiment.rest if spatial and any(experiment.rest) else (),
     )
 
 

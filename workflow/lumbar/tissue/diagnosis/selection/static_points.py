@@ -106,7 +106,7 @@ def _prepare(records: Sequence[Record], settings: DiagnosisSettings) -> Experime
         one["output"].quantity,
         records=tuple(records),
         points=True,
-    )
+    ).from_rest()
 
 
 def _points(record: Record, wanted=lambda number: number >= 0) -> FitData:

@@ -17,6 +17,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import (
     Experiment,
     choose_training,
     put_together,
+    resting_position,
     settling_samples,
 )
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
@@ -33,11 +34,13 @@ class SpatialData(JointData):
     """One record of several axes; its signals stand one axis after the other, and each axis is a part."""
 
     @classmethod
-    def along(cls, record: Record, whitening: Sequence[np.ndarray], settling: int) -> Self:
-        """A record with the whitening of every axis, and samples at its start that count for nothing."""
+    def along(
+        cls, record: Record, whitening: Sequence[np.ndarray], settling: int, rests: Sequence[float]
+    ) -> Self:
+        """A record with the whitening of every axis and its position at rest, and samples at its start that count for nothing."""
         parts = [
-            FitData(record.name, Motion.of(one), one["output"], taps, settling)
-            for one, taps in zip(map(record.axis, record.axes), whitening, strict=True)
+            FitData(record.name, Motion.of(one, offset=rest), one["output"], taps, settling)
+            for one, taps, rest in zip(map(record.axis, record.axes), whitening, rests, strict=True)
         ]
         return cls.of(parts, record.axes)
 
@@ -98,14 +101,14 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
     chosen, others = choose_training(sound, settings.train)
     first = chosen[0]
     floors = axis_floors(first)
+    rests = resting_position([record.stacked("input") for record in (*chosen, *others)]).tolist()
     whitening = [np.ones(1) if floors is None else floor.whitening for floor in floors or first.axes]  # type: ignore[union-attr]
 
     def data(record: Record) -> SpatialData:
         alike = np.isclose(record.sampling_time, first.sampling_time)
         taps = whitening if alike else [np.ones(1)] * len(record.axes)
-        return SpatialData.along(
-            record, taps, settling_samples(record.axis(record.axes[0]), settings.settling_s)
-        )
+        settling = settling_samples(record.axis(record.axes[0]), settings.settling_s)
+        return SpatialData.along(record, taps, settling, rests)
 
     fitted, tests = [data(record) for record in chosen], [data(record) for record in others]
     return put_together(
@@ -113,6 +116,7 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         fitted,
         tests,
         None if floors is None else NoiseFloor.together(floors),
+        rest=tuple(rests),
         records=tuple(sound),
         faults=tuple(faults),
         settling_s=settings.settling_s,

@@ -6,6 +6,7 @@ from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
+from lumbar.tissue.diagnosis.selection.findings import position_offset
 from lumbar.tissue.diagnosis.selection.verdict import (
     Verdict,
     distinguishing_digits,
@@ -54,7 +55,7 @@ def spatial_findings(verdict: Verdict, axes: tuple[str, ...]) -> list[Finding]:
         found.append(_turned([item for item in known if item.effect == "turned_frame"], axes))
     if "crosstalk" in verdict.selected:
         found.append(_crosstalk([item for item in known if item.effect == "crosstalk"]))
-    return [*found, *_vague(experiment, axes)]
+    return [*position_offset(experiment), *found, *_vague(experiment, axes)]
 
 
 def _turned(known: list, axes: tuple[str, ...]) -> Finding:

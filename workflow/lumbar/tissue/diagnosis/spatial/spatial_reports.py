@@ -86,8 +86,8 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
     first = next(item for item in records if item.name == experiment.floor_from)
     floors = axis_floors(first) or [None] * len(axes)
     alone = [
-        replace(experiment, floor=floor, floor_from=f"{first.name} ({axis})")
-        for axis, floor in zip(axes, floors, strict=True)
+        replace(experiment, floor=floor, floor_from=f"{first.name} ({axis})", rest=(rest,))
+        for axis, floor, rest in zip(axes, floors, experiment.rest, strict=True)
     ]
     forces = [model.simulate(record) for record in records]
     simulated = [

@@ -1,6 +1,7 @@
 """modelDescription.xml of FMI 2.0 and 3.0, and what an FMU says of itself in words: data, valid range, guards."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from xml.sax.saxutils import escape
 
@@ -96,8 +97,8 @@ class Variable:
     """``"input"``, ``"output"`` or ``"parameter"``."""
     description: str
     unit: str
-    start: float | None
-    """None for the output: it is calculated."""
+    start: float | Sequence[float] | None
+    """One for every axis, or the same for all; None for the output: it is calculated."""
     low: float | None = None
     high: float | None = None
     nominal: float | None = None
@@ -109,10 +110,17 @@ class Variable:
         """Its values as variables of their own, as FMI 2.0 has them."""
         if self.size == 1:
             return [self]
-        names = enumerate(element_names(self.name, self.size))
+        names = enumerate(zip(element_names(self.name, self.size), self.starts, strict=True))
         return [
-            replace(self, name=name, reference=self.reference + ELEMENT * row, size=1) for row, name in names
+            replace(self, name=name, reference=self.reference + ELEMENT * row, start=start, size=1)
+            for row, (name, start) in names
         ]
+
+    @property
+    def starts(self) -> list:
+        """Start values, one of each element."""
+        alike = self.start is None or isinstance(self.start, float | int)
+        return [self.start] * self.size if alike else list(self.start)  # type: ignore[arg-type]
 
 
 _VECTORS = (1, 2, 4, 6)
@@ -123,15 +131,16 @@ def variables(model: ExportModel) -> list[Variable]:
     """Return the variables that a user sees, the same in both versions but for vectors."""
     x, y, limit, guards = model.input, model.output, model.output_limit, model.guards
     within, steepest = (-limit, limit, limit), guards.rate_limit
+    rest = model.rest.tolist() if model.axes else model.rest
     change = f"{y.unit}/s", steepest, 0.0, steepest, steepest
     damping = model.damping_unit, guards.device_damping, 0.0, LARGEST, 1.0
     listed = [
-        (x.variable, 1, "input", x.unit, x.offset),
+        (x.variable, 1, "input", x.unit, rest),
         (y.variable, 2, "output", y.unit, None, *within),
         ("gain", 3, "parameter", "", 1.0, 0.0, model.gain_limit, 1.0),
         (f"{y.variable}_offset", 4, "parameter", y.unit, y.offset, *within),
         (f"{y.variable}_limit", 5, "parameter", y.unit, limit, 0.0, limit, limit),
-        (f"{x.variable}_offset", 6, "parameter", x.unit, x.offset),
+        (f"{x.variable}_offset", 6, "parameter", x.unit, rest),
         *[(y.variable + RATE_LIMIT, 7, "parameter", *change)] * (steepest > 0),
         *[
             ("device_damping", 8, "parameter", *damping),
@@ -201,9 +210,12 @@ def _escaped(text: str, attribute: bool = True) -> Markup:
     return Markup(escape(text, {'"': "&quot;"} if attribute else {}))
 
 
+_GIVEN = {"min": "low", "max": "high", "nominal": "nominal"}
+
+
 def _described(variable: Variable, index: int) -> dict:
     """What the descriptions say of a variable; FMI 2.0 refers to it by its index, FMI 3.0 by its value reference."""
-    given = {"min": variable.low, "max": variable.high, "nominal": variable.nominal, "start": variable.start}
+    given = {key: [getattr(variable, name)] for key, name in _GIVEN.items()} | {"start": variable.starts}
     unit = {"unit": variable.unit} if variable.unit else {}
     return {
         "name": variable.name,
@@ -215,9 +227,9 @@ def _described(variable: Variable, index: int) -> dict:
         "attributes": {
             **unit,
             **{
-                key: " ".join([repr(float(value))] * (variable.size if key == "start" else 1))
-                for key, value in given.items()
-                if value is not None
+                key: " ".join(repr(float(value)) for value in values)
+                for key, values in given.items()
+                if None not in values
             },
         },
     }

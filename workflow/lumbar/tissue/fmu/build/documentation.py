@@ -78,7 +78,8 @@ def documentation_html(model: ExportModel, version: str, data: str, drawn: Seque
                 item.name if item.size == 1 else f"{item.name}[{item.size}]",
                 item.kind,
                 item.unit or "1",
-                *map(_number, (item.start, item.low, item.high)),
+                ", ".join(map(_number, item.starts if len(set(item.starts)) > 1 else item.starts[:1])),
+                *map(_number, (item.low, item.high)),
                 item.description,
             )
             for item in variables(model)

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lumbar.base.errors import NumericalError, Problems, did_you_mean
 from lumbar.base.files import is_device
 from lumbar.tissue.fmu.build.effect_model import EffectModel, effect_model
@@ -123,6 +125,11 @@ class ExportModel:
     def input(self) -> Port:
         """What the tool does."""
         return self.identified.input
+
+    @property
+    def rest(self) -> float | np.ndarray:
+        """Input from which the model's deviations are counted; in space shape (axes,)."""
+        return np.array(self.identified.rests or (0.0,) * len(self.axes)) if self.axes else self.input.offset
 
     @property
     def output(self) -> Port:

@@ -49,7 +49,7 @@ def model_output(model: ExportModel, inputs: np.ndarray, late: bool = False) -> 
         As a client without event mode reads it.
     """
     dynamics, at_rest = model.dynamics, model.starts_at_rest
-    deviations = inputs - model.input.offset
+    deviations = inputs - model.rest
     if model.guards.contact:
         deviations = np.where(deviations < 0, 0.0, deviations)
     averaged = moving_average(deviations, model.moving_average, at_rest)
@@ -127,7 +127,7 @@ def reference_push(model: ExportModel, version: str) -> tuple[np.ndarray, np.nda
     time, profile = push_profile(model.sampling_time)
     samples = samples_within_range(model, min(len(time), _MOST_EMBEDDED))
     way = along_axes(profile[:samples], len(model.axes))
-    inputs = model.input.offset + push_depth(model, profile) * way
+    inputs = model.rest + push_depth(model, profile) * way
     return time[:samples], inputs, reference_output(model, inputs, version)
 
 

@@ -85,6 +85,7 @@ def _model_size(model: ExportModel) -> str:
     }
     if model.axes:
         sizes["MODEL_AXES"] = len(model.axes)
+        sizes["MODEL_REST"] = f"{{{', '.join(value.hex() for value in model.rest)}}}"
     lines = [f"#define {name} {size}" for name, size in sizes.items()]
     return "\n".join(["/* Sizes of a model, written at export. */", *lines, ""])
 

@@ -22,9 +22,10 @@ static vector shortened(vector whole, double most) {
 }
 
 void force_reset(force_state *state, bool event_mode) {
+    static const double rest[MODEL_AXES] = MODEL_REST;
     memset(state, 0, sizeof *state);
     for (int i = 0; i < MODEL_AXES; ++i) {
-        state->input[i] = state->input_offset[i] = MODEL.input_offset;
+        state->input[i] = state->input_offset[i] = rest[i];
         state->output_offset[i] = MODEL.output_offset;
     }
     state->output_limit = MODEL.output_limit;

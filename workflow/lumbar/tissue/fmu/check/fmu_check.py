@@ -81,7 +81,7 @@ def check_input(model: ExportModel, samples: int, seed: int) -> np.ndarray:
     walk = np.cumsum(np.random.default_rng([seed, samples]).standard_normal(shape), axis=0)
     room = _SHARE_OF_LIMIT * model.output_limit - abs(model.output.offset)
     averaged = moving_average(walk, model.moving_average)
-    return model.input.offset + scale_to(model, averaged, room) * walk
+    return model.rest + scale_to(model, averaged, room) * walk
 
 
 def check_fmu(path: Path, model: ExportModel, version: str, samples: int, seed: int) -> Check:
@@ -195,7 +195,7 @@ def push(models: list[ExportModel], folder: Path) -> Push:
     outputs = {
         (model.name, version): simulate_fmu(
             folder / fmu_name(model.name, version),
-            model.input.offset + depth * along_axes(profile, len(model.axes)),
+            model.rest + depth * along_axes(profile, len(model.axes)),
         )
         for model in models
         for version in FMI_VERSIONS
