@@ -8,7 +8,7 @@ first of them to meet the negative real axis ends the stable gains. Where a tiss
 principal axes.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import permutations, repeat
@@ -19,19 +19,15 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.fmu.build.guards import shortened
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, loop_response
 from lumbar.tissue.haptics.passivity import by_moves
 from lumbar.tissue.haptics.rendered_model import (
-    DEPTH_MM,
-    STEPS_MM,
     RenderedModel,
     UnpackedFmu,
     beside,
     fmu_of,
-    reach_mm,
+    linearised,
     scale_of,
-    watched,
 )
 from lumbar.tissue.haptics.simulation import PUSHES_MM, LoopRun, TissueForce, course, on_servo
 from lumbar.tissue.haptics.verdict import Analysis, Judgement
@@ -198,15 +194,10 @@ def spatial_loops(
     """
     metre, newton = scale_of(model.name, model.input, model.output)
     signed, unit = model.resistance * newton, 1e3 * metre
-    known = model.valid_for and (model.valid_for.lowest, model.valid_for.highest)
-    reach = reach_mm(known, model.input.offset, unit)
-
-    def limited(positions: np.ndarray) -> np.ndarray:
-        return shortened(model.output.offset + model.dynamics.response(positions / unit), model.output_limit)
-
+    responses, reach, still = linearised(model, device, unit)
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = []
-    for name, impulse in _linearisations(limited, model, device, reach):
+    for name, impulse in responses:
         items = [
             SampledModel(name, np.convolve(each, average), np.ones(1), model.sampling_time).scaled(
                 signed * unit / metre
@@ -217,12 +208,10 @@ def spatial_loops(
         numerators = np.array([item.numerator for item in served]).T
         clock = replace(served[0], name=name, numerator=np.ones(1), denominator=np.ones(1))
         found.append(SpatialLoop(name, numerators.reshape(-1, *impulse.shape[1:]), clock))
-    still = limited(np.zeros((watched(model.sampling_time), len(model.axes))))
     limit = newton * model.output_limit
     nearest = tuple(replace(item.unit, numerator=item.impulse[:, 0, 0]) for item in found)
-    own = reach if len(found) > 1 else None
     words = beside(model.guards.rate_limit > 0, still)
-    meets = (nearest, nearest, (), metre, signed, model.input, model.output, limit, own, words)
+    meets = (nearest, nearest, (), metre, signed, model.input, model.output, limit, reach, words)
     return found, RenderedModel(model.name, *meets)
 
 
@@ -240,36 +229,6 @@ def _even(item: SampledModel, device: DeviceSettings, late: bool) -> SampledMode
             f"{device.missed_ticks}"
         )
     return loops[0]
-
-
-def _linearisations(
-    response: Callable[[np.ndarray], np.ndarray],
-    model: ExportModel,
-    device: DeviceSettings,
-    reach: tuple[float, float],
-) -> list[tuple[str, np.ndarray]]:
-    """Names and impulse responses (samples, axes, axes), in the model's unit of force per mm; as along one axis."""
-    axes, samples = np.eye(len(model.axes)), watched(model.sampling_time)
-    rest = np.zeros(len(axes))
-    steps = sorted({*STEPS_MM, 1e-3 * device.encoder_um} - {0.0})
-    places = [(depth, step) for depth in (rest, *(DEPTH_MM * axes)) for step in steps]
-    for end in filter(None, reach):
-        for axis in axes:
-            way = np.multiply.outer(np.linspace(0.0, end, samples), axis)
-            slopes = np.diff(response(way) @ axis)
-            places += [(way[place], STEPS_MM[1]) for place in (slopes.argmax(), slopes.argmin())]
-    found: list[tuple[str, np.ndarray]] = []
-    for depth, step in places:
-        impulse = np.empty((samples, len(axes), len(axes)))
-        for column, axis in enumerate(axes):
-            moved = np.multiply.outer(np.r_[np.zeros(samples), np.full(samples, step)], axis)
-            forth, back = (response(depth + sign * moved)[samples:] for sign in (1.0, -1.0))
-            impulse[:, :, column] = np.diff((forth - back) / (2.0 * step), axis=0, prepend=0.0)
-        about = ", ".join(f"{value:.4g}" for value in depth)
-        found.append((f"{model.name} about ({about}) mm, steps of {step:g} mm", impulse))
-    size = np.abs(found[0][1]).max()
-    same = all(np.abs(item - found[0][1]).max() <= 1e-9 * size for _, item in found)
-    return found[:1] if same else found
 
 
 def analyse_in_space(
@@ -356,12 +315,7 @@ def _runs(
     for direction in directions:
         for push_mm in PUSHES_MM:
             with fmu.stepping() as play:
-
-                def step(position: np.ndarray, play=play) -> np.ndarray:
-                    given = meets.input.offset + position / meets.metre
-                    return meets.newton * (np.array(play(given.tolist())) - meets.output.offset)
-
-                tick = TissueForce(step, meets.sampled[0].sampling_time)
+                tick = TissueForce(meets.in_loop(play), meets.sampled[0].sampling_time)
                 given = (repeat(1.0 / device.rate_Hz), device, meets.limit, 1e-3 * device.delay_ms, push_mm)
                 points, samples = course(tick, *given, direction=direction)
                 time, *signals = (np.array(values).T for values in (*zip(*points, strict=True), samples))

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -16,6 +17,7 @@ from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.compiler import cache_folder
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, averaged_samples, export_models
+from lumbar.tissue.fmu.build.guards import shortened
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
@@ -123,29 +125,46 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
     NumericalError
         If the force of a model with effects overflows.
     """
-    dynamics, reach, still = model.dynamics, None, np.zeros(1)
-    if isinstance(dynamics, LinearModel):
-        whole = SampledModel.of(model.name, dynamics.transfer_function, model.sampling_time)
+    reach, still = None, np.zeros(1)
+    if isinstance(model.dynamics, LinearModel):
+        whole = SampledModel.of(model.name, model.dynamics.transfer_function, model.sampling_time)
         found = [_fed_late(whole) if late else whole]
     else:
         unit = 1e3 * scale_of(model.name, model.input, model.output)[0]
-        known = model.valid_for and (model.valid_for.lowest, model.valid_for.highest)
-        reach = reach_mm(known, model.input.offset, unit)
-
-        def limited(positions: np.ndarray) -> np.ndarray:
-            forces = model.output.offset + dynamics.response(positions / unit)
-            return np.clip(forces, -model.output_limit, model.output_limit)
-
-        found = linearisations(limited, model.name, model.sampling_time, device, reach)
-        still = limited(np.zeros(watched(model.sampling_time)))
+        responses, reach, still = linearised(model, device, unit)
+        found = [_sampled(*item, model.sampling_time) for item in responses]
         found = [item.scaled(unit).late(model.sampling_time if late else 0.0) for item in found]
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
     rendered = in_units(
         found, model.name, model.input, model.output, model.output_limit, device, model.resistance, held=late
     )
-    reach = reach if len(found) > 1 else None
     return replace(rendered, reach=reach, beside=beside(model.guards.rate_limit > 0, still))
+
+
+Responses = list[tuple[str, np.ndarray]]
+"""Impulse responses of a model that is not linear, with their names; each of shape (samples, axes, axes)."""
+
+
+def linearised(
+    model: ExportModel, device: DeviceSettings, unit: float
+) -> tuple[Responses, tuple[float, float] | None, np.ndarray]:
+    """Return the `impulse_responses` of a model, one unit of whose input is so many mm, and what `RenderedModel` has beside them.
+
+    That is where they were looked for, None where all are the same, and the forces at rest.
+    """
+    axes = len(model.axes)
+    known = model.valid_for and (model.valid_for.lowest, model.valid_for.highest)
+    reach = reach_mm(known, model.input.offset, unit)
+
+    def limited(positions: np.ndarray) -> np.ndarray:
+        places = positions if axes else positions[:, 0]
+        forces = shortened(model.output.offset + model.dynamics.response(places / unit), model.output_limit)
+        return forces.reshape(positions.shape)
+
+    found = impulse_responses(limited, model.name, model.sampling_time, device, reach, axes or 1)
+    still = limited(np.zeros((watched(model.sampling_time), axes or 1)))
+    return found, reach if len(found) > 1 else None, still
 
 
 def in_units(
@@ -228,14 +247,15 @@ def _fed_late(model: SampledModel) -> SampledModel:
     return replace(model, numerator=numerator - through * denominator + through * np.roll(denominator, 1))
 
 
-def linearisations(
+def impulse_responses(
     response: Callable[[np.ndarray], np.ndarray],
     name: str,
     sampling_time: float,
     device: DeviceSettings,
     reach: tuple[float, float],
-) -> list[SampledModel]:
-    """Impulse responses of a model that is not linear, for small and large motion about rest and about depths.
+    axes: int,
+) -> Responses:
+    """Impulse responses of a model that is not linear, for small and large motion about rest and about depths along every axis.
 
     Half the difference of the forces after a step forth and a step back, over the step, in the model's unit of force
     per mm; one where all are the same, as those of a linear model are.
@@ -243,32 +263,38 @@ def linearisations(
     Parameters
     ----------
     response : callable
-        From positions in mm, the first held before, to forces, both of shape (samples,).
+        From positions in mm, the first held before, to forces, both of shape (samples, axes).
     sampling_time : float
         Seconds.
     reach : tuple of float
         As of `reach_mm`.
     """
-    samples = watched(sampling_time)
+    samples, along = watched(sampling_time), np.eye(axes)
     steps = sorted({*STEPS_MM, 1e-3 * device.encoder_um} - {0.0})
-    places = [(depth, step) for depth in (0.0, DEPTH_MM) for step in steps]
-    places += [(depth, STEPS_MM[1]) for end in reach if end for depth in _steepest(response, end, samples)]
-    found = []
-    for depth, step in dict.fromkeys(places):
-        moved = np.concatenate([np.zeros(samples), np.full(samples, step)])
-        forth, back = (response(depth + sign * moved)[samples:] for sign in (1.0, -1.0))
-        impulse = np.diff((forth - back) / (2.0 * step), prepend=0.0)
-        label = f"{name} about {depth:.4g} mm, {_by_steps(step)}"
-        found.append(SampledModel(label, impulse, np.ones(1), sampling_time))
-    size = np.abs(found[0].numerator).max()
-    same = all(np.allclose(item.numerator, found[0].numerator, rtol=0.0, atol=1e-9 * size) for item in found)
-    return [_without_end(item) for item in (found[:1] if same else found)]
+    depths = [(0, 0.0), *((axis, DEPTH_MM) for axis in range(axes))]
+    places = [(*depth, step) for depth in depths for step in steps]
+    for axis, end in product(range(axes), filter(None, reach)):
+        places += [(axis, depth, STEPS_MM[1]) for depth in _steepest(response, end, along[axis], samples)]
+    found: Responses = []
+    for axis, depth, step in dict.fromkeys(places):
+        about, impulse = depth * along[axis], np.empty((samples, axes, axes))
+        for column, way in enumerate(along):
+            moved = np.multiply.outer(np.repeat([0.0, step], samples), way)
+            forth, back = (response(about + sign * moved)[samples:] for sign in (1.0, -1.0))
+            impulse[:, :, column] = np.diff((forth - back) / (2.0 * step), axis=0, prepend=0.0)
+        where = ", ".join(f"{part:.4g}" for part in about)
+        found.append((f"{name} about {f'({where})' if axes > 1 else where} mm, {_by_steps(step)}", impulse))
+    size = np.abs(found[0][1]).max()
+    same = all(np.abs(item - found[0][1]).max() <= 1e-9 * size for _, item in found)
+    return found[:1] if same else found
 
 
-def _steepest(response: Callable[[np.ndarray], np.ndarray], end: float, samples: int) -> tuple[float, float]:
-    """Depths at which the force rises most and least on a slow way from rest to an end, in mm."""
+def _steepest(
+    response: Callable[[np.ndarray], np.ndarray], end: float, axis: np.ndarray, samples: int
+) -> tuple[float, float]:
+    """Depths at which the force rises most and least on a slow way from rest along an axis to an end, in mm."""
     way = np.linspace(0.0, end, samples)
-    slopes = np.diff(response(way)) / np.diff(way)
+    slopes = np.diff(response(np.multiply.outer(way, axis)) @ axis) / np.diff(way)
     return float(way[slopes.argmax()]), float(way[slopes.argmin()])
 
 
@@ -276,11 +302,12 @@ def _by_steps(step_mm: float) -> str:
     return f"steps of {step_mm:g} mm"
 
 
-def _without_end(model: SampledModel) -> SampledModel:
-    """An impulse response up to where it has died away."""
-    size = np.abs(model.numerator)
-    last = np.flatnonzero(size > _ENDED * size.max())
-    return replace(model, numerator=model.numerator[: last[-1] + 1 if len(last) else 1])
+def _sampled(name: str, impulse: np.ndarray, sampling_time: float) -> SampledModel:
+    """A model of one axis of an impulse response up to where it has died away."""
+    numerator = impulse[:, 0, 0]
+    last = np.flatnonzero(np.abs(numerator) > _ENDED * np.abs(numerator).max())
+    kept = numerator[: last[-1] + 1 if len(last) else 1]
+    return SampledModel(name, kept, np.ones(1), sampling_time)
 
 
 @contextmanager
@@ -318,10 +345,14 @@ class UnpackedFmu:
 
     @contextmanager
     def stepping(self) -> Iterator[Step]:
-        """Instantiate it: a function from a position, in its unit, to the force of the same sample."""
+        """Instantiate it: a function from a position, in its unit, to the force of the same sample; in space of arrays."""
         instance = Instance(self.fmu, event_mode=True)
+
+        def in_space(position: np.ndarray) -> np.ndarray:
+            return np.array(instance.sample(position.tolist()))
+
         try:
-            yield instance.sample
+            yield in_space if self.fmu.axes else instance.sample
         finally:
             instance.free()
 
@@ -350,11 +381,13 @@ class UnpackedFmu:
         """What comes of playing it: linearisations in its units, forces at the start, the sign of `ExportModel.resistance`."""
         start, unit, reach, told = self._said
         name, step = self.fmu.description.modelName, self.fmu.sampling_time
-        found = linearisations(
-            lambda positions: self.response(start + positions / unit), name, step, device, reach
-        )
+
+        def response(positions: np.ndarray) -> np.ndarray:
+            return self.response(start + positions[:, 0] / unit)[:, None]
+
+        found = impulse_responses(response, name, step, device, reach, 1)
         still = self.response(np.full(watched(step), start))
-        return [item.scaled(unit) for item in found], still, self._resistance(told, start)
+        return [_sampled(*item, step).scaled(unit) for item in found], still, self._resistance(told, start)
 
     def rendered(
         self, device: DeviceSettings, found: list[SampledModel], still: np.ndarray, resistance: float
