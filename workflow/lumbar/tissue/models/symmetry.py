@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from itertools import cycle
 
 import numpy as np
 import scipy
@@ -89,12 +90,14 @@ class SpatialBase:
         return self.base.form.in_space(self.axes)
 
     @property
-    def _along(self) -> tuple[str, ...]:
+    def alike(self) -> dict[str, list[int]]:
+        """Principal axes along which a value is the same, by what its name ends with."""
+        first, *others = every = list(range(len(self.axes)))
         if self.symmetry is Symmetry.ISOTROPIC:
-            return ("",)
+            return {"": every}
         if self.symmetry is Symmetry.TRANSVERSE:
-            return ("_along", "_across")
-        return tuple(f"_{number}" for number in range(1, len(self.axes) + 1))
+            return {"_along": [first], "_across": others}
+        return {f"_{axis + 1}": [axis] for axis in every}
 
     @property
     def linear(self) -> tuple[LinearParameter, ...]:
@@ -102,7 +105,7 @@ class SpatialBase:
         return tuple(
             replace(item, name=item.name + which, symbol=item.symbol + which)
             for item in self.base.linear
-            for which in self._along
+            for which in self.alike
         )
 
     @property
@@ -140,31 +143,18 @@ class SpatialBase:
         """Forces along the axes, one after the other, of every linear parameter at size 1; each (axes × samples,)."""
         own = nonlinear[: len(self.base.nonlinear)]
         forces = motion.remember(self.form.key, own, lambda: self.form.columns(motion, own))
-        if self.symmetry is Symmetry.ISOTROPIC:
-            return forces
-        frames, size, found = self.frames_at(nonlinear), len(self.axes), []
-        for index, force in enumerate(forces):
-            frame = frames[index if len(frames) > 1 else 0]
-            vectors = force.reshape(size, -1)
-            projected = frame.T @ vectors
-            if self.symmetry is Symmetry.TRANSVERSE:
-                along = np.multiply.outer(frame[:, 0], projected[0])
-                found += [along.ravel(), (vectors - along).ravel()]
-            else:
-                found += [np.multiply.outer(frame[:, axis], projected[axis]).ravel() for axis in range(size)]
+        found = []
+        for force, frame in zip(forces, cycle(self.frames_at(nonlinear)), strict=False):
+            projected = frame.T @ force.reshape(len(frame), -1)
+            found += [(frame[:, axes] @ projected[axes]).ravel() for axes in self.alike.values()]
         return found
 
     def matrices(self, linear: np.ndarray, nonlinear: np.ndarray) -> dict[str, np.ndarray]:
         """Matrices by the name of the one-axis parameter, from parameters of the base."""
-        frames, size, count = self.frames_at(nonlinear), len(self.axes), len(self._along)
-        found = {}
-        for index, item in enumerate(self.base.linear):
-            values = linear[index * count : (index + 1) * count]
-            if self.symmetry is Symmetry.TRANSVERSE:
-                values = np.array([values[0], *[values[1]] * (size - 1)])
-            frame = frames[index if len(frames) > 1 else 0]
-            found[item.name] = frame * np.broadcast_to(values, size) @ frame.T
-        return found
+        sizes = [len(axes) for axes in self.alike.values()]
+        values = np.repeat(linear.reshape(-1, len(sizes)), sizes, axis=1)
+        found = zip(self.base.linear, values, cycle(self.frames_at(nonlinear)), strict=False)
+        return {item.name: frame * along @ frame.T for item, along, frame in found}
 
     @cached_property
     def _c_step(self) -> CStep:

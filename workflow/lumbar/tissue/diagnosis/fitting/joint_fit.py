@@ -18,6 +18,7 @@ from lumbar.base.progress import going_on
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
 from lumbar.tissue.models.form import Form, Place
 from lumbar.tissue.models.motion import JoinedMotions, Motion, SpatialMotion
+from lumbar.tissue.models.parameter import NonlinearParameter
 from lumbar.tissue.models.structure import Structure
 
 
@@ -155,8 +156,16 @@ def nonlinear_starts(form: Form, data: FitData, residual: np.ndarray) -> list[np
     """Return the starting nonlinear parameters of a form: its own, or the grid of all its nonlinear parameters."""
     if form.starts is not None:
         return form.starts(*data.longest(residual))
-    grids = [shape.grid(data.scale(shape.scale), data.motion.sampling_time) for shape in form.nonlinear]
-    return [np.array(point) for point in product(*grids)]
+    return combinations(form.nonlinear, data)
+
+
+def combinations(parameters: Sequence[NonlinearParameter], data: FitData) -> list[np.ndarray]:
+    """Return every combination of the starting values of nonlinear parameters."""
+    return [np.array(point) for point in product(*_grids(parameters, data))]
+
+
+def _grids(parameters: Sequence[NonlinearParameter], data: FitData) -> list[np.ndarray]:
+    return [item.grid(data.scale(item.scale), data.motion.sampling_time) for item in parameters]
 
 
 EVALUATIONS = 40
@@ -345,9 +354,7 @@ def fit_base(structure: Structure, data: FitData, acting: Sequence[float] = ()) 
     USSR Comput. Math. Math. Phys. 7 (1967) 86-112). `acting` are the nonlinear parameters of the structure's effects, none of
     which may act on the output.
     """
-    shapes = structure.base.nonlinear
-    grids = [shape.grid(data.scale(shape.scale), data.motion.sampling_time) for shape in shapes]
-    refined = 2
+    grids, refined = _grids(structure.base.nonlinear, data), 2
     if math.prod(map(len, grids)) <= _MOST_COMBINATIONS:
         starts = [np.array(point) for point in product(*grids)]
     else:

@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit, fit_at
+from lumbar.tissue.diagnosis.fitting.joint_fit import combinations, fit, fit_at
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, refit
 from lumbar.tissue.models.bases import BASES
@@ -38,14 +37,15 @@ def at_plane(
     started = _nearest_spring(training, axes)
     if started is None:
         return None
-    spring = fit(Structure(started.structural), training, next(_starts(started, training)))
+    spring = fit(Structure(started.structural), training, combinations(started.nonlinear, training)[0])
     if spring.squared_error > SPRINGS * fastened.squared_error:
         return None
     started = started.held(spring.nonlinear)
     found = []
     for name in KINDS:
         plane = replace(started, base=BASES[name])
-        fits = [fit_at(Structure(plane.structural), training, start) for start in _starts(plane, training)]
+        starts = combinations(plane.nonlinear, training)
+        fits = [fit_at(Structure(plane.structural), training, start) for start in starts]
         start = min(fits, key=lambda item: item.squared_error).nonlinear
         found.append(refit(Structure(plane.structural, forms), np.concatenate([start, acting]), experiment))
     return min(found, key=lambda item: item.score)
@@ -69,14 +69,8 @@ def _nearest_spring(training: FitData, axes: tuple[str, ...]) -> PlaneContact | 
 
     def left(depth: float) -> float:
         plane = PlaneContact(BASES["LE-contact"], axes, frames, depth, reach)
-        start = next(_starts(plane, training))
+        start = combinations(plane.nonlinear, training)[0]
         return fit_at(Structure(plane.structural), training, start).squared_error
 
     depths = (along.min() + reach * np.linspace(0.02, 0.98, _DEPTHS)).tolist()
     return PlaneContact(BASES["LE-contact"], axes, frames, min(depths, key=left), reach)
-
-
-def _starts(plane: PlaneContact, training: FitData):
-    """Nonlinear parameters that fits begin with."""
-    grids = [item.grid(training.scale(item.scale), training.motion.sampling_time) for item in plane.nonlinear]
-    return map(np.array, product(*grids))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import cycle
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from lumbar.tissue.diagnosis.spatial.location_in_space import in_words, upward
 from lumbar.tissue.models.model_data import FittedParameter
 from lumbar.tissue.models.motion import AXES
 from lumbar.tissue.models.plane_contact import PlaneContact
-from lumbar.tissue.models.symmetry import SpatialBase, Symmetry
+from lumbar.tissue.models.symmetry import SpatialBase
 
 _TWO_975 = 2.4477
 """Radius in standard deviations that holds 95 % of a plane's normal scatter (χ² of two degrees of freedom)."""
@@ -44,44 +45,33 @@ def principal_axes(fit: Fit, experiment: Experiment) -> list[PrincipalAxis]:
     """Principal values of every matrix of a fitted base; of one that meets a plane what acts into it."""
     spatial = fit.structure.base.spatial
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
+    own = fit.nonlinear[: len(spatial.nonlinear)]
     if isinstance(spatial, PlaneContact):
-        normal, _ = spatial.plane(fit.nonlinear[: len(spatial.nonlinear)])
-        return [
-            PrincipalAxis(item.name, along, item.value, *_ends(item), item.unit, tuple(normal.tolist()), None)
-            for item, along in zip(known, ("into the surface", "friction along it"), strict=False)
-        ]
-    frames, cones = spatial.frames_at(fit.nonlinear[: len(spatial.nonlinear)]), _cones(fit, experiment)
-    count, found = len(spatial.linear) // len(spatial.base.linear), []
-    for index, item in enumerate(spatial.base.linear):
-        which = index if len(frames) > 1 else 0
-        for number, estimate in enumerate(known[index * count : (index + 1) * count]):
-            along, has_axis = _words(spatial.symmetry, number)
+        words, normal = ("into the surface", "friction along it"), spatial.plane(own)[0]
+        return [_value(item, item.name, along, normal) for item, along in zip(known, words, strict=False)]
+    frames, cones, values = spatial.frames_at(own), _cones(fit, experiment), iter(known)
+    found = []
+    for item, frame, cone in zip(spatial.base.linear, cycle(frames), cycle(cones or [()]), strict=False):
+        for (ending, axes), value in zip(spatial.alike.items(), values, strict=False):
+            has_axis = len(axes) == 1
+            along = _ALONG.get(ending, f"axis {axes[0] + 1}")
+            direction = upward(frame[:, axes[0]]) if has_axis else None
             found.append(
-                PrincipalAxis(
-                    item.name,
-                    along,
-                    estimate.value,
-                    *_ends(estimate),
-                    estimate.unit,
-                    tuple(upward(frames[which][:, number]).tolist()) if has_axis else None,
-                    cones[which][number] if has_axis and cones else None,
-                )
+                _value(value, item.name, along, direction, cone[axes[0]] if has_axis and cone else None)
             )
     return found
 
 
-def _ends(item: FittedParameter) -> tuple[float, float]:
+_ALONG = {"": "every direction", "_along": "axis", "_across": "across the axis"}
+"""What a principal value belongs to, by the ending of its name; of all others one of several axes."""
+
+
+def _value(
+    item: FittedParameter, quantity: str, along: str, direction: np.ndarray | None, cone: float | None = None
+) -> PrincipalAxis:
     assert item.low is not None and item.high is not None  # a fit has intervals
-    return item.low, item.high
-
-
-def _words(symmetry: Symmetry, number: int) -> tuple[str, bool]:
-    """What a principal value belongs to, and whether that has a direction."""
-    if symmetry is Symmetry.ISOTROPIC:
-        return "every direction", False
-    if symmetry is Symmetry.TRANSVERSE:
-        return ("axis", True) if number == 0 else ("across the axis", False)
-    return f"axis {number + 1}", True
+    way = None if direction is None else tuple(direction.tolist())
+    return PrincipalAxis(quantity, along, item.value, item.low, item.high, item.unit, way, cone)
 
 
 def _cones(fit: Fit, experiment: Experiment) -> list[list[float]]:
