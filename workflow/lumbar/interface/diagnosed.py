@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,13 +16,17 @@ from lumbar.publishing.explorer.shown import candidates_of, model_key
 from lumbar.records.record import Record
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
-from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, gather_evidence, write_diagnosis
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and_locate, location_table
+from lumbar.tissue.diagnosis.residuals.locate import (
+    ResidualReport,
+    compare_and_locate,
+    location_table,
+    of_axes,
+)
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, details, headline
@@ -80,14 +84,14 @@ class Diagnosis:
         return gather_evidence(self.verdict, self.settings, self.study.seed, self.study.signals.machine)
 
     @cached_property
-    def in_space(self) -> list[SpatialReport]:
-        """The same of records of several axes as a whole."""
-        return []
-
-    @cached_property
-    def base_on_records(self) -> list[ResidualReport]:
+    def reports(self) -> Sequence[ResidualReport | SpatialReport]:
         """The base model beside every record, and where it fails."""
         return compare_and_locate(self.verdict.experiment, self.verdict.base.fit, self.study.seed)
+
+    @property
+    def base_on_records(self) -> list[ResidualReport]:
+        """The same along every axis."""
+        return of_axes(self.reports)
 
     @cached_property
     def _without_names(self) -> list[Candidate]:
@@ -253,14 +257,10 @@ class Diagnosis:
 
         simulated = self.base_on_records
         comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
-        self._location.write(folder / "location")
+        location_table(self.reports, self.data).write(folder / "location")
         felt_table(simulated, self.data).write(folder / "felt")
-        given = (self.verdict, simulated, self.settings.candidates, folder, self.data)
-        return draw_pictures(*given, self.proposal, self.in_space)
-
-    @property
-    def _location(self) -> Table:
-        return location_table([item.location for item in self.base_on_records], self.data)
+        given = (self.verdict, self.reports, self.settings.candidates, folder, self.data)
+        return draw_pictures(*given, self.proposal)
 
     def __str__(self) -> str:
         return "\n  ".join(self.sentences)

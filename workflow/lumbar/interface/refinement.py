@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_text
@@ -24,12 +24,12 @@ from lumbar.tissue.diagnosis.residuals.compare import comparison_table
 from lumbar.tissue.diagnosis.residuals.felt_where import felt_table, located_sentences
 from lumbar.tissue.diagnosis.residuals.locate import (
     ResidualReport,
-    all_records_sentence,
+    all_reports_sentence,
     compare_and_locate,
     location_table,
     of_axes,
-    of_several_axes,
     residual_reports,
+    with_axes,
 )
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import (
@@ -148,11 +148,11 @@ class Refinement(Result):
 
     def compare(self) -> Comparisons:
         """Compare the model with every record."""
-        return Comparisons.of(self.model, self._on_records, self.data, self.findings)
+        return Comparisons(self.model, self._on_records, self.data, self.findings)
 
     def locate(self) -> Locations:
         """See where the model fails on every record."""
-        return Locations.of(self.model, self._on_records, self.data, self.findings)
+        return Locations(self.model, self._on_records, self.data, self.findings)
 
     @cached_property
     def _on_records(self) -> Sequence[ResidualReport | SpatialReport]:
@@ -238,7 +238,7 @@ def compare(
     >>> f"{found['other'].comparison.vaf.value:.1f} % of the variance"
     '100.0 % of the variance'
     """
-    return Comparisons.of(*_on_records(records, model, train, settings, data))
+    return Comparisons(*_on_records(records, model, train, settings, data))
 
 
 def locate(
@@ -260,7 +260,7 @@ def locate(
     >>> print(found["other"].location.sentences[0].split(";")[0])
     other: 0.224 N of the error's 0.225 N are not noise
     """
-    return Locations.of(*_on_records(records, model, train, settings, data))
+    return Locations(*_on_records(records, model, train, settings, data))
 
 
 def _on_records(
@@ -294,42 +294,33 @@ class OnRecords(Result):
     """A model beside every record, which is found by its name."""
 
     model: FittedModel
-    simulated: list[ResidualReport]
+    reports: Sequence[ResidualReport | SpatialReport]
+    """Of the records, one each."""
     data: str
     findings: tuple[Finding, ...] = ()
     """Records that were too long or too fast, and what was used of them."""
-    in_space: Sequence[SpatialReport] = ()
-    """Records of several axes; `simulated` has each of their axes then, with the axis behind the record's name."""
     stem: ClassVar[str]
     picture: ClassVar[str]
 
-    @classmethod
-    def of(
-        cls,
-        model: FittedModel,
-        reports: Sequence[ResidualReport | SpatialReport],
-        data: str,
-        findings: tuple[Finding, ...],
-    ) -> Self:
-        """A model beside records of one axis or of several."""
-        in_space = [item for item in reports if not isinstance(item, ResidualReport)]
-        alone = [item for item in reports if isinstance(item, ResidualReport)]
-        return cls(model, alone or of_axes(in_space), data, findings, in_space)
+    @cached_property
+    def simulated(self) -> list[ResidualReport]:
+        """Along every axis; of several it stands behind the record's name."""
+        return of_axes(self.reports)
 
     def __len__(self) -> int:
         return len(self.simulated)
 
     def __repr__(self) -> str:
-        records = f"{len(self.in_space or self)} records"
-        axes = f" of {len(self.in_space[0].record.axes)} axes" if self.in_space else ""
-        return f"<{type(self).__name__} of {self.model.name} on {records}{axes}>"
+        axes = self.reports[0].record.axes
+        records = f"{len(self.reports)} records{f' of {len(axes)} axes' if axes else ''}"
+        return f"<{type(self).__name__} of {self.model.name} on {records}>"
 
     def __iter__(self) -> Iterator[ResidualReport]:
         return iter(self.simulated)
 
     def __getitem__(self, name: str) -> Any:
         """What was found on the record of this name; of several axes along one of them too, e.g. ``"multisine (x)"``."""
-        every: list[Any] = [*self.in_space, *self.simulated]
+        every = with_axes(self.reports)
         found = next((item for item in every if item.record.name == name), None)
         if found is None:
             known = ", ".join(item.record.name for item in every)
@@ -339,7 +330,7 @@ class OnRecords(Result):
     @property
     def pictured(self) -> list[str]:
         """Names of what pictures are drawn of."""
-        return [item.record.name for item in self.in_space or self.simulated]
+        return [item.record.name for item in self.reports]
 
     @property
     def _finding_lines(self) -> list[str]:
@@ -351,7 +342,7 @@ class OnRecords(Result):
 
         folder, pictures = Path(folder), {}
         for name in self.pictured:
-            of_axis = self.in_space and name.endswith(")")
+            of_axis = self.reports[0].record.axes and name.endswith(")")
             file = "_".join(name[:-1].rsplit(" (", 1)) if of_axis else name
             stem = folder / f"{self.picture}_{file}"
             save(self.figure(name), stem, self.data)
@@ -388,7 +379,7 @@ class Comparisons(OnRecords):
         from lumbar.publishing.figures.comparison_figures import comparison_figure
 
         shown = self[name]
-        if shown in self.in_space:
+        if shown.record.axes:
             from lumbar.publishing.figures.space_figures import comparison_in_space
 
             return comparison_in_space(shown, self.model.name)
@@ -398,10 +389,10 @@ class Comparisons(OnRecords):
     def _page(self, pictures: dict[str, Path]) -> str:
         from lumbar.publishing.pages.html import comparison_page
 
-        return comparison_page(self.simulated, self.model.name, self.data, pictures, self.in_space)
+        return comparison_page(self.reports, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
-        still = [line for item in self.in_space for line in item.remarks]
+        still = [line for item in self.reports for line in item.remarks]
         told = [item.comparison.sentence for item in self.simulated]
         return "\n".join([*told, *still, *self._finding_lines])
 
@@ -415,11 +406,7 @@ class Locations(OnRecords):
     @property
     def table(self) -> Table:
         """Numbers behind the pictures."""
-        if self.in_space:
-            from lumbar.tissue.diagnosis.spatial.spatial_reports import spatial_location_table
-
-            return spatial_location_table(self.in_space, self.data)
-        return location_table([item.location for item in self.simulated], self.data)
+        return location_table(self.reports, self.data)
 
     @property
     def felt(self) -> Table:
@@ -434,13 +421,12 @@ class Locations(OnRecords):
     @property
     def pictured(self) -> list[str]:
         """Names of what pictures are drawn of: of records of several axes each of their axes too."""
-        axes = [item.record.name for item in self.simulated]
-        return [*super().pictured, *axes] if self.in_space else axes
+        return [item.record.name for item in with_axes(self.reports)]
 
     def figure(self, name: str) -> Figure:
         """Return the nine pictures of one record's error; of one of several axes its path and error in space."""
         shown = self[name]
-        if shown in self.in_space:
+        if shown.record.axes:
             from lumbar.publishing.figures.space_figures import location_in_space
 
             return location_in_space(shown)
@@ -451,15 +437,11 @@ class Locations(OnRecords):
     def _page(self, pictures: dict[str, Path]) -> str:
         from lumbar.publishing.pages.html import location_page
 
-        return location_page(self.simulated, self.model.name, self.data, pictures, self.in_space)
+        return location_page(self.reports, self.model.name, self.data, pictures)
 
     def __str__(self) -> str:
-        locations = [item.location for item in self.simulated]
-        told = ["\n  ".join(located_sentences(item)) for item in self.simulated]
-        if self.in_space:
-            told = [
-                "\n  ".join([*item.sentences, *(axis.location.headline for axis in item.axes)])
-                for item in self.in_space
-            ]
-        first = all_records_sentence(locations, of_several_axes(self.in_space))
-        return "\n".join([first, *told, *self._finding_lines])
+        told = [all_reports_sentence(self.reports)]
+        for item in self.reports:
+            along = [axis.location.headline for axis in item.axes if axis is not item]
+            told.append("\n  ".join([*located_sentences(item), *along]))
+        return "\n".join([*told, *self._finding_lines])

@@ -13,7 +13,7 @@ from lumbar.base.files import write_json, write_text
 from lumbar.interface.diagnosed import Diagnosis
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, ladder_csv, signal_angles
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, of_axes
+from lumbar.tissue.diagnosis.residuals.locate import of_axes
 from lumbar.tissue.diagnosis.selection.refine import refined_document
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
 from lumbar.tissue.diagnosis.selection.verdict import details
@@ -24,11 +24,7 @@ from lumbar.tissue.diagnosis.spatial.principal_axes import (
 )
 from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import in_space, usable_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_findings import headline_in_space
-from lumbar.tissue.diagnosis.spatial.spatial_reports import (
-    SpatialReport,
-    spatial_location_table,
-    spatial_reports,
-)
+from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport, spatial_reports
 from lumbar.tissue.models.form import Effect
 
 _SEVERAL = "records of several axes"
@@ -56,14 +52,9 @@ class SpatialDiagnosis(Diagnosis):
         )
 
     @cached_property
-    def in_space(self) -> list[SpatialReport]:
+    def reports(self) -> list[SpatialReport]:
         """The base model beside every record, and where it fails."""
         return spatial_reports(self.models[0], self.verdict.experiment, self.study.seed)
-
-    @cached_property
-    def base_on_records(self) -> list[ResidualReport]:
-        """The same along every axis."""
-        return of_axes(self.in_space)
 
     @cached_property
     def evidence(self) -> Evidence:
@@ -132,7 +123,3 @@ class SpatialDiagnosis(Diagnosis):
         self.axes_table.write(folder / "principal_axes")
         drawn = self._save_pictures(folder) if pictures else {}
         write_text(folder / "diagnosis.html", self.to_html(drawn))
-
-    @property
-    def _location(self) -> Table:
-        return spatial_location_table(self.in_space, self.data)

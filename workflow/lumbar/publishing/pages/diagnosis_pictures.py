@@ -16,7 +16,7 @@ from lumbar.publishing.figures.space_figures import comparison_in_space, locatio
 from lumbar.publishing.figures.style import save
 from lumbar.publishing.pages.html import LOCATION_CAPTION, SPACE_CAPTION
 from lumbar.tissue.diagnosis.law.proposal import Proposal
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_explained
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_explained, of_axes
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, runner_up
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 from lumbar.tissue.effects.signature import pictured_form
@@ -27,32 +27,29 @@ _CAPTIONS: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 def draw_pictures(
     diagnosis: Verdict,
-    simulated: list[ResidualReport],
+    reports: Sequence[ResidualReport | SpatialReport],
     catalogue: dict[str, Effect],
     folder: Path,
     data: str,
     proposal: Proposal | None = None,
-    in_space: Sequence[SpatialReport] = (),
 ) -> dict[str, Path]:
     """Write ``comparison``, ``location``, ``ladder`` and ``signatures``, and ``proposed_law``, ``chain`` where found.
 
-    `simulated` is the base model on every record, of those of several axes, `in_space`, along every axis; `catalogue` is that of
-    one axis, along which signatures are drawn. The SVG files are returned by caption.
+    `reports` are those of the base model; `catalogue` is that of one axis, along which signatures are drawn. The SVG files are
+    returned by caption.
     """
-    shown, base = least_explained(simulated), diagnosis.base.fit.structure.base
-    trained = next(
-        item for item in in_space or simulated if item.record.name == diagnosis.experiment.floor_from
-    )
+    simulated, base = of_axes(reports), diagnosis.base.fit.structure.base
+    shown = least_explained(simulated)
+    whole = next(report for report in reports if shown in report.axes)
+    trained = next(item for item in reports if item.record.name == diagnosis.experiment.floor_from)
     if isinstance(trained, SpatialReport):
-        whole = next(report for report in in_space if shown in report.axes)
-        shown_name, location = whole.record.name, SPACE_CAPTION
+        location = SPACE_CAPTION
         figures = {
             "comparison": comparison_in_space(whole, base.name),
             "location": location_in_space(trained),
         }
     else:
-        comparisons = [item.comparison for item in simulated]
-        shown_name, location = shown.record.name, LOCATION_CAPTION
+        comparisons, location = [item.comparison for item in simulated], LOCATION_CAPTION
         figures = {
             "comparison": comparison_figure(shown.record, shown.values, comparisons, base.name),
             "location": location_figure(trained.location),
@@ -70,7 +67,7 @@ def draw_pictures(
         figures["chain"] = chain_figure(diagnosis)
     for name, drawn in figures.items():
         save(drawn, folder / name, "" if name == "signatures" else data)
-    words = {"base": base.name, "least_explained": shown_name, "trained": trained.record.name}
+    words = {"base": base.name, "least_explained": whole.record.name, "trained": trained.record.name}
     words |= {"location": location, "kind": diagnosis.chain.kind if diagnosis.chain else ""}
     return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
 

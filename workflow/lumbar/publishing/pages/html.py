@@ -13,7 +13,7 @@ from markupsafe import Markup
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.residuals.felt_where import located_sentences
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_records_sentence, of_several_axes
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_reports_sentence, of_axes, with_axes
 from lumbar.tissue.models.printing import equation_mathml
 
 if TYPE_CHECKING:
@@ -86,16 +86,14 @@ def _coded(svg: str | Path) -> str:
     return base64.b64encode(content).decode("ascii")
 
 
-def comparison_page(
-    simulated: list[ResidualReport],
-    model: str,
-    data: str,
-    pictures: dict[str, Path],
-    in_space: "Sequence[SpatialReport]" = (),
-) -> str:
-    """Return the page of a comparison; `pictures` are SVG files by record, `in_space` records of several axes."""
-    blocks = [paragraph(_SAID["comparison"]), *comparison_blocks(simulated)]
-    caption = _SAID["compared_in_space" if in_space else "compared"]
+Reports = Sequence["ResidualReport | SpatialReport"]
+"""Of a model beside every record."""
+
+
+def comparison_page(reports: Reports, model: str, data: str, pictures: dict[str, Path]) -> str:
+    """Return the page of a comparison; `pictures` are SVG files by record."""
+    blocks = [paragraph(_SAID["comparison"]), *comparison_blocks(of_axes(reports))]
+    caption = _SAID["compared_in_space" if reports[0].record.axes else "compared"]
     blocks += [figure(svg, f"{name}: {caption}") for name, svg in pictures.items()]
     return document(f"The {model} model against every record", data, blocks)
 
@@ -116,24 +114,15 @@ def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
     return [listing(item.comparison.sentence for item in simulated), table(head, rows)]
 
 
-def location_page(
-    simulated: list[ResidualReport],
-    model: str,
-    data: str,
-    pictures: dict[str, Path],
-    in_space: "Sequence[SpatialReport]" = (),
-) -> str:
+def location_page(reports: Reports, model: str, data: str, pictures: dict[str, Path]) -> str:
     """Return the page that says and shows where a model fails; parameters as for `comparison_page`."""
-    sections = [(item, item.sentences, SPACE_CAPTION) for item in in_space]
-    sections += [(item, located_sentences(item), LOCATION_CAPTION) for item in simulated]
-    blocks = []
-    for item, (headline, *sentences), caption in sections:
-        name = item.record.name
+    blocks = [paragraph(all_reports_sentence(reports), "headline")]
+    for item in with_axes(reports):
+        name, (headline, *sentences) = item.record.name, located_sentences(item)
         blocks += [
             heading(name),
             paragraph(headline, "headline"),
             listing(sentences),
-            figure(pictures[name], caption),
+            figure(pictures[name], SPACE_CAPTION if item.record.axes else LOCATION_CAPTION),
         ]
-    told = all_records_sentence([item.location for item in simulated], of_several_axes(in_space))
-    return document(f"Where the {model} model fails", data, [paragraph(told, "headline"), *blocks])
+    return document(f"Where the {model} model fails", data, blocks)

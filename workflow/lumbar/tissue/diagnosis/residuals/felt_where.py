@@ -1,6 +1,7 @@
 """Where a hand feels a model's error: over position and direction of the motion, and over frequency."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,7 @@ def felt_sentence(report: ResidualReport) -> str:
     return said("felt_most", whole=rows[0]["felt_jnd"], motion=first or rows[0], frequency=second or rows[0])
 
 
-def located_sentences(report: ResidualReport) -> list[str]:
-    """What is seen of a record's error, and what of it is felt, in plain English."""
-    felt = felt_sentence(report)
-    return [*report.location.sentences, *([felt] if felt else [])]
+def located_sentences(report: Any) -> list[str]:
+    """What is seen of a record's error, and along one axis what of it is felt, in plain English."""
+    felt = "" if report.record.axes else felt_sentence(report)
+    return [*report.sentences, *([felt] if felt else [])]

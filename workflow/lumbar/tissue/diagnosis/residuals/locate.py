@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -236,6 +236,23 @@ class ResidualReport:
     location: Location
     hands: Hands
     """What hands can tell."""
+    remarks: ClassVar[tuple[str, ...]] = ()
+    """What is to be said of axes that rest: a record of one axis moves along it."""
+
+    @property
+    def axes(self) -> list[ResidualReport]:
+        """What is seen along every axis: there is one."""
+        return [self]
+
+    @property
+    def views(self) -> dict[str, View]:
+        """Views of the error by name."""
+        return self.location.views
+
+    @property
+    def sentences(self) -> list[str]:
+        """What is seen, in plain English."""
+        return self.location.sentences
 
 
 def all_records_sentence(locations: Sequence[Location], where: str = "") -> str:
@@ -247,6 +264,15 @@ def all_records_sentence(locations: Sequence[Location], where: str = "") -> str:
         return "All records: what is left is noise, or all but noise."
     where = where or (f"All {len(locations)} records" if len(locations) > 1 else "This record")
     return causes_sentence(locations[0].causes, where, locations[0].residual.base_words)
+
+
+def all_reports_sentence(reports: Sequence[Any]) -> str:
+    """The same of reports; of records of several axes, axis by axis."""
+    axes, where = len(reports[0].record.axes), ""
+    if axes:
+        records = f"All {len(reports)} records" if len(reports) > 1 else "This record"
+        where = f"{records} of {axes} axes, axis by axis"
+    return all_records_sentence([item.location for item in of_axes(reports)], where)
 
 
 def least_explained(simulated: list[ResidualReport]) -> ResidualReport:
@@ -261,35 +287,27 @@ def _counted_folding(folding: Folding, first: int) -> Folding | None:
 
 
 def of_axes(reports: Sequence[Any]) -> list[ResidualReport]:
-    """What is seen along every axis of records of several."""
+    """What is seen along every axis of records."""
     return [item for report in reports for item in report.axes]
 
 
-def of_several_axes(reports: Sequence[Any]) -> str:
-    """What records these are, at the beginning of a sentence; empty without any."""
-    if not reports:
-        return ""
-    records = f"All {len(reports)} records" if len(reports) > 1 else "This record"
-    return f"{records} of {len(reports[0].record.axes)} axes, axis by axis"
+def with_axes(reports: Sequence[Any]) -> list[Any]:
+    """Reports of records, and of those of several axes one for every axis too."""
+    return list(dict.fromkeys([*reports, *of_axes(reports)]))
 
 
-def location_table(locations: list[Location], data: str) -> Table:
+def location_table(reports: Sequence[Any], data: str) -> Table:
     """Share, p-value and sentence of every view of every record, as ``location.csv`` publishes it."""
-    seen = [(item.record, list(item.views.values())) for item in locations]
-    return table_of_views(seen, data)
-
-
-def table_of_views(seen: Sequence[tuple[str, Sequence[View]]], data: str) -> Table:
-    """The same of views by record."""
     rows = [
         {
-            "record": record,
+            "record": item.record.name,
             "view": view.name,
             "share": None if view.name in _WITHOUT_SHARE else view.share,
             "p_value": view.p_value,
             "finding": view.sentence,
         }
-        for record, views in seen
-        for view in views
+        for report in reports
+        for item in with_axes([report])
+        for view in item.views.values()
     ]
     return described(__file__, "location", rows, data)

@@ -102,20 +102,19 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
     first = chosen[0]
     floors = axis_floors(first)
     rests = resting_position([record.stacked("input") for record in (*chosen, *others)]).tolist()
-    whitening = [np.ones(1) if floors is None else floor.whitening for floor in floors or first.axes]  # type: ignore[union-attr]
+    known = [floor for floor in floors if floor is not None]
+    white = [np.ones(1)] * len(floors)
 
     def data(record: Record) -> SpatialData:
-        alike = np.isclose(record.sampling_time, first.sampling_time)
-        taps = whitening if alike else [np.ones(1)] * len(record.axes)
-        settling = settling_samples(record.axis(record.axes[0]), settings.settling_s)
-        return SpatialData.along(record, taps, settling, rests)
+        alike = known and np.isclose(record.sampling_time, first.sampling_time)
+        taps = [floor.whitening for floor in known] if alike else white
+        return SpatialData.along(record, taps, settling_samples(record.widest, settings.settling_s), rests)
 
-    fitted, tests = [data(record) for record in chosen], [data(record) for record in others]
     return put_together(
-        first.axis(first.axes[0]),
-        fitted,
-        tests,
-        None if floors is None else NoiseFloor.together(floors),
+        first.widest,
+        list(map(data, chosen)),
+        list(map(data, others)),
+        NoiseFloor.together(known) if known else None,
         rest=tuple(rests),
         records=tuple(sound),
         faults=tuple(faults),
@@ -145,9 +144,10 @@ def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
     return sound, faults
 
 
-def axis_floors(record: Record) -> list[NoiseFloor] | None:
-    """Noise floor of every axis of a record, or None where its motion does not repeat."""
+def axis_floors(record: Record) -> list[NoiseFloor] | list[None]:
+    """Noise floor of every axis of a record; None of all where its motion does not repeat."""
     moving = record.widest
     period = record.period or find_period(moving) or find_period(moving, FEWEST_PERIODS - 1)
-    found = [noise_floor(record.axis(axis), period) for axis in record.axes] if period else [None]
-    return None if any(floor is None for floor in found) else found  # type: ignore[return-value]
+    found = [noise_floor(record.axis(axis), period) for axis in record.axes if period]
+    known = [floor for floor in found if floor is not None]
+    return known if len(known) == len(record.axes) else [None] * len(record.axes)

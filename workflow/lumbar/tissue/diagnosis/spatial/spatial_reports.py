@@ -7,11 +7,10 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
-from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, reports_of, residual_of, table_of_views
+from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, reports_of, residual_of
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, View, said
 from lumbar.tissue.diagnosis.spatial.location_in_space import SpatialResidual, views_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_data import axis_floors, axis_record
@@ -84,7 +83,7 @@ def spatial_reports(model: FittedModel, experiment: Experiment, seed: int) -> li
     records = experiment.records
     axes = records[0].axes
     first = next(item for item in records if item.name == experiment.floor_from)
-    floors = axis_floors(first) or [None] * len(axes)
+    floors = axis_floors(first)
     alone = [
         replace(experiment, floor=floor, floor_from=f"{first.name} ({axis})", rest=(rest,))
         for axis, floor, rest in zip(axes, floors, experiment.rest, strict=True)
@@ -120,12 +119,3 @@ def _noise_correlation(record: Record, floors: Sequence[NoiseFloor | None]) -> n
 
 def _moves(record: Record) -> bool:
     return np.ptp(record["input"]) > 0 and np.ptp(record["output"]) > 0
-
-
-def spatial_location_table(reports: Sequence[SpatialReport], data: str) -> Table:
-    """The table ``location`` of records of several axes: of every record the views in space, then those of its axes."""
-    seen = []
-    for report in reports:
-        seen.append((report.record.name, list(report.views.values())))
-        seen += [(item.record.name, list(item.location.views.values())) for item in report.axes]
-    return table_of_views(seen, data)
