@@ -4,6 +4,7 @@ The reconstructed survey was made from the published margins, so what follows fr
 pairing of one participant's answers is not.
 """
 
+from functools import partial
 from itertools import pairwise
 
 import pandas as pd
@@ -39,25 +40,19 @@ def _shown(wide: pd.DataFrame) -> str:
     )
 
 
-def _ho_is(column: str, best: str):
-    def judge(results: Results) -> Finding:
-        wide = _wide(results, column)
-        if wide is None:
-            return _INCOMPLETE
-        winner = wide.idxmax(axis=1) if best == "highest" else wide.idxmin(axis=1)
-        return Finding(_shown(wide), bool((winner == "HO").all()))
-
-    return judge
+def _ho_is(column: str, best: str, results: Results) -> Finding:
+    wide = _wide(results, column)
+    if wide is None:
+        return _INCOMPLETE
+    winner = wide.idxmax(axis=1) if best == "highest" else wide.idxmin(axis=1)
+    return Finding(_shown(wide), bool((winner == "HO").all()))
 
 
-def _bandwidth(quantity: str):
-    def judge(results: Results) -> Finding:
-        readings = bandwidth_readings(results["bandwidth"])[quantity]
-        near = [rule for rule, value in readings.items() if value is not None and abs(value - 2.5) <= 0.5]
-        remark = f"only by: {', '.join(near)}" if 0 < len(near) < len(readings) else ""
-        return Finding(readings_in_words(readings), bool(near), remark)
-
-    return judge
+def _bandwidth(quantity: str, results: Results) -> Finding:
+    readings = bandwidth_readings(results["bandwidth"])[quantity]
+    near = [rule for rule, value in readings.items() if value is not None and abs(value - 2.5) <= 0.5]
+    remark = f"only by: {', '.join(near)}" if 0 < len(near) < len(readings) else ""
+    return Finding(readings_in_words(readings), bool(near), remark)
 
 
 def _excitation(results: Results) -> Finding:
@@ -164,11 +159,11 @@ _HO_IS = {
 def identification_sentences() -> list[Claim]:
     """Return the claims of Chapter 3 up to the models."""
     judges = {
-        "bandwidth": _bandwidth("position"),
-        "bandwidth_velocity": _bandwidth("velocity"),
+        "bandwidth": partial(_bandwidth, "position"),
+        "bandwidth_velocity": partial(_bandwidth, "velocity"),
         "excitation_band": _excitation,
         "highest_vaf": _highest_of_all,
-        **{f"ho_{name}": _ho_is(column, best) for name, (column, best) in _HO_IS.items()},
+        **{f"ho_{name}": partial(_ho_is, *side) for name, side in _HO_IS.items()},
         "ho_slightly_better": _slightly_better,
         "ho_structure": _fourth_order,
         "multisine_best": _multisine_best,
@@ -185,15 +180,12 @@ def _participants(results: Results) -> Finding:
     return Finding(number, number == 45)
 
 
-def _share(group: str, printed: float):
-    def judge(results: Results) -> Finding:
-        people = results["survey"]["participants"]
-        found = people["groups"].get(group) or people["experience"].get(group)
-        if found is None:
-            return Finding(None, None, f"the sheet does not say {group}")
-        return Finding(round(found["percent"], 1), abs(found["percent"] - printed) <= 0.051)
-
-    return judge
+def _share(group: str, printed: float, results: Results) -> Finding:
+    people = results["survey"]["participants"]
+    found = people["groups"].get(group) or people["experience"].get(group)
+    if found is None:
+        return Finding(None, None, f"the sheet does not say {group}")
+    return Finding(round(found["percent"], 1), abs(found["percent"] - printed) <= 0.051)
 
 
 def _kruskal(results: Results) -> Finding:
@@ -201,22 +193,18 @@ def _kruskal(results: Results) -> Finding:
     return Finding(f"H {test['statistic']:.2f}, p {test['p_value']:.1e}", test["p_value"] < 0.05)
 
 
-def _all_but_kb_ho(key: str, test: str = "mann_whitney"):
+def _all_but_kb_ho(key: str, test: str, results: Results) -> Finding:
     """Whether a test tells all pairs of models apart but KB and HO."""
-
-    def judge(results: Results) -> Finding:
-        p_values = {frozenset((row["first"], row["second"])): row[key] for row in results["survey"][test]}
-        exempt = p_values.pop(frozenset(("KB", "HO")), None)
-        if exempt is None or not p_values:
-            return Finding(None, None, "KB and HO were not both rated")
-        text = f"largest of the others {max(p_values.values()):.2g}; KB and HO {exempt:.2g}"
-        return Finding(text, max(p_values.values()) < 0.05 <= exempt)
-
-    return judge
+    p_values = {frozenset((row["first"], row["second"])): row[key] for row in results["survey"][test]}
+    exempt = p_values.pop(frozenset(("KB", "HO")), None)
+    if exempt is None or not p_values:
+        return Finding(None, None, "KB and HO were not both rated")
+    text = f"largest of the others {max(p_values.values()):.2g}; KB and HO {exempt:.2g}"
+    return Finding(text, max(p_values.values()) < 0.05 <= exempt)
 
 
 def _paired_agrees(results: Results) -> Finding:
-    found, dropped = (_all_but_kb_ho(key, "wilcoxon")(results) for key in ("p_holm", "p_holm_without_zeros"))
+    found, dropped = (_all_but_kb_ho(key, "wilcoxon", results) for key in ("p_holm", "p_holm_without_zeros"))
     if found.agrees is None:
         return found
     value = f"zero differences ranked: {found.value}; dropped: {dropped.value}"
@@ -227,13 +215,10 @@ def _paired_agrees(results: Results) -> Finding:
     return Finding(value, found.agrees)
 
 
-def _best(which: str, model: str):
-    def judge(results: Results) -> Finding:
-        picks = {name: entry["percent"] for name, entry in results["survey"]["best_picks"].items()}
-        chosen = max(picks, key=picks.get) if which == "highest" else min(picks, key=picks.get)
-        return Finding(", ".join(f"{name} {value:.1f} %" for name, value in picks.items()), chosen == model)
-
-    return judge
+def _best(which: str, model: str, results: Results) -> Finding:
+    picks = {name: entry["percent"] for name, entry in results["survey"]["best_picks"].items()}
+    chosen = max(picks, key=picks.get) if which == "highest" else min(picks, key=picks.get)
+    return Finding(", ".join(f"{name} {value:.1f} %" for name, value in picks.items()), chosen == model)
 
 
 def _picks_separate(results: Results) -> Finding:
@@ -278,15 +263,15 @@ def rating_sentences() -> list[Claim]:
     people |= {"<5": 11.1, ">20": 35.6}
     judges = {
         "participants": _participants,
-        **{f"participants.{group}": _share(group, printed) for group, printed in people.items()},
+        **{f"participants.{group}": partial(_share, group, printed) for group, printed in people.items()},
         "kruskal_wallis": _kruskal,
-        "pairs_differ": _all_but_kb_ho("p_value"),
-        "pairs_differ_holm": _all_but_kb_ho("p_holm"),
+        "pairs_differ": partial(_all_but_kb_ho, "p_value", "mann_whitney"),
+        "pairs_differ_holm": partial(_all_but_kb_ho, "p_holm", "mann_whitney"),
         "pairs_differ_paired": _paired_agrees,
         "highest_median_mode": _highest_middle,
         "mode_count": _mode_count,
-        "best_ho": _best("highest", "HO"),
-        "best_il": _best("lowest", "IL"),
+        "best_ho": partial(_best, "highest", "HO"),
+        "best_il": partial(_best, "lowest", "IL"),
         "picks_separate": _picks_separate,
         "closer_is_preferred": _closer_is_preferred,
     }

@@ -1,6 +1,7 @@
 """Sentences of Chapter 4 on basins of attraction."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import pandas as pd
 
@@ -34,53 +35,44 @@ def _judged(agrees: bool, synthetic: bool) -> tuple[bool | None, str]:
     return (None, _INVENTED) if synthetic else (bool(agrees), "")
 
 
-def _compared(comparison: str, synthetic: bool, agrees: Callable[[pd.DataFrame], bool]):
+def _compared(
+    comparison: str, synthetic: bool, agrees: Callable[[pd.DataFrame], bool], results: Results
+) -> Finding:
     """What the rows of one comparison of Table 4.1 show."""
-
-    def judge(results: Results) -> Finding:
-        rows = _rows(results, comparison)
-        return _MISSING if rows is None else Finding(_spread(rows), *_judged(agrees(rows), synthetic))
-
-    return judge
+    rows = _rows(results, comparison)
+    return _MISSING if rows is None else Finding(_spread(rows), *_judged(agrees(rows), synthetic))
 
 
-def _novice_susceptible(synthetic: bool, names: dict[str, str], groups: tuple[str, str]):
-    def judge(results: Results) -> Finding:
-        expert, novice = (_rows(results, names[f"decrease_in_mass_{name}"]) for name in GROUPS)
-        if expert is None or novice is None:
-            return _MISSING
-        means = [rows[_PERCENT].abs().mean(axis=None) for rows in (expert, novice)]
-        text = ", ".join(f"{name} {mean:.2f} %" for name, mean in zip(groups, means, strict=True))
-        return Finding(f"mean size of the change: {text}", *_judged(means[1] > means[0], synthetic))
+def _novice_susceptible(
+    synthetic: bool, names: dict[str, str], groups: tuple[str, str], results: Results
+) -> Finding:
+    expert, novice = (_rows(results, names[f"decrease_in_mass_{name}"]) for name in GROUPS)
+    if expert is None or novice is None:
+        return _MISSING
+    means = [rows[_PERCENT].abs().mean(axis=None) for rows in (expert, novice)]
+    text = ", ".join(f"{name} {mean:.2f} %" for name, mean in zip(groups, means, strict=True))
+    return Finding(f"mean size of the change: {text}", *_judged(means[1] > means[0], synthetic))
 
-    return judge
 
-
-def _trajectories_matter(synthetic: bool, names: Sequence[str]):
+def _trajectories_matter(synthetic: bool, names: Sequence[str], results: Results) -> Finding:
     """Compare differences with those of the null control (θ0 = 0), by sign of gravity, over the grid that expresses them."""
-
-    def judge(results: Results) -> Finding:
-        cells = expressing(comparison_cells(results["table_4_1_grid"])).dropna(subset="null_percent")
-        cells = cells[cells.comparison.isin(names)]
-        if set(names) != set(cells.comparison):
-            return _MISSING
-        left = (cells.percent - cells.null_percent) ** 2
-        sums = (
-            cells.assign(left=left, all=cells.percent**2)
-            .groupby(["comparison", "sign"])[["left", "all"]]
-            .sum()
-        )
-        explained = 1 - sums["left"] / sums["all"]
-        words = [
-            f"{name.replace('_', ' ')}, {sign}: without any movement {100 * share:.0f} % of their squares are left"
-            for (name, sign), share in explained.items()
-        ]
-        # A person stands: the inverted sign decides; the published one stands beside it.
-        inverted = explained[explained.index.get_level_values("sign") == "inverted"]
-        agrees, remark = _judged(bool((inverted < 0.5).all()) and len(inverted) == len(names), synthetic)
-        return Finding("; ".join(words), agrees, remark and f"cannot be tested on invented lifters: {remark}")
-
-    return judge
+    cells = expressing(comparison_cells(results["table_4_1_grid"])).dropna(subset="null_percent")
+    cells = cells[cells.comparison.isin(names)]
+    if set(names) != set(cells.comparison):
+        return _MISSING
+    left = (cells.percent - cells.null_percent) ** 2
+    sums = (
+        cells.assign(left=left, all=cells.percent**2).groupby(["comparison", "sign"])[["left", "all"]].sum()
+    )
+    explained = 1 - sums["left"] / sums["all"]
+    words = [
+        f"{name.replace('_', ' ')}, {sign}: without any movement {100 * share:.0f} % of their squares are left"
+        for (name, sign), share in explained.items()
+    ]
+    # A person stands: the inverted sign decides; the published one stands beside it.
+    inverted = explained[explained.index.get_level_values("sign") == "inverted"]
+    agrees, remark = _judged(bool((inverted < 0.5).all()) and len(inverted) == len(names), synthetic)
+    return Finding("; ".join(words), agrees, remark and f"cannot be tested on invented lifters: {remark}")
 
 
 def _alternation_certifies(results: Results) -> Finding:
@@ -110,17 +102,13 @@ def _alternation_converges(results: Results) -> Finding:
     )
 
 
-def _no_exits(method: str, remark: str):
+def _no_exits(method: str, remark: str, results: Results) -> Finding:
     """What simulated starts do in the funnels of one method."""
-
-    def judge(results: Results) -> Finding:
-        rows = results["boa"][results["boa"].method == method].dropna(subset=["exits"])
-        if rows.empty:
-            return Finding(None, None, "no start was simulated")
-        starts, exits = int(rows.simulated_starts.sum()), int(rows.exits.sum())
-        return Finding(f"{exits} exits in {starts} simulated starts", exits == 0, remark)
-
-    return judge
+    rows = results["boa"][results["boa"].method == method].dropna(subset=["exits"])
+    if rows.empty:
+        return Finding(None, None, "no start was simulated")
+    starts, exits = int(rows.simulated_starts.sum()), int(rows.exits.sum())
+    return Finding(f"{exits} exits in {starts} simulated starts", exits == 0, remark)
 
 
 def _basins_like_states(results: Results) -> Finding:
@@ -161,20 +149,22 @@ def sentences(synthetic: bool, groups: tuple[str, str] = GROUPS) -> list[Claim]:
     between, (lateral, sagittal) = names["expert_vs_novice"], _PERCENT
     lighter = {name: names[f"decrease_in_mass_{name}"] for name in GROUPS}
     judges = {
-        "expert_larger": _compared(between, synthetic, lambda rows: (rows[lateral] > 0).all()),
-        "lateral_largest": _compared(
-            between, synthetic, lambda rows: (rows[lateral].abs() > rows[sagittal].abs()).all()
+        "expert_larger": partial(_compared, between, synthetic, lambda rows: (rows[lateral] > 0).all()),
+        "lateral_largest": partial(
+            _compared, between, synthetic, lambda rows: (rows[lateral].abs() > rows[sagittal].abs()).all()
         ),
-        "expert_unchanged": _compared(
-            lighter["expert"], synthetic, lambda rows: rows[_PERCENT].abs().max(axis=None) <= 1
+        "expert_unchanged": partial(
+            _compared, lighter["expert"], synthetic, lambda rows: rows[_PERCENT].abs().max(axis=None) <= 1
         ),
-        "novice_susceptible": _novice_susceptible(synthetic, names, groups),
-        "trajectories_matter": _trajectories_matter(synthetic, [between]),
-        "trajectories_matter_with_mass": _trajectories_matter(synthetic, list(lighter.values())),
+        "novice_susceptible": partial(_novice_susceptible, synthetic, names, groups),
+        "trajectories_matter": partial(_trajectories_matter, synthetic, [between]),
+        "trajectories_matter_with_mass": partial(_trajectories_matter, synthetic, list(lighter.values())),
         "alternation_certifies": _alternation_certifies,
         "alternation_converges": _alternation_converges,
-        "basins_reach_goal": _no_exits("thesis", "Eqs 4.5 to 4.7, in the thesis's wording"),
-        "exact_is_invariant": _no_exits("exact", "fixed V, exact ρ(t); not a sentence of the thesis"),
+        "basins_reach_goal": partial(_no_exits, "thesis", "Eqs 4.5 to 4.7, in the thesis's wording"),
+        "exact_is_invariant": partial(
+            _no_exits, "exact", "fixed V, exact ρ(t); not a sentence of the thesis"
+        ),
         "basins_like_states": _basins_like_states,
         "expands_backward": _expands_backward,
     }
