@@ -25,17 +25,8 @@ def main(
     from lumbar.interface.body_model import save_without_model
     from lumbar.interface.lift import lift as analyse
 
-    found = analyse(
-        input.markers,
-        subject,
-        trial.box_mass_kg,
-        trial=trial,
-        name=lift,
-        static=next(iter(input.static), None),
-        forces=next(iter(input.forces), None),
-        settings=settings,
-        data=data,
-    )
+    beside = {role: next(iter(input[role]), None) for role in ("static", "forces")}
+    found = analyse(input.markers, subject, trial=trial, name=lift, **beside, settings=settings, data=data)
     folder = Path(output.areas).parent
     try:
         found.body_model(stability).save(folder)

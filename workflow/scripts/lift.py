@@ -21,17 +21,8 @@ def main(
 
     from lumbar.interface.lift import lift as analyse
 
-    found = analyse(
-        input.markers,
-        subject,
-        trial.box_mass_kg,
-        trial=trial,
-        name=lift,
-        static=next(iter(input.static), None),
-        forces=next(iter(input.forces), None),
-        settings=settings,
-        data=data,
-    )
+    beside = {role: next(iter(input[role]), None) for role in ("static", "forces")}
+    found = analyse(input.markers, subject, trial=trial, name=lift, **beside, settings=settings, data=data)
     found.save(Path(output.summary).parent)
     if not found.analysed.states:
         print(
