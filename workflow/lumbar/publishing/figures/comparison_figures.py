@@ -65,8 +65,7 @@ def comparison_figure(
         Name of the model as it is to stand in the legend.
     """
     mine = next(item for item in comparisons if item.record == record.name)
-    low, high = default_segment(record, simulated, mine.start)
-    inside = (record.time >= low - 1e-9) & (record.time <= high + 1e-9)
+    segment = default_segment(record, simulated, mine.start)
     figure, axes = new_figure(
         DOUBLE_COLUMN, 3.4, nrows=2, ncols=2, width_ratios=(1.9, 1), height_ratios=(1.7, 1), sharex="col"
     )
@@ -75,41 +74,44 @@ def comparison_figure(
     for axis in axes[:, 1]:
         axis.remove()
     shares = figure.add_subplot(grid[:, 1])
-    look = MODELS.get(model.split("+")[0], MODELS["KB"])
-    output, time = record.channels["output"], record.time[inside]
-    draw_response(response, time, output.values[inside], simulated[inside], f"{model}, free run", look)
+    draw_segment((response, residual), record, simulated, mine, segment, model)
+    output = record.channels["output"]
     response.set(
         ylabel=f"{output.quantity.capitalize()} ({unit_in_print(output.unit)})",
         title=record.name.replace("_", " "),
     )
     response.legend(loc="upper right", ncols=2)
     head_room(response, 0.18)
-    draw_residual(residual, time, (output.values - simulated)[inside], mine, look)
-    residual.set_xlim(low, high)
+    residual.set_xlim(segment)
     _draw_shares(shares, comparisons)
     label_panels([response, shares, residual])
     return figure
 
 
-def draw_response(
-    axis, time: np.ndarray, measured: np.ndarray, simulated: np.ndarray, label: str, look: dict
+def draw_segment(
+    axes,
+    record: Record,
+    simulated: np.ndarray,
+    comparison: Comparison,
+    segment: tuple[float, float],
+    model: str,
 ) -> None:
-    """Draw measured output and a model's; `label` stands in the legend, `look` is the model's."""
-    axis.plot(time, measured, color=MEASURED, linewidth=0.9, label="measured")
+    """Draw measured output and a model's over a segment in s, and beside the noise floor what the model leaves of it."""
+    response, residual = axes
+    inside = (record.time >= segment[0] - 1e-9) & (record.time <= segment[1] + 1e-9)
+    time, measured, modelled = record.time[inside], record["output"][inside], simulated[inside]
+    color = MODELS.get(model.split("+")[0].split()[-1], MODELS["KB"])["color"]
+    response.plot(time, measured, color=MEASURED, linewidth=0.9, label="measured")
     dashed = {"linestyle": (0, (4, 1.2)), "linewidth": 1.4}
-    axis.plot(time, simulated, color=look["color"], label=label, **dashed)
-
-
-def draw_residual(axis, time: np.ndarray, values: np.ndarray, comparison: Comparison, look: dict) -> None:
-    """Draw what a model leaves over time beside the noise floor."""
+    response.plot(time, modelled, color=color, label=f"{model}, free run", **dashed)
     if comparison.floor is not None:
         band = 2 * comparison.floor.rms
-        axis.axhspan(-band, band, color="#cccccc", linewidth=0, label="± 2 × noise floor")
-    axis.plot(time, values, color=look["color"], linewidth=0.8)
-    axis.set(ylabel=f"Measured − model\n({unit_in_print(comparison.unit)})", xlabel="Time (s)")
+        residual.axhspan(-band, band, color="#cccccc", linewidth=0, label="± 2 × noise floor")
+    residual.plot(time, measured - modelled, color=color, linewidth=0.8)
+    residual.set(ylabel=f"Measured − model\n({unit_in_print(comparison.unit)})", xlabel="Time (s)")
     if comparison.floor is not None:
-        head_room(axis, 0.25)
-        axis.legend(loc="upper right")
+        head_room(residual, 0.25)
+        residual.legend(loc="upper right")
 
 
 def _draw_shares(axis, comparisons: list[Comparison]) -> None:

@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from lumbar.publishing.figures.comparison_figures import default_segment, draw_residual, draw_response
-from lumbar.publishing.figures.palette import MODELS
+from lumbar.publishing.figures.comparison_figures import default_segment, draw_segment
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.spatial.location_in_space import BANDS, TURNS, SpatialResidual, directions
@@ -29,22 +28,18 @@ def comparison_in_space(report: SpatialReport, model: str) -> Figure:
     `model` is its name as it is to stand in the legend.
     """
     widest = max(report.axes, key=lambda item: item.comparison.rms.value)
-    low, high = default_segment(widest.record, widest.values, widest.comparison.start)
+    segment = default_segment(widest.record, widest.values, widest.comparison.start)
     count = len(report.axes)
     figure, axes = new_figure(
         DOUBLE_COLUMN, 0.7 + 1.5 * count, nrows=count, ncols=2, sharex=True, width_ratios=(1.25, 1)
     )
-    look = MODELS.get(model.split("+")[0].split()[-1], MODELS["KB"])
     for row, item in zip(axes, report.axes, strict=True):
         axis = item.record.name[-2]  # x of "multisine (x)"
-        record, comparison = item.record, item.comparison
-        inside = (record.time >= low - 1e-9) & (record.time <= high + 1e-9)
-        time, output = record.time[inside], record.channels["output"]
-        draw_response(row[0], time, output.values[inside], item.values[inside], f"{model}, free run", look)
+        draw_segment(row, item.record, item.values, item.comparison, segment, model)
+        output = item.record.channels["output"]
         quantity = f"{output.quantity.capitalize()} {axis}"
         row[0].set(ylabel=f"{quantity} ({unit_in_print(output.unit)})")
-        row[0].set_title(f"VAF {comparison.vaf.value:.4g} %", loc="right")
-        draw_residual(row[1], time, (output.values - item.values)[inside], comparison, look)
+        row[0].set_title(f"VAF {item.comparison.vaf.value:.4g} %", loc="right")
     for axis in axes[:-1, 1]:
         axis.set_xlabel("")
     shown = [axis.lines[0].get_ydata() for axis in axes[:, 1]]
@@ -57,7 +52,7 @@ def comparison_in_space(report: SpatialReport, model: str) -> Figure:
     handles = [pair for axis in axes[0] for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     figure.legend(*zip(*handles, strict=True), loc="outside upper center", ncols=3)
     axes[-1, 0].set_xlabel("Time (s)")
-    axes[0, 0].set_xlim(low, high)
+    axes[0, 0].set_xlim(segment)
     return figure
 
 
