@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import scipy
 
-from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
@@ -218,8 +217,3 @@ def test_a_form_of_one_channel_leaves_the_others():
     assert np.array_equal(found[[0, 2]], position[[0, 2]]) and np.array_equal(
         found[1], np.clip(position[1], -0.2, 0.2)
     )
-
-
-def test_an_equation_that_hangs_on_a_component_needs_its_axis():
-    with pytest.raises(InputError, match="direction in space"):
-        TISSUE["quadratic_stiffness"].forms[0].in_space(XYZ)
