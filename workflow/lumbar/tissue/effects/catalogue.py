@@ -81,16 +81,24 @@ def usable_effects(
     of forms follow. Returns effects with the forms that can be tried, and the forms that cannot, each with the channels that
     are missing.
     """
-    usable, left_out = {}, []
+
+    def missing(form: Form) -> tuple[str, ...]:
+        return tuple(role for role in form.channels if role not in available)
+
+    every = [form for effect in catalogue.values() for form in effect.forms]
+    usable = with_forms_that(catalogue, lambda form: not missing(form), scale)
+    return usable, [(form, missing(form)) for form in every if missing(form)]
+
+
+def with_forms_that(
+    catalogue: Mapping[str, Effect], holds: Callable[[Form], bool], scale: Callable[[str], float]
+) -> dict[str, Effect]:
+    """Effects with those of their forms of which something holds, their constants as large as quantities are by `scale`."""
+    found = {}
     for name, effect in catalogue.items():
-        missing = {
-            form.key: tuple(role for role in form.channels if role not in available) for form in effect.forms
-        }
-        left_out += [(form, missing[form.key]) for form in effect.forms if missing[form.key]]
-        forms = tuple(form.sized(scale) for form in effect.forms if not missing[form.key])
-        if forms:
-            usable[name] = replace(effect, forms=forms)
-    return usable, left_out
+        if forms := tuple(form.sized(scale) for form in effect.forms if holds(form)):
+            found[name] = replace(effect, forms=forms)
+    return found
 
 
 def catalogue_with(

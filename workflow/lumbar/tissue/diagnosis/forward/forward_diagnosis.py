@@ -36,10 +36,10 @@ from lumbar.tissue.diagnosis.selection.findings import linear_alternative, offse
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
-from lumbar.tissue.effects.catalogue import MOTION_SENSOR
+from lumbar.tissue.effects.catalogue import MOTION_SENSOR, with_forms_that
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.driven_motion import can_be_simulated
-from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.structure import ForwardStructure
 
 _RIVALS = 5
@@ -89,16 +89,11 @@ def prepare_with_base(records: list[Record], settings: DiagnosisSettings) -> tup
 def forward_catalogue(catalogue: dict[str, Effect], base: Base, data: FitData) -> dict[str, Effect]:
     """The effects that can be simulated from force to motion, without what the base has itself, as large as the data ask."""
     known = set(base.form.parsed_equation.columns)
-    found = {}
-    for name, effect in catalogue.items():
-        forms = tuple(
-            form.sized(data.scale)
-            for form in effect.forms
-            if can_be_simulated(form) and not known >= set(form.parsed_equation.columns)
-        )
-        if forms:
-            found[name] = replace(effect, forms=forms)
-    return found
+
+    def new(form: Form) -> bool:
+        return can_be_simulated(form) and not known >= set(form.parsed_equation.columns)
+
+    return with_forms_that(catalogue, new, data.scale)
 
 
 def _diagnose(experiment: Experiment, base: Candidate, settings: DiagnosisSettings) -> Verdict:

@@ -10,15 +10,15 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record, same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, choose_training, put_together
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
 from lumbar.tissue.diagnosis.selection.findings import offsets
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.effects.catalogue import with_forms_that
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
-from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.motion import Motion
 
 FEWEST = 12
@@ -44,7 +44,8 @@ def diagnose_points(records: Sequence[Record], settings: DiagnosisSettings, met_
         If tables with and without a clock are mixed, a table has few points, or the base is none of a static test.
     """
     experiment = _prepare(records, settings)
-    catalogue = _laws(settings.candidates, experiment)
+    scale = experiment.training.scale
+    catalogue = with_forms_that(settings.candidates, lambda form: form.is_static, scale)
     settings = replace(settings, catalogue=catalogue, most_effects=1)
     experiment, base = _spring(experiment, settings, met_at_surface)
     found = _StaticSelection(experiment, base, settings).diagnosis()
@@ -84,29 +85,12 @@ def _prepare(records: Sequence[Record], settings: DiagnosisSettings) -> Experime
             raise InputError(
                 f"{record.source or record.name}: {len(record)} points of a static test; at least {FEWEST} are needed"
             )
-    names = [record.name for record in records]
-    wanted = [settings.train] if isinstance(settings.train, str) else list(settings.train or [])
-    if unknown := [name for name in wanted if name not in names]:
-        raise InputError(f"no record {unknown[0]!r}; there are {', '.join(names)}")
-    chosen = [record for record in records if record.name in wanted] or [max(records, key=len)]
-    tests = [_points(record) for record in records if record not in chosen]
-    fitted = [_points(record) for record in chosen]
+    chosen, others = choose_training(list(records), settings.train)
+    fitted, tests = list(map(_points, chosen)), list(map(_points, others))
     if not tests:
         tests = [_points(record, lambda number: number % _EVERY == 1) for record in chosen]
         fitted = [_points(record, lambda number: number % _EVERY != 1) for record in chosen]
-    one = records[0].channels
-    return Experiment(
-        fitted[0] if len(fitted) == 1 else JointData.of(fitted),
-        tests,
-        None,
-        one["input"].unit,
-        one["output"].unit,
-        chosen[0].name,
-        one["input"].quantity,
-        one["output"].quantity,
-        records=tuple(records),
-        points=True,
-    ).from_rest()
+    return put_together(chosen[0], fitted, tests, None, records=tuple(records), points=True).from_rest()
 
 
 def _points(record: Record, wanted=lambda number: number >= 0) -> FitData:
@@ -115,16 +99,6 @@ def _points(record: Record, wanted=lambda number: number >= 0) -> FitData:
     order = order[wanted(np.arange(len(order)))]
     number = np.arange(float(len(order)))
     return FitData(record.name, Motion(number, record["input"][order], 1.0), record["output"][order])
-
-
-def _laws(candidates: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:
-    """Effects with their forms that position or force alone decides."""
-    found = {}
-    for name, effect in candidates.items():
-        forms = tuple(form.sized(experiment.training.scale) for form in effect.forms if form.is_static)
-        if forms:
-            found[name] = replace(effect, forms=forms)
-    return found
 
 
 def _spring(
