@@ -223,7 +223,7 @@ def test_choices_and_confirmation_look_at_different_seconds():
     prepared, _ = experiment(nothing)
     first, second = alternate(prepared)
     for one, other, whole in zip(first.tests, second.tests, prepared.tests, strict=True):
-        assert not (one.keep & other.keep).any()
+        assert not (one.counts & other.counts).any()
         assert one.size + other.size == whole.size
         both = np.concatenate([one.trim(whole.force), other.trim(whole.force)])
         assert sorted(both) == sorted(whole.trim(whole.force))

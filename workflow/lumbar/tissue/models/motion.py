@@ -6,7 +6,7 @@ Of one record (`Motion`), as a running loop knows it (`SampledMotion`), of sever
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
@@ -35,8 +35,8 @@ class Remembering:
             del kept[next(iter(kept))]
         return found
 
-    def keep(self, name: str, compute: Callable[[], Any]) -> Any:
-        """Result of `compute`, kept as long as the motion: what no parameter changes."""
+    def keep(self, name: Hashable, compute: Callable[[], Any]) -> Any:
+        """Result of `compute`, kept as long as its data: what no parameter changes."""
         lasting = self.__dict__.setdefault("_lasting", {})
         if name not in lasting:
             lasting[name] = compute()

@@ -57,19 +57,12 @@ class Truth:
         for number, (record, data) in enumerate(_pairs(verdict, records)):
             generator = np.random.default_rng([seed, number])
             residual = data.trim(data.force - fit.simulate(data.motion))
-            if isinstance(data.motion, SpatialMotion):
-                disturbance = _of_channels(residual, data, experiment.own_zeros, generator)
+            zeros = experiment.own_zeros and fit.structure.base.sensor_zero
+            if reaches_floor(verdict) and len(data.by_axis) == 1:
+                noise = floor_noise(experiment.floor, data.length, data.motion.sampling_time, generator)
+                disturbance = noise + (float(np.mean(residual)) if zeros else 0.0)
             else:
-                zero = (
-                    float(np.mean(residual))
-                    if experiment.own_zeros and fit.structure.base.sensor_zero
-                    else 0.0
-                )
-                if reaches_floor(verdict):
-                    noise = floor_noise(experiment.floor, data.length, data.motion.sampling_time, generator)
-                else:
-                    noise = phase_randomised(residual - np.mean(residual), data.length, generator)
-                disturbance = noise + zero
+                disturbance = _of_channels(residual, data, zeros, generator)
             templates.append(_as_seen(record, data, experiment.surface))
             motions.append(data.motion)
             disturbances.append(disturbance)
@@ -124,7 +117,7 @@ def _of_channels(
 ) -> np.ndarray:
     """Noise of every channel of a force sensor, of the spectrum of what is left there, one after the other."""
     pieces = []
-    for part, left in zip(data.parts, data.by_record(residual), strict=True):
+    for part, left in zip(data.by_axis, data.by_record(residual), strict=True):
         noise = phase_randomised(left - np.mean(left), part.length, generator)
         pieces.append(noise + (np.mean(left) if own_zeros else 0.0))
     return np.concatenate(pieces)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from lumbar.tissue.models.motion import JoinedMotions, Motion
+from lumbar.tissue.models.motion import JoinedMotions, Motion, Remembering
 
 
 @dataclass(frozen=True, eq=False)
-class FitData:
-    """One record prepared for fitting."""
+class FitData(Remembering):
+    """One record prepared for fitting; it keeps the fits to it, for a search comes to the same one on several ways."""
 
     name: str
     motion: Motion | JoinedMotions
@@ -31,16 +30,14 @@ class FitData:
     """Sample at which the record itself begins: before it lies what came earlier in the same session, which is simulated
     and never counted."""
 
-    def compute_once(self, key: Hashable, compute: Callable[[], Any]) -> Any:
-        """Result of `compute`, remembered as long as the record: a search comes to the same fit on several ways."""
-        known = self.__dict__.setdefault("_known", {})
-        if key not in known:
-            known[key] = compute()
-        return known[key]
-
     @property
     def records(self) -> tuple[FitData, ...]:
         """The records that are fitted together: this one."""
+        return (self,)
+
+    @property
+    def by_axis(self) -> tuple[FitData, ...]:
+        """The record along every axis: this one."""
         return (self,)
 
     @property

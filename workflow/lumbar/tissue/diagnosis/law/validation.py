@@ -1,6 +1,6 @@
 """What a formula must pass before it is proposed: it stays bounded, gives no energy away, and where it was found is known."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -37,23 +37,14 @@ class PartialData(FitData):
     """A record of which only some samples count; simulated as a whole."""
 
     whole: FitData = None
-    keep: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    counts: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     """Over the samples that count of the whole."""
 
     @classmethod
-    def of(cls, whole: FitData, keep: np.ndarray) -> "PartialData":
+    def of(cls, whole: FitData, counts: np.ndarray) -> "PartialData":
         """Let only these samples of a record count."""
-        return cls(
-            whole.name,
-            whole.motion,
-            whole.force,
-            whole.whitening,
-            whole.settling,
-            whole.own_zero,
-            whole.begins,
-            whole=whole,
-            keep=keep,
-        )
+        alike = {item.name: getattr(whole, item.name) for item in fields(FitData)}
+        return cls(**alike, whole=whole, counts=counts)
 
     @property
     def zeros(self) -> np.ndarray:
@@ -63,15 +54,15 @@ class PartialData(FitData):
     @property
     def size(self) -> int:
         """Number of samples that count."""
-        return int(self.keep.sum())
+        return int(self.counts.sum())
 
     def trim(self, signal: np.ndarray) -> np.ndarray:
         """Signal (samples first) where samples count."""
-        return self.whole.trim(signal)[self.keep]
+        return self.whole.trim(signal)[self.counts]
 
     def whiten(self, signal: np.ndarray) -> np.ndarray:
         """Whitened signal (samples first) where samples count."""
-        return self.whole.whiten(signal)[self.keep]
+        return self.whole.whiten(signal)[self.counts]
 
 
 def alternate(experiment: Experiment) -> tuple[Experiment, Experiment]:
