@@ -12,7 +12,7 @@ from lumbar.records.record import Record, require_clock, require_one_axis, same_
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
-from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, ONLY
+from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, ONLY, told_period
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.perception.felt import Difference, Reach
@@ -420,9 +420,7 @@ def _noise_floor_of(chosen: list[Record]) -> tuple[Record, NoiseFloor | None]:
     """
     for fewest in (FEWEST_PERIODS, ONLY):
         for record in chosen:
-            # A period of which a record holds fewer says nothing about noise.
-            known = record.period if record.period and record.duration >= fewest * record.period else None
-            floor = noise_floor(replace(record, period=known), fewest=fewest)
+            floor = noise_floor(replace(record, period=told_period(record, fewest)), fewest=fewest)
             if floor is not None:
                 return record, floor
     return chosen[0], None

@@ -129,14 +129,10 @@ class NoiseFloor:
         degrees = sum(variances) ** 2 / sum(
             square**2 / floor.degrees_of_freedom for square, floor in zip(variances, floors, strict=True)
         )
-        spread = 2 / (9 * degrees)
-        low, high = (mean / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
         parts = sorted((part for floor in floors for part in floor.structured), key=lambda part: -part[1])
         return replace(
             floors[0],
-            rms=float(np.sqrt(mean)),
-            low=float(np.sqrt(low)),
-            high=float(np.sqrt(high)),
+            **_with_ends(mean, degrees),
             structured=tuple(parts),
             structured_rms=float(np.sqrt(np.mean([floor.structured_rms**2 for floor in floors]))),
             spectrum=(floors[0].spectrum[0], np.mean([floor.spectrum[1] for floor in floors], axis=0)),
@@ -196,12 +192,8 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = ONLY)
     effective = degrees * _share_of_white(power, degrees / folding.samples)
     values = sum((part.values for part in parts), np.zeros_like(noise))
     together = Part("all parts", values, sum(part.degrees for part in parts))
-    spread = 2 / (9 * effective)
-    low, high = (variance / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
     return NoiseFloor(
-        rms=float(np.sqrt(variance)),
-        low=float(np.sqrt(low)),
-        high=float(np.sqrt(high)),
+        **_with_ends(variance, effective),
         structured=_descriptions(parts, bursts, variance, mean_period, record),
         structured_rms=float(np.hypot(together.rms(variance), bursts.rms if bursts else 0.0)),
         spectrum=_density(power, folding.samples, record.sampling_time),
@@ -212,6 +204,13 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = ONLY)
         halves=halves,
         exact=exact,
     )
+
+
+def _with_ends(variance: float, degrees: float) -> dict[str, float]:
+    """RMS of noise and its 95 % interval (χ² by Wilson and Hilferty, Proc. Natl. Acad. Sci. 17 (1931) 684-688)."""
+    spread = 2 / (9 * degrees)
+    low, high = (variance / (1 - spread + sign * _NORMAL_975 * np.sqrt(spread)) ** 3 for sign in (1, -1))
+    return {"rms": float(np.sqrt(variance)), "low": float(np.sqrt(low)), "high": float(np.sqrt(high))}
 
 
 def _of_second_halves(deviations: np.ndarray) -> tuple[np.ndarray, list[Part], int]:

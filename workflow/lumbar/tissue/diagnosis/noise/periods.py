@@ -84,6 +84,11 @@ def find_period(record: Record, fewest: int = FEWEST_PERIODS) -> float | None:
     return float(candidates[difference[candidates] <= enough][0] * record.sampling_time)
 
 
+def told_period(record: Record, fewest: int) -> float | None:
+    """The period that a record says itself, where it holds so many: of fewer it says nothing about noise."""
+    return record.period if record.period and record.duration >= fewest * record.period else None
+
+
 def fold_periods(record: Record, period: float) -> Folding:
     """Cut a record into the whole periods (`period` in seconds) after its first one; into the last `ONLY` where it holds no more.
 

@@ -9,7 +9,13 @@ import numpy as np
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding, found_in
 from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
-from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, Folding, find_period, fold_periods
+from lumbar.tissue.diagnosis.noise.periods import (
+    FEWEST_PERIODS,
+    Folding,
+    find_period,
+    fold_periods,
+    told_period,
+)
 from lumbar.tissue.diagnosis.sensors.bad_samples import (
     Repair,
     find_dropped,
@@ -152,8 +158,7 @@ def _squared_rest(growth: np.ndarray, columns: list[np.ndarray]) -> float:
 
 def _periods(record: Record) -> Folding | None:
     """Periods of a record, the first left out; None where they are few or no whole number of samples long."""
-    known = record.period if record.period and record.duration >= FEWEST_PERIODS * record.period else None
-    period = known or find_period(record)
+    period = told_period(record, FEWEST_PERIODS) or find_period(record)
     if period is None:
         return None
     length = period / record.sampling_time
