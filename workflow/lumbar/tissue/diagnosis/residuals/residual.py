@@ -154,10 +154,14 @@ class Residual:
             return np.diag(self.floor.rms**2 / number[filled])
         return self.covariance((groups == filled[:, None]) / number[filled, None])
 
+    @property
+    def span(self) -> int:
+        """Samples of a period, or of the record where it does not repeat."""
+        return len(self.values) if self.folding is None else self.folding.samples
+
     def share_beyond_chance(self, explained, noise: float) -> float:
         """Share of the explainable variance that a relation accounts for, as `share_beyond_chance` of the residual."""
-        span = self.folding.samples if self.folding is not None else len(self.values)
-        return share_beyond_chance(self.values, self.explainable, span, explained, noise)
+        return share_beyond_chance(self.values, self.explainable, self.span, explained, noise)
 
 
 def share_beyond_chance(

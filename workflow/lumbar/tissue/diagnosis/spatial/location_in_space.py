@@ -5,7 +5,7 @@ Noise alone decides here too what is significant: its spectrum along every axis,
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy
@@ -60,14 +60,19 @@ class SpatialResidual:
         return self.correlation * np.outer(sizes, sizes)
 
     @cached_property
+    def variance(self) -> float:
+        """Mean squared error, of all axes together."""
+        return float(np.sum(self.values**2)) / self.samples
+
+    @cached_property
     def explainable(self) -> float:
-        """Mean squared error less the noise's variance, of all axes together."""
-        return max(float(np.sum(self.values**2)) / self.samples - float(np.trace(self.noise)), 0.0)
+        """The same less the noise's variance."""
+        return max(self.variance - float(np.trace(self.noise)), 0.0)
 
     @property
     def is_all_but_noise(self) -> bool:
         """Whether the error hardly exceeds the noise floor."""
-        return float(np.sum(self.values**2)) / self.samples < ALL_BUT_NOISE**2 * float(np.trace(self.noise))
+        return self.variance < ALL_BUT_NOISE**2 * float(np.trace(self.noise))
 
     @property
     def samples(self) -> int:
@@ -126,9 +131,7 @@ class SpatialResidual:
 
     def share(self, explained: Callable[[np.ndarray], float], noise: float) -> float:
         """Share of the explainable error as of `share_beyond_chance`; values have the shape (axes, samples)."""
-        folding = self.parts[0].folding
-        span = self.samples if folding is None else folding.samples
-        return share_beyond_chance(self.values, self.explainable, span, explained, noise)
+        return share_beyond_chance(self.values, self.explainable, self.parts[0].span, explained, noise)
 
     def words(self, share: float, p_value: float) -> dict:
         """What every sentence may say."""
@@ -356,10 +359,5 @@ def _plain(value: float, sign: str = "") -> str:
 
 def views_in_space(residual: SpatialResidual, frame: np.ndarray | None = None) -> dict[str, View]:
     """All views by name; `frame` as of `work_view`."""
-    found = (
-        travel_view(residual),
-        direction_view(residual),
-        pointing_view(residual),
-        work_view(residual, frame),
-    )
-    return {view.name: view for view in found}
+    views = (travel_view, direction_view, pointing_view, partial(work_view, frame=frame))
+    return {view.name: view for view in (see(residual) for see in views)}

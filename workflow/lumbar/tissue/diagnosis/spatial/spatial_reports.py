@@ -35,8 +35,8 @@ class SpatialReport:
     @property
     def headline(self) -> str:
         """The main finding in one sentence; errors are those of an axis, root mean square over all of them."""
-        axes, explainable = len(self.record.axes), self.residual.explainable
-        rms = np.sqrt(np.mean(self.residual.values**2))
+        axes = len(self.record.axes)
+        rms, explainable = np.sqrt([self.residual.variance / axes, self.residual.explainable / axes])
         floor = np.sqrt(np.trace(self.residual.noise) / axes)
         what = "space_error" if floor else "space_unknown"
         if min(view.p_value for view in self.views.values()) * len(self.views) >= SIGNIFICANT:
@@ -44,7 +44,7 @@ class SpatialReport:
         elif self.residual.is_all_but_noise:
             what = "space_all_but_noise"
         words = {"record": self.record.name, "unit": self.residual.unit, "floor": floor}
-        return said(what, rms=rms, explainable=np.sqrt(explainable / axes), **words)
+        return said(what, rms=rms, explainable=explainable, **words)
 
     @property
     def sentences(self) -> list[str]:
