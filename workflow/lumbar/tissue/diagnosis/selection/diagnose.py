@@ -24,12 +24,13 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 )
 from lumbar.tissue.diagnosis.selection.findings import (
     apparent_zeros,
+    falling_stiffness,
     linear_alternative,
     offsets,
+    trained_otherwise,
     zeros_moved,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
-from lumbar.tissue.diagnosis.selection.otherwise import falling_stiffness, trained_otherwise
 from lumbar.tissue.diagnosis.selection.rates import whatever_the_speed
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
