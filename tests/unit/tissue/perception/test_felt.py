@@ -86,6 +86,17 @@ def test_noise_of_a_sensor_is_not_felt():
     )
 
 
+def test_an_interval_holds_its_value_where_single_hands_feel_nothing():
+    # Beside the weak force there is less than the noise, which the keenest hand, its floor low, weighs most.
+    loud = np.clip(np.sin(2 * np.pi * TIME / 20), 0.0, None)
+    hum = 0.6 * loud * np.sin(2 * np.pi * 5 * TIME)
+    met = Difference(0.02 + 6 * loud, hum, POSITION, 1 / RATE, HANDS, noise=(0.001, 0.0))
+    assert met.felt.slow.low == 0 < met.felt.slow.value
+    for name in ("jnd", "slow", "fast", "time_percent", "told_apart_percent"):
+        found = getattr(met.felt, name)
+        assert found.low <= found.value <= found.high, name
+
+
 def test_bands_are_those_of_a_butterworth_filter_without_its_phase():
     signal = np.random.default_rng(2).standard_normal(TIME.size)
     slow, fast = split_bands(signal, 1 / RATE)

@@ -14,6 +14,7 @@ apart with the probability Φ(d′/√2).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -38,6 +39,12 @@ class Reach(NamedTuple):
     value: float
     low: float
     high: float
+
+    @classmethod
+    def of(cls, figures: Iterable[float]) -> Reach:
+        """Of the figures for every hand, the usual one first."""
+        found = list(map(float, figures))
+        return cls(found[0], min(found), max(found))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,18 +73,8 @@ class Difference:
 
     def felt_where(self, counts: np.ndarray) -> Felt:
         """How it is felt at the samples that count; `counts` is a mask of shape (samples,)."""
-        hands = self.hands
-        found = {hand: self._figures(hand, counts) for hand in (hands.usual, *hands.keen, *hands.dull)}
-        keen, dull = ([found[hand] for hand in group] for group in (hands.keen, hands.dull))
-
-        def reach(number: int) -> Reach:
-            return Reach(
-                float(found[hands.usual][number]),
-                float(min(each[number] for each in dull)),
-                float(max(each[number] for each in keen)),
-            )
-
-        return Felt(*map(reach, range(5)))
+        found = [self._figures(hand, counts) for hand in self.hands.all]
+        return Felt(*map(Reach.of, zip(*found, strict=True)))
 
     def jnd_between(self, low: float, high: float) -> Reach:
         """d′ of what lies between two frequencies in Hz, against the mean square of the thresholds over time."""
@@ -89,26 +86,15 @@ class Difference:
             max(float(np.sum((power * gain)[inside])) - noise * _share(gain, inside), 0.0)
             for gain, noise in zip(power_gains(lines), self.noise, strict=True)
         ]
-        hands = self.hands
-        found = [
-            float(
-                np.sqrt(
-                    sum(own / np.mean(self._threshold(hand, part) ** 2) for part, own in enumerate(taken))
-                )
-            )
-            for hand in (hands.usual, *hands.keen, *hands.dull)
-        ]
-        return Reach(found[0], min(found), max(found))
+        return Reach.of(
+            np.sqrt(sum(own / np.mean(self._threshold(hand, part) ** 2) for part, own in enumerate(taken)))
+            for hand in self.hands.all
+        )
 
     @property
     def just_felt_N(self) -> Reach:
         """RMS of a slow difference that is just felt: root mean square of the threshold over time."""
-        hands = self.hands
-        found = [
-            float(np.sqrt(np.mean(self._threshold(hand, 0) ** 2)))
-            for hand in (hands.usual, *hands.keen, *hands.dull)
-        ]
-        return Reach(found[0], min(found), max(found))
+        return Reach.of(np.sqrt(np.mean(self._threshold(hand, 0) ** 2)) for hand in self.hands.all)
 
     def _figures(self, hand: Hand, counts: np.ndarray) -> tuple[float, float, float, float, float]:
         """d′, that of slow and fast parts, share of time in percent, and probability in percent."""

@@ -45,6 +45,11 @@ class Hands:
     keen: tuple[Hand, Hand]
     dull: tuple[Hand, Hand]
 
+    @property
+    def all(self) -> tuple[Hand, ...]:
+        """Every hand, the usual one first."""
+        return self.usual, *self.keen, *self.dull
+
     @classmethod
     def of(cls, settings: PerceptionSettings | None = None) -> Hands:
         """Hands of a study; what its settings leave open is as in the literature."""
