@@ -17,6 +17,7 @@ sys.path[:0] = [str(HERE.parents[1] / "workflow"), str(HERE.parent), str(HERE)]
 import numpy as np  # noqa: E402
 from make_cases import CASES, axis_names, make_with_truth  # noqa: E402
 
+from lumbar.records.record import Record  # noqa: E402
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings  # noqa: E402
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates  # noqa: E402
 from lumbar.tissue.diagnosis.selection.verdict import Verdict  # noqa: E402
@@ -44,14 +45,23 @@ class Answer:
         return f"{self.verdict.verdict}, {base}, {'+'.join(sorted(self.named)) or '-'}, {'+'.join(sorted(self.findings)) or '-'}"
 
 
-def ask(name: str, seed: int) -> tuple[Answer, dict]:
-    """Diagnose a case; its truth comes second."""
+SETTINGS = DiagnosisSettings(train="multisine")
+
+
+def records_of(name: str, seed: int) -> tuple[list[Record], dict]:
+    """Records of a case; its truth comes second."""
     made, truth = make_with_truth(name, seed)
     records = [
         record_of(key, table[:, 0], *np.split(table[:, 1:].T, 2), axis_names(CASES[name]))
         for key, table in made.items()
     ]
-    verdict = diagnose(records, DiagnosisSettings(train="multisine"))
+    return records, truth
+
+
+def ask(name: str, seed: int) -> tuple[Answer, dict]:
+    """Diagnose a case; its truth comes second."""
+    records, truth = records_of(name, seed)
+    verdict = diagnose(records, SETTINGS)
     findings = frozenset(item.kind for item in verdict.findings)
     contact = {"contact_plane"} if verdict.model.fit.structure.base.contact else set()
     return Answer(verdict, frozenset(verdict.selected) - {*FINDINGS.values()} | contact, findings), truth

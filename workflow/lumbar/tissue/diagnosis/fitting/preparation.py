@@ -177,6 +177,11 @@ class Experiment:
     """What hands can tell."""
 
     @property
+    def size(self) -> int:
+        """Samples of all records that count."""
+        return self.training.size + sum(item.size for item in self.tests)
+
+    @property
     def error_just_felt(self) -> Reach | None:
         """RMS of an error of the training records that a hand just feels, in the output's unit, the noise that it does not
         feel included; None where the output is no force."""

@@ -315,10 +315,8 @@ class Selection:
         Each parameter that the other one has more counts 2 (Akaike, IEEE Trans. Autom. Control 19 (1974) 716-723), not the
         logarithm of the records' size: how often the sensors are read must not tell apart what explains all records alike.
         """
-        experiment = self.experiment
-        size = experiment.training.size + sum(item.size for item in experiment.tests)
         more = max(other.parameters - model.parameters, 0)
-        return other.score - model.score - more * (float(np.log(size)) - _AKAIKE)
+        return other.score - model.score - more * (float(np.log(self.experiment.size)) - _AKAIKE)
 
     def share_removed(self, model: Candidate) -> float:
         """Share of the base's variance on unseen records, that of known noise aside, that the effects remove."""

@@ -1,13 +1,20 @@
 """The base of a tissue in space that records ask for: which one, of which symmetry, with principal axes where."""
 
 from collections.abc import Sequence
+from functools import partial, reduce
 from itertools import permutations
 
 import numpy as np
 
 from lumbar.tissue.diagnosis.fitting import joint_fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, is_adequate, refit
+from lumbar.tissue.diagnosis.selection.candidate import (
+    Candidate,
+    evaluate,
+    is_adequate,
+    likelihood_ratio,
+    refit,
+)
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.spatial.plane_base import at_plane
 from lumbar.tissue.models.bases import BASES
@@ -37,14 +44,26 @@ def choose_base(
     effects beside it, `acting` their nonlinear parameters where the fits begin.
     """
     fits = {
-        kind: evaluate(_fit_symmetric(kind, experiment, axes, forms, acting), experiment) for kind in kinds
+        evaluate(_fit_symmetric(kind, experiment, axes, forms, acting), experiment): kind for kind in kinds
     }
-    kind = min(fits, key=lambda kind: fits[kind].score)
-    fastened = _of_symmetry(kind, fits[kind], experiment, axes, forms)
+    symmetric = reduce(partial(likelier, experiment), fits)
+    fastened = _of_symmetry(fits[symmetric], symmetric, experiment, axes, forms)
     if kinds != KINDS or is_adequate(fastened, experiment):
         return fastened
     touched = at_plane(experiment, axes, forms, acting)
-    return fastened if touched is None or touched.score > fastened.score - TIED else touched
+    return fastened if touched is None else likelier(experiment, fastened, touched)
+
+
+def likelier(experiment: Experiment, first: Candidate, second: Candidate) -> Candidate:
+    """The one of two models that the records speak for; where they do not, that of fewer parameters, or the first.
+
+    More parameters are paid for by all records and by the training record alone, which they are fitted to: where a form is
+    slightly wrong on unseen records, parameters that are hardly known happen to help there.
+    """
+    simple, rich = sorted((first, second), key=lambda item: item.parameters)
+    cost = (rich.parameters - simple.parameters) * float(np.log(experiment.size))
+    paid = not cost or likelihood_ratio(simple, rich, experiment) > cost
+    return rich if paid and rich.score < simple.score - TIED else simple
 
 
 def _of_symmetry(
@@ -57,16 +76,15 @@ def _of_symmetry(
     """
     fit, base = symmetric.fit, BASES[kind]
     matrices = matrices_of(fit.linear[: len(fit.structure.base.linear)], len(base.linear), len(axes))
-    size = experiment.training.size + sum(item.size for item in experiment.tests)
     best: Candidate | None = None
     for item in _symmetries(kind, axes):
         more = len(item.linear) + len(item.nonlinear) - len(fit.structure.base.linear) - len(base.nonlinear)
-        least = symmetric.score + more * float(np.log(size))
+        least = symmetric.score + more * float(np.log(experiment.size))
         if best is None or best.score > least - _ROOM:
             found = _refit(
                 _nearest(_with_axes(item, matrices), fit, experiment), fit.nonlinear, experiment, forms
             )
-            best = found if best is None or found.score < best.score else best
+            best = found if best is None else likelier(experiment, best, found)
     assert best is not None
     return best
 

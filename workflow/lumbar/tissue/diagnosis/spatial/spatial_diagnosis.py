@@ -11,7 +11,7 @@ from lumbar.tissue.diagnosis.selection.forward_selection import Selection, exten
 from lumbar.tissue.diagnosis.selection.refine import added_in_turn
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
-from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held
+from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held, likelier
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
 from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, spatial_findings
 from lumbar.tissue.effects.catalogue import choose, usable_effects
@@ -60,16 +60,15 @@ def refine(
         experiment.training.motion.channels,
         experiment.training.scale,
     )
-    model = choose_base(experiment, axes, kinds)
-    for _ in range(_ROUNDS if effects else 0):
-        model = added_in_turn(experiment, held(model, experiment), usable)[-1]
-        structure = model.fit.structure
-        acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
-        again = choose_base(experiment, axes, kinds, structure.forms, acting)
-        done, model = again.score > model.score - TIED, _alone(again, experiment)
-        if done:
+    base = choose_base(experiment, axes, kinds)
+    for _ in range(_ROUNDS):
+        path = added_in_turn(experiment, held(base, experiment), usable)
+        better = _better_base(path[-1], experiment, axes, kinds)
+        if better is None:
             break
-    path = added_in_turn(experiment, held(model, experiment), usable)
+        base = better
+    else:
+        path = added_in_turn(experiment, base, usable)
     return experiment, [freed(item, experiment) for item in path]
 
 
@@ -107,24 +106,35 @@ def _search(
     alone = replace(settings, most_effects=1)
     for chosen in (alone, *[settings] * _ROUNDS):
         selection = _Selection(experiment, held(base, experiment), chosen, singles)
-        model = selection.selected_path[-1]
-        structure = model.fit.structure
-        acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
-        again = choose_base(experiment, axes, kinds, structure.forms, acting) if model.effects else model
-        if again.score < model.score - TIED:
-            base = _alone(again, experiment)
+        better = _better_base(selection.selected_path[-1], experiment, axes, kinds)
+        if better is not None:
+            base = better
             singles = extend(base, settings.catalogue, experiment, most=_PROMISING)
             continue
         singles = selection.singles
         if chosen is settings:
             break
+    else:
+        selection = _Selection(experiment, base, settings, singles)
     found = selection.diagnosis()
     path = [freed(item, experiment) for item in found.path]
-    if (
-        again.effects and again.effects == path[-1].effects
-    ):  # beside the effects that were found another symmetry may be likelier
-        path[-1] = min(path[-1], again, key=lambda item: item.score)
     return replace(found, base=path[0], path=path)
+
+
+def _better_base(
+    model: Candidate, experiment: Experiment, axes: tuple[str, ...], kinds: tuple[str, ...]
+) -> Candidate | None:
+    """The base, without the effects, that the records ask for beside a model's effects; None where the model has it.
+
+    Another one, or the same with its axes elsewhere.
+    """
+    structure = model.fit.structure
+    if not model.effects:
+        return None
+    acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
+    turned, again = freed(model, experiment), choose_base(experiment, axes, kinds, structure.forms, acting)
+    best = likelier(experiment, turned, again)
+    return None if best is turned and turned.score > model.score - TIED else _alone(best, experiment)
 
 
 class _Selection(Selection):
