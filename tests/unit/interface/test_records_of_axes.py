@@ -1,15 +1,17 @@
 """What verbs make of records of several axes: a page of the diagnosis that can be repeated, or words of refusal."""
 
+import html
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
-from space_records import FRICTION, TABLE, record, white
+from space_records import FRICTION, POSITION, STIFFNESS, TABLE, record, white
 
 SETTINGS = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
 
@@ -28,6 +30,13 @@ def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp
     assert "N/mm" in page and page.count("<figure>") == 4
     written = {path.name for path in tmp_path.iterdir()}
     assert {"location.csv", "comparison.svg", "refined.json", "principal_axes.csv"} <= written
+
+
+def test_what_the_force_sensor_does_is_said_as_such_on_the_page_too():
+    x, y, z = STIFFNESS * POSITION
+    turned = lumbar.diagnose([record(np.array([-0.2 * y, 0.2 * x, 0 * z]))], settings=SETTINGS)
+    assert turned.headline.startswith("Beside the isotropic LE model the force sensor has")
+    assert turned.headline in html.unescape(turned.to_html())
 
 
 @pytest.mark.nightly

@@ -1,5 +1,6 @@
 """Recordings that are given on the page: read, refused in the library's words, diagnosed, written when asked; and their tabs."""
 
+import html
 import http.client
 import io
 import json
@@ -20,11 +21,12 @@ from lumbar.page_server import own_handlers, own_recordings, server
 from lumbar.page_server.index import Index
 from lumbar.page_server.own_handlers import MOST_TABS, OwnTabs
 from lumbar.page_server.own_recordings import OwnDiagnosis, OwnRecordings
-from lumbar.page_server.recording_preview import FIELDS, in_fields
+from lumbar.page_server.recording_preview import FIELDS, OF_SEVERAL_AXES, in_fields
 from lumbar.page_server.served_sets import ServedSets
 from lumbar.page_server.trust import HOST
 from lumbar.twin.examples import example_records
 from patience import PATIENCE_S, seen
+from space_records import TABLE
 
 SCRIPT = "<img src=x onerror=alert(1)>"
 
@@ -103,6 +105,30 @@ def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents, b
     assert written == {
         f"mine/records/{name}" for name in ("multisine.csv", "other.csv", "study.yaml", "imported.json")
     }
+
+
+def test_recordings_of_several_axes_are_shown_axis_by_axis_and_their_diagnosis_as_it_is_written(
+    own_tab, served, begin
+):
+    _, state = own_tab("file?name=v.csv", TABLE.encode())
+    [file] = state["files"]
+    for role in ("position", "force"):
+        assert all(f"'{role}_{axis}'" in file["found"][role][0] for axis in "xyz")
+        assert all(f"'{role}_{axis}'" in file["grounds"][role] for axis in "xyz")
+    assert file["found"]["force"][1] == "N"
+    quantities = [f"{name} {axis}" for name in ("Position", "Force") for axis in "xyz"]
+    assert [curve["label"].split(" (")[0] for curve in file["curves"]] == quantities
+    assert file["remark"] == OF_SEVERAL_AXES
+    begin.clear()
+    _, answer = own_tab("start", {"name": "v"})
+    waiting = served.get(answer["address"])[2]
+    assert [f"v: force {axis} from" in waiting for axis in "xyz"] == [True] * 3
+    assert waiting.count("<polyline") == 3
+    begin.set()
+    assert ended(served, answer["address"])["error"] == ""
+    page = served.get(answer["address"])[2]
+    assert "Stiffness and viscosity in space" in page and "All pages" in page and page.count("<figure>") == 4
+    assert "lumbar.import_recordings(['v.csv']" in html.unescape(page)
 
 
 def test_records_are_not_written_where_a_link_leads(tmp_path, contents):

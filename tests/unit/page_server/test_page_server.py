@@ -122,7 +122,7 @@ def test_nothing_is_written_where_a_link_leads(tab, explored, tmp_path, monkeypa
 
 def test_a_record_is_sketched_between_its_extremes():
     record = example_records()[0]
-    sketch = Sketch.of(record)
+    sketch = Sketch.of(record, "output")
     up = np.array([float(point.split(",")[1]) for point in sketch.points.split()])
     values = record["output"]
     assert (up.min(), up.max()) == (0, HEIGHT)

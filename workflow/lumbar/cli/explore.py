@@ -126,11 +126,9 @@ def _of_results(options) -> list[ExploredSet]:
 def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.served_sets import ExploredSet
-    from lumbar.records.record import require_one_axis
 
     options.folder = options.target
     records, settings, data = read_folder(options)
-    require_one_axis(records, "explore")
     output = options.output or EXPLORED / options.folder.resolve().name  # two folders, two places
     explored = ExploredSet(
         "records",

@@ -104,9 +104,14 @@ class Diagnosis:
         return [item for item in found if item is not None]
 
     @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return headline(self.verdict)
+
+    @property
     def sentences(self) -> list[str]:
         """The verdict, then what a reader asks next."""
-        lines = [headline(self.verdict), *details(self.verdict, self.candidates)]
+        lines = [self.headline, *details(self.verdict, self.candidates)]
         if self.evidence.separation is not None:
             lines.append(separation_sentence(self.evidence.separation, self.verdict))
         return lines
@@ -181,6 +186,11 @@ class Diagnosis:
             [self.models[0], *self.models[1:][-1:]], self.study.runtime.compiler_cache, self.data
         )
 
+    @property
+    def without_page(self) -> str:
+        """Why there is no page that one can look around in; empty where there is one."""
+        return f"{STATIC}: there is no motion to look around in" if self.verdict.experiment.points else ""
+
     def page(
         self, pictures: Mapping[str, Path] | None = None, thesis: bool = True, reading: str = ""
     ) -> ExplorerPage:
@@ -195,10 +205,8 @@ class Diagnosis:
         reading : str, optional
             Python that makes ``records``, for what can be copied; default that which reads the files they come from.
         """
-        if self.verdict.experiment.points:
-            raise InputError(
-                f"{STATIC}: there is no motion to look around in; save and to_html show what was found"
-            )
+        if self.without_page:
+            raise InputError(f"{self.without_page}; save and to_html show what was found")
         from lumbar.interface.python_code import fitting_code
         from lumbar.publishing.explorer.page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_sections
@@ -243,6 +251,10 @@ class Diagnosis:
             return
         drawn = self._save_pictures(folder) if pictures else {}
         write_text(folder / "diagnosis.html", self.page(drawn, thesis=pictures).to_html())
+
+    def written(self, reading: str = "") -> str:
+        """Return the page that `save` writes where there is none to look around in; `reading` as of `page`."""
+        return self.to_html()
 
     def _save_law(self, path: Path) -> None:
         """Write the effect's file; one that an earlier diagnosis left there is taken away."""

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NoReturn
 
 from lumbar.base.errors import InputError
@@ -39,10 +40,15 @@ class SpatialDiagnosis(Diagnosis):
         return in_space(self.settings.candidates, self.records[0].axes)
 
     @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return headline_in_space(self.verdict)
+
+    @property
     def sentences(self) -> list[str]:
         """The verdict, the tissue's symmetry and axes, then what a reader asks next."""
         axes = axes_sentences(self.verdict.model.fit, self.verdict.experiment)
-        return [headline_in_space(self.verdict), *axes, *details(self.verdict, self.candidates)]
+        return [self.headline, *axes, *details(self.verdict, self.candidates)]
 
     @property
     def axes_table(self) -> Table:
@@ -77,25 +83,23 @@ class SpatialDiagnosis(Diagnosis):
             f"{_SEVERAL}: laws are proposed for records of one axis; diagnose asks the catalogue"
         )
 
-    def page(self, *_, **__) -> NoReturn:
-        """Refuse: the page that one can look around in shows records of one axis.
+    @property
+    def without_page(self) -> str:
+        """That of one axis alone can be looked around in."""
+        return f"{_SEVERAL}: one can look around in models of one axis"
 
-        Raises
-        ------
-        InputError
-            Always.
-        """
-        raise InputError(
-            f"{_SEVERAL}: explore shows records of one axis; the page of lumbar diagnose shows what was found"
-        )
+    def written(self, reading: str = "") -> str:
+        """Return the page that `save` writes, with its pictures; `reading` is Python that makes ``records``."""
+        with TemporaryDirectory() as folder:
+            return self.to_html(self._save_pictures(Path(folder)), reading)
 
-    def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
+    def to_html(self, pictures: Mapping[str, Path] | None = None, reading: str = "") -> str:
         """Return the diagnosis as a page without script, for notebooks and mail."""
         from lumbar.interface.python_code import fitting_code
         from lumbar.publishing.pages.diagnosis_page import diagnosis_page
         from lumbar.publishing.pages.html import code, table
 
-        lines = fitting_code(self.records, self.verdict, self.settings, self.study)
+        lines = fitting_code(self.records, self.verdict, self.settings, self.study, reading)
         axes = self.axes_table
         rows = [[axes.cell(name, row[name]) for name in axes.first] for row in axes.frame.to_dict("records")]
         sections = {
@@ -104,9 +108,8 @@ class SpatialDiagnosis(Diagnosis):
             if lines
             else [],
         }
-        return diagnosis_page(
-            self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}), sections
-        )
+        given = self.verdict, self.evidence, self.candidates, self.data
+        return diagnosis_page(*given, dict(pictures or {}), sections, self.headline)
 
     def save(
         self, folder: str | os.PathLike, pictures: bool = True, effects: Iterable[str] | None = None

@@ -89,10 +89,8 @@ class Index:
 
 def _known(explored: ExploredSet) -> str:
     """What is known of a set without computing anything."""
-    if explored.ready:
-        from lumbar.tissue.diagnosis.selection.verdict import headline
-
-        return headline(explored.diagnosis.verdict)
+    if explored.ready or explored.html:
+        return explored.diagnosis.headline
     if explored.stored is not None and explored.stored.holds:
         return explored.stored.sentence
     if explored.job is not None and not explored.job.done:

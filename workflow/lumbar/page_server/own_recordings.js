@@ -74,6 +74,7 @@
       field.setAttribute("aria-invalid", String(texts.length > 0));
     }
     element("common").textContent = state.common;
+    element("remark").textContent = state.files.map((file) => file.remark).find(Boolean) || "";
     element("previews").replaceChildren(...state.files.map(card));
     training(state.files.filter((file) => file.record));
     const sound = state.files.every((file) => file.record) && !state.common;

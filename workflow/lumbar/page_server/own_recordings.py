@@ -22,7 +22,7 @@ from lumbar.page_server.served_sets import ExploredSet, ServedSets
 from lumbar.records.importing.raw_table import Asked
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.study_file import common_rate
-from lumbar.records.record import Record, require_one_axis, resample
+from lumbar.records.record import Record, resample
 from lumbar.settings.key import NAME
 
 if TYPE_CHECKING:
@@ -264,7 +264,6 @@ class OwnRecordings:
             self.choices = checked_choices(asked.get("choices") or {})
             imported, name = self._imported(), checked_name(asked.get("name"))
             records = at_one_rate(imported.records)
-            require_one_axis(records, "this page")
             train = checked_training(asked.get("train"), records)
             make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
             keep = None if own.keep is None else partial(own.keep, name, imported, train)

@@ -1,6 +1,7 @@
 """What the page shows of recordings before they are diagnosed: columns, and messages beside the field they concern."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +78,10 @@ _HEADING = re.compile(r"(: \d+ problems?|: not everything can be told from the f
 
 
 _ROWS, _POINTS, _MOST_COLUMNS = 4, 300, 60
+OF_SEVERAL_AXES = (
+    "Records of several axes: the diagnosis is shown as lumbar diagnose writes it. No other models can be tried or pushed beside "
+    "it, and nothing is kept in a study."
+)
 
 
 def tables_columns(table: RawTable) -> list[dict[str, Any]]:
@@ -98,17 +103,23 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``record``, ``form``, ``grounds`` by role, ``found`` (column and unit by role), ``notes``, ``header`` and ``rows`` of
-        the first samples, ``facts``, ``seconds``, and ``curves``: label and points of position and force over time.
+        ``record``, ``form``, ``grounds`` by field, ``found`` (columns and unit by field), ``notes``, ``remark``, ``header`` and
+        ``rows`` of the first samples, ``facts``, ``seconds``, and ``curves``: label and points of position and force over time.
     """
     recording = imported[0]
     record, columns = recording.record, recording.tidy
     return {
         "record": record.name,
         "form": recording.form,
-        "grounds": {role: in_labels(words) for role, words in recording.grounds.items()},
-        "found": recording.found,
+        "grounds": {
+            role: in_labels("; ".join(words)) for role, words in _by_field(recording.grounds).items()
+        },
+        "found": {
+            role: (", ".join(column for column, _ in found), found[0][1])
+            for role, found in _by_field(recording.found).items()
+        },
         "notes": list(map(in_labels, recording.notes)),
+        "remark": OF_SEVERAL_AXES if record.axes else "",
         "header": list(columns),
         "rows": [
             [f"{value:.6g}" for value in row]
@@ -120,10 +131,18 @@ def preview(imported: ImportedRecordings) -> dict[str, Any]:
         ],
         "seconds": record.duration,
         "curves": [
-            {"label": channel.label, "points": drawn(channel.values, _POINTS).round(4).tolist()}
-            for channel in record.channels.values()
+            {"label": record.along(role).label, "points": drawn(record[role], _POINTS).round(4).tolist()}
+            for role in record.channels
         ],
     }
+
+
+def _by_field(by_role: Mapping[str, Any]) -> dict[str, list]:
+    """What is told of every role, together for the axes of one field."""
+    found: dict[str, list] = {}
+    for role, told in by_role.items():
+        found.setdefault(role.partition("_")[0], []).append(told)
+    return found
 
 
 def drawn(values: np.ndarray, stretches: int) -> np.ndarray:

@@ -95,6 +95,8 @@ class ExploredSet:
     stored: StoredVerdict | None = None
     """The diagnosis that a study's run may have left."""
     job: Job | None = None
+    html: str = ""
+    """Page of a diagnosis that one cannot look around in, once it is made."""
     _refits: dict[str, Refinement] = field(default_factory=dict)
     _fitted: dict[str, ShownModel] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
@@ -139,6 +141,9 @@ class ExploredSet:
             _ = self.diagnosis
             going_on("drawing the page")
             with DRAWING:
+                if self.diagnosis.without_page:
+                    self.html = self.diagnosis.written(self.reading)
+                    return
                 _ = self.page.records, self.page.models, self.variables
 
     def refitted(self, effects: Sequence[str]) -> Refinement:

@@ -19,7 +19,7 @@ _COLUMNS = 500
 
 @dataclass(frozen=True)
 class Sketch:
-    """The measured output of a record over time."""
+    """The measured output of a record over time, along one axis."""
 
     words: str
     """Record, quantity, range and duration."""
@@ -27,9 +27,9 @@ class Sketch:
     """Of an SVG polyline in a box of `WIDTH` by `HEIGHT`."""
 
     @classmethod
-    def of(cls, record: Record) -> "Sketch":
-        """Draw its samples."""
-        channel = record.channels[record.roles("output")[0]]
+    def of(cls, record: Record, role: str) -> "Sketch":
+        """Draw the samples of one of its channels."""
+        channel = record.along(role)
         ends = drawn(channel.values, _COLUMNS)
         points = " ".join(f"{WIDTH * x:.1f},{HEIGHT * (1 - y):.1f}" for x, y in ends)
         words = (
@@ -82,6 +82,9 @@ class WaitingHandler(_SetsHandler):
         if found.make is None or (found.stored is not None and found.stored.holds and not asked_for):
             self._show(found)
             return
+        if found.html:
+            self.write(self.index.with_bar(found.html))
+            return
         found.begin()
         asked = {"page": self.request.path, "set": self.get_query_argument("set", "")}
         self.write(
@@ -110,7 +113,7 @@ class WaitingHandler(_SetsHandler):
 def _sketches(explored: ExploredSet) -> list[Sketch]:
     """The records of a set; none where they cannot be read, which its job tells."""
     try:
-        return [Sketch.of(record) for record in explored.read()]
+        return [Sketch.of(record, role) for record in explored.read() for role in record.roles("output")]
     except LumbarError:
         return []
 

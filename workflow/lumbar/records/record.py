@@ -100,6 +100,11 @@ class Record:
         """Roles of the ``"input"`` or the ``"output"``: one per axis."""
         return tuple(f"{side}_{axis}" for axis in self.axes) or (side,)
 
+    def along(self, role: str) -> Channel:
+        """Return a channel; one of several axes with its axis behind the quantity."""
+        found, axis = self.channels[role], role.rpartition("_")[2]
+        return replace(found, quantity=f"{found.quantity} {axis}") if axis in self.axes else found
+
     def stacked(self, side: str) -> np.ndarray:
         """Values of the ``"input"`` or the ``"output"``, shape (axes, samples); of one axis, shape (1, samples)."""
         return np.stack([self[role] for role in self.roles(side)])
@@ -286,8 +291,8 @@ def require_one_axis(records: Iterable[Record], what: str) -> None:
     """Refuse records of several axes, with their names and what takes one axis."""
     if several := [record.name for record in records if record.axes]:
         raise InputError(
-            f"{', '.join(several)}: {what} takes records of one axis; compare, locate, diagnose, doctor, refine and export "
-            "take several"
+            f"{', '.join(several)}: {what} takes records of one axis; compare, locate, diagnose, doctor, explore, refine and "
+            "export take several"
         )
 
 

@@ -44,6 +44,7 @@ def diagnosis_page(
     data: str,
     pictures: dict[str, Path | str] | None = None,
     more: Mapping[str, list[Markup]] | None = None,
+    said: str = "",
 ) -> str:
     """Return the page.
 
@@ -57,8 +58,10 @@ def diagnosis_page(
         SVG files, or their text, by caption; they stand before the list of what remains.
     more : mapping of str to list of markupsafe.Markup, optional
         Further sections by their titles; the first stands before all others.
+    said : str, optional
+        The verdict in one sentence; default `headline`.
     """
-    blocks = [paragraph(f"Verdict: {diagnosis.verdict}"), paragraph(headline(diagnosis), "headline")]
+    blocks = [paragraph(f"Verdict: {diagnosis.verdict}"), paragraph(said or headline(diagnosis), "headline")]
     first, *last = more.items() if more else (("", []),)
     for title, found in (first, *evidence_sections(diagnosis, evidence, catalogue, pictures or {}), *last):
         blocks += [heading(title), *found] if found else []
