@@ -39,6 +39,10 @@ class Channel:
         return f"{self.quantity.capitalize()} ({self.unit})" if self.unit else self.quantity.capitalize()
 
 
+_STILL = 0.05
+"""Share of the largest range along an axis, up to which another axis hardly moves."""
+
+
 @dataclass(frozen=True, repr=False)
 class Record:
     """Channels that share one evenly sampled clock."""
@@ -130,6 +134,12 @@ class Record:
         if not self.axes:
             return self
         return self.axis(max(self.axes, key=lambda axis: float(np.ptp(self[f"input_{axis}"]))))
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """Axes that move; of one that hardly does beside the others noise is all there is to see."""
+        ranges = {axis: float(np.ptp(self[f"input_{axis}"])) for axis in self.axes}
+        return tuple(axis for axis, found in ranges.items() if found > _STILL * max(ranges.values()))
 
     @property
     def sampling_time(self) -> float:

@@ -7,7 +7,20 @@ from scipy.signal import lfilter
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.tissue.diagnosis.spatial.location_in_space import cells, directions
-from space_records import FRICTION, NOISE, POSITION, SAMPLES, SPEED, STEP, TIME, VELOCITY, record, white
+from lumbar.tissue.diagnosis.spatial.spatial_data import axis_floors
+from space_records import (
+    FRICTION,
+    NOISE,
+    POSITION,
+    SAMPLES,
+    SPEED,
+    STEP,
+    TIME,
+    VELOCITY,
+    record,
+    record_of,
+    white,
+)
 
 SIDE = np.cross(VELOCITY, np.array([0.3, -0.5, 0.8]), axis=0)
 WAY = np.array([2, -1, 2]) / 3
@@ -116,3 +129,15 @@ def test_an_axis_along_which_nothing_moves_is_named_and_the_others_are_compared(
         told.save(tmp_path)
         assert "multisine: along z nothing moves, and nothing is compared." in str(told)
     assert found["multisine"].views["travel"].numbers["along"] > 0.98
+
+
+def test_the_noise_of_axes_is_known_where_each_has_a_period_of_its_own_and_one_rests():
+    time, random = 0.01 * np.arange(6000), np.random.default_rng(3)
+    # Two axes repeat after 4 and 5 s, both after 20 s; the third is held, and its encoder has noise.
+    position = np.stack(
+        [np.sin(np.pi * time / 2), np.sin(0.4 * np.pi * time), 0.001 * random.normal(size=6000)]
+    )
+    force = 0.5 * position + NOISE * random.normal(size=position.shape)
+    floors = axis_floors(record_of("orbits", time, position, force, "xyz"))
+    assert [floor.period for floor in floors] == pytest.approx([20.0] * 3)
+    assert [floor.rms for floor in floors] == pytest.approx([NOISE] * 3, rel=0.1)

@@ -101,7 +101,7 @@ def _factor(records: list[Record], wanted: int) -> int:
     edges = [band_edge(moved) for record in records for moved in record.stacked("input") if np.ptp(moved) > 0]
     largest = min(wanted, *(int(1 / (PER_CYCLE * edge)) for edge in edges))
     largest = min(largest, *(len(record) // 200 for record in records))
-    periods = [record.period or find_period(_part(record.widest, slice(_SEARCHED))) for record in records]
+    periods = [record.period or find_period(_part(record, slice(_SEARCHED))) for record in records]
     lengths = [
         round(period / record.sampling_time)
         for period, record in zip(periods, records, strict=True)

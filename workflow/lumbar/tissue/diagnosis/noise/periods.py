@@ -58,17 +58,17 @@ def mismatch(values: np.ndarray, lags: int) -> np.ndarray:
 
 
 def find_period(record: Record, fewest: int = FEWEST_PERIODS) -> float | None:
-    """Return the period of the input in seconds, or None where it does not repeat.
+    """Return the period of the input in seconds, of all axes that move, or None where it does not repeat.
 
     The shortest lag at which the input agrees with itself as well as at any other, within
     `REPEATS_WITHIN`. Noise in a measured position is allowed for: it limits the agreement at every multiple
     of the period alike. A record has to hold so many periods, `fewest`.
     """
-    values = record["input"]
-    lags = int(len(values) * (1 + _MISSING_END) / fewest)
+    inputs = [record[f"input_{axis}"] for axis in record.moving] or [record.widest["input"]]
+    lags = int(len(record) * (1 + _MISSING_END) / fewest)
     if lags < 3:
         return None
-    difference = mismatch(values, lags + 1)
+    difference = np.max([mismatch(values, lags + 1) for values in inputs], axis=0)
     inner = difference[1:-1]
     is_minimum = (inner <= difference[:-2]) & (inner <= difference[2:])
     # A smooth signal resembles itself at short lags; its period comes after it has become unlike itself.

@@ -25,9 +25,6 @@ from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, find_period
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.models.motion import Motion, SpatialMotion
 
-_STILL = 0.05
-"""Share of the largest range along an axis, below which nothing is looked for in a sensor."""
-
 
 @dataclass(frozen=True, eq=False)
 class SpatialData(JointData):
@@ -138,9 +135,7 @@ def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
     sound, faults = list(records), []
     for axis in records[0].axes:
         single = [axis_record(record, axis) for record in records]
-        # Of an axis that hardly moves beside the others noise is all there is to see.
-        least = [_STILL * float(np.ptp(record.widest["input"])) for record in records]
-        moving = [index for index, record in enumerate(single) if np.ptp(record["input"]) > least[index]]
+        moving = [index for index, record in enumerate(records) if axis in record.moving]
         repaired, found = repair([single[index] for index in moving])
         faults += found
         for index, record in zip(moving, repaired, strict=True):
@@ -151,8 +146,12 @@ def _repaired(records: list[Record]) -> tuple[list[Record], list[Finding]]:
 
 def axis_floors(record: Record) -> list[NoiseFloor] | list[None]:
     """Noise floor of every axis of a record; None of all where its motion does not repeat."""
-    moving = record.widest
-    period = record.period or find_period(moving) or find_period(moving, FEWEST_PERIODS - 1)
-    found = [noise_floor(record.axis(axis), period) for axis in record.axes if period]
+    period = record.period or find_period(record) or find_period(record, FEWEST_PERIODS - 1)
+    still = record.widest["input"]  # which repeats where noise of an axis that rests does not
+    single = [
+        one if axis in record.moving else one.with_values(input=still)
+        for axis, one in zip(record.axes, map(record.axis, record.axes), strict=True)
+    ]
+    found = [noise_floor(one, period) for one in single if period]
     known = [floor for floor in found if floor is not None]
     return known if len(known) == len(record.axes) else [None] * len(record.axes)
