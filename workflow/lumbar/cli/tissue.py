@@ -131,7 +131,8 @@ def run_diagnose(options) -> None:
     print(diagnosis)
     print(f"{options.output / 'diagnosis.html'} shows it.")
     found = diagnosis.verdict
-    if not (diagnosis.settings.forward or found.experiment.points or found.base.fit.structure.base.contact):
+    contact = found.base.fit.structure.base.contact
+    if not (diagnosis.settings.forward or found.experiment.points or contact or found.orientation):
         print(f"A device plays its model: lumbar export {options.output / 'refined.json'} --output fmu")
 
 

@@ -47,7 +47,8 @@ class SpatialDiagnosis(Diagnosis):
     @property
     def sentences(self) -> list[str]:
         """The verdict, the tissue's symmetry and axes, then what a reader asks next."""
-        axes = axes_sentences(self.verdict.model.fit, self.verdict.experiment)
+        fit, experiment = self.verdict.model.fit, self.verdict.experiment
+        axes = [] if self.verdict.orientation else axes_sentences(fit, experiment)
         return [self.headline, *axes, *details(self.verdict, self.candidates)]
 
     @property

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal, Union
+from dataclasses import replace
+from typing import Annotated, Literal, Self, Union
 
 from lumbar.settings.key import UNIQUE, Each, RecordName, key, required, settings
 
@@ -27,6 +28,11 @@ class ColumnSettings:
     def __post_init__(self):
         if self.scale == 0:
             raise ValueError("scale is 0: every value would be the same")
+
+    @property
+    def other_sign(self) -> Self:
+        """The same column, counted the other way."""
+        return replace(self, scale=-self.scale, offset=-self.offset or 0.0)
 
 
 @settings

@@ -47,7 +47,7 @@ _STRONGEST = 0.5
 def signed(name: str, unit: str, symbol: str, most: float) -> NonlinearParameter:
     """A parameter of either sign that begins at 0, of at most this size."""
     ends = float(np.exp(-most)), float(np.exp(most))
-    return NonlinearParameter(name, unit, "one", 1.0, 1.0, 1, ends, symbol=symbol, signed=True)
+    return NonlinearParameter(name, unit, "one", 1.0, 1.0, 1, ends, symbol=symbol, signed=True, decisive=True)
 
 
 def turn(vector: np.ndarray) -> np.ndarray:

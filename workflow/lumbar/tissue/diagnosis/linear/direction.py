@@ -6,7 +6,7 @@ and the output is the smoother one; of a wrong sign the integral alone is negati
 force over position tells.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain, combinations
 from pathlib import Path
 
@@ -199,18 +199,17 @@ def _standard_errors(stretches: list[np.ndarray]) -> float:
 
 
 def _direction(experiment: Experiment, layout: ColumnLayout, reason: str, value: float) -> Finding:
-    columns = _yaml(input=layout.columns["output"], output=layout.columns["input"])
+    columns = columns_yaml(input=layout.columns["output"], output=layout.columns["input"])
     return Finding.of("direction", value, "", reason=reason, forward=FORWARD, columns=columns)
 
 
 def _sign(experiment: Experiment, layout: ColumnLayout, reason: str, value: float) -> Finding:
-    output = layout.columns["output"]
-    flipped = replace(output, scale=-output.scale, offset=-output.offset or 0.0)
-    words = {"force": experiment.output_quantity, "reason": reason, "columns": _yaml(output=flipped)}
+    columns = columns_yaml(output=layout.columns["output"].other_sign)
+    words = {"force": experiment.output_quantity, "reason": reason, "columns": columns}
     return Finding.of("sign", value, "", **words)
 
 
-def _yaml(**columns: ColumnSettings) -> str:
+def columns_yaml(**columns: ColumnSettings) -> str:
     """Lines of a study's YAML that read these roles."""
     lines = ["tissue:", "  layout:", "    columns:"]
     for role, column in columns.items():

@@ -94,8 +94,9 @@ class Verdict:
 
     @property
     def orientation(self) -> Finding | None:
-        """The finding that input and output, or a sign, are the wrong way round; None where they are not."""
-        return next((item for item in self.findings if item.kind in ("direction", "sign")), None)
+        """The finding that input and output, a sign or channels are the wrong way round; None where they are not."""
+        wrong = ("direction", "sign", "force_channels")
+        return next((item for item in self.findings if item.kind in wrong), None)
 
     @property
     def complete(self) -> bool | None:
@@ -267,7 +268,7 @@ def noise_sentence(experiment: Experiment) -> str:
 def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
     """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
     unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
-    lines = [item.sentence for item in diagnosis.findings]
+    lines = [item.sentence for item in diagnosis.findings if item is not diagnosis.orientation]
     if any("interval" in line for line in lines):
         lines.append(CONDITIONAL)
     if not diagnosis.model.fit.converged:

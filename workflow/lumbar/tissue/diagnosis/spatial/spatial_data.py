@@ -99,6 +99,7 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         raise InputError(
             f"improvement.{key}: records of several axes begin at rest and have the position as input"
         )
+    _check_channels(records)
     sound, faults = _repaired([with_force_frame(record, settings.force_frame) for record in records])
     chosen, others = choose_training(sound, settings.train)
     first = chosen[0]
@@ -123,6 +124,19 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         settling_s=settings.settling_s,
         hands=settings.hands,
     )
+
+
+def _check_channels(records: Sequence[Record]) -> None:
+    """Refuse a force that does not change along an axis which some record moves along."""
+    for axis in records[0].axes:
+        moved = [record for record in records if axis in record.moving]
+        dead = [record.name for record in moved if np.ptp(record[f"output_{axis}"]) == 0]
+        if dead:
+            unit = records[0].channels[f"output_{axis}"].unit
+            raise InputError(
+                f"{', '.join(dead)}: the force along {axis} is {moved[0][f'output_{axis}'][0]:g} {unit} throughout, though the "
+                f"position moves: look for a channel that was not connected, or leave the columns of {axis} out"
+            )
 
 
 def axis_record(record: Record, axis: str) -> Record:

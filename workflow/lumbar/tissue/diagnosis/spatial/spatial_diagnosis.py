@@ -11,6 +11,7 @@ from lumbar.tissue.diagnosis.selection.forward_selection import Selection, exten
 from lumbar.tissue.diagnosis.selection.refine import added_in_turn
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.spatial.force_channels import exchanged_channels
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held, likelier
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
 from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, spatial_findings
@@ -38,6 +39,10 @@ def diagnose(records: list[Record], settings: DiagnosisSettings) -> Verdict:
     axes = records[0].axes
     settings = replace(settings, catalogue=usable_in_space(settings.searched, axes, experiment))
     kinds = _kinds(settings)
+    exchanged = exchanged_channels(experiment, axes, settings.layout)
+    if exchanged is not None:
+        base, told = choose_base(experiment, axes, kinds), (*experiment.faults, exchanged)
+        return Verdict(experiment, base, "unexplained", [base], [], [], 0.0, "unexplained", findings=told)
     verdict = _search(experiment, settings, axes, kinds)
     if experiment.error_dwarfs_noise(verdict.model.train_rms):
         verdict = _search(experiment.without_whitening(), settings, axes, kinds)

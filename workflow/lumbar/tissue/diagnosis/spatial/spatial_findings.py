@@ -21,19 +21,21 @@ from lumbar.tissue.models.symmetry import matrices_of, symmetric_base
 
 _VAGUE = 0.2
 """Half width of the 95 % interval of a stiffness, as a share of it, from which on the direction is told."""
-_SMALL = 0.05
-"""Share of the largest spread of the position below which a direction is told."""
+_SMALL, _SMALLISH = 0.05, 0.25
+"""Share of the largest spread of the position up to which a direction is told, and one whose stiffness is vague."""
 SENSOR = ("turned_frame", "crosstalk")
 """Effects of the force sensor."""
 
 
+NAMED = ("named", "tied")
+"""Verdicts by which an effect is there."""
 _TOLD = {"turned_frame": "axes that are turned", "crosstalk": "crosstalk between its channels"}
 
 
 def headline_in_space(verdict: Verdict) -> str:
     """The verdict in one sentence: what the force sensor does is none of the tissue's."""
     sensor = [_TOLD[name] for name in verdict.selected if name in SENSOR]
-    if not sensor or verdict.verdict not in ("named", "tied"):
+    if not sensor or verdict.verdict not in NAMED:
         return headline(verdict)
     tissue = [name for name in verdict.selected if name not in SENSOR]
     base, fall = verdict.base.fit.structure.base.name, error_falls(verdict)
@@ -51,9 +53,10 @@ def spatial_findings(verdict: Verdict, axes: tuple[str, ...]) -> list[Finding]:
     experiment, fit = verdict.experiment, verdict.model.fit
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
     found = []
-    if "turned_frame" in verdict.selected:
+    named = verdict.selected if verdict.verdict in NAMED else ()
+    if "turned_frame" in named:
         found.append(_turned([item for item in known if item.effect == "turned_frame"], axes))
-    if "crosstalk" in verdict.selected:
+    if "crosstalk" in named:
         found.append(_crosstalk([item for item in known if item.effect == "crosstalk"]))
     return [*position_offset(experiment), *found, *_vague(experiment, axes)]
 
@@ -98,7 +101,7 @@ def _vague(experiment: Experiment, axes: tuple[str, ...]) -> list[Finding]:
     """
     fit = fit_base(Structure(symmetric_base(BASES["KV"], axes)), experiment.training)
     direction, share, value, half = _least_moved(fit, experiment, len(axes))
-    if half < _VAGUE * abs(value) and share > _SMALL:
+    if share > (_SMALL if half < _VAGUE * abs(value) else _SMALLISH):
         return []
     words = {"along": in_words(direction), "share": 100 * share, "low": value - half, "high": value + half}
     unit = f"{experiment.output_unit}/{experiment.input_unit}"

@@ -1,0 +1,62 @@
+"""Channels of the force that are exchanged or count the other way are told, with the columns that read them rightly."""
+
+from dataclasses import replace
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+import yaml
+
+from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
+from lumbar.tissue.diagnosis.spatial.force_channels import exchanged_channels
+from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
+from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import diagnose
+from space_records import FRICTION, POSITION, STIFFNESS, record, record_of, white
+
+TURNED = np.array([[0.9, -0.4, 0.2], [-0.4, 0.5, 0.1], [0.2, 0.1, 0.3]])
+"""Stiffness beside the spring's, positive with it, in no frame of the axes."""
+
+
+def told(item):
+    return exchanged_channels(prepare([item], DiagnosisSettings()), item.axes, None)
+
+
+def misread(order, signs):
+    force = STIFFNESS * POSITION + TURNED @ POSITION + FRICTION + white()
+    wrong = np.array(signs)[:, None] * force[list(order)]
+    return record_of("multisine", record(FRICTION).time, POSITION, wrong, "xyz")
+
+
+READINGS = [*product(permutations(range(3)), product((1, -1), repeat=3))]
+
+
+@pytest.mark.parametrize(("order", "signs"), READINGS[1:])
+def test_every_other_reading_is_told_with_the_columns_that_take_it_back(order, signs):
+    found = told(misread(order, signs))
+    columns = yaml.safe_load(found.sentence.partition("\n")[2])["tissue"]["layout"]["columns"]
+    for axis, name in enumerate("xyz"):
+        column = columns[f"output_{name}"]
+        at = order.index(axis)
+        assert column["column"] == f"force_{'xyz'[at]}_N"
+        assert column.get("scale", 1.0) == signs[at]
+    assert found.value > 90
+
+
+@pytest.mark.parametrize("axes", ["xyz", "xz"])
+def test_channels_as_they_should_be_are_not_accused(axes):
+    assert told(record(FRICTION, axes=axes)) is None
+    assert told(misread(*READINGS[0])) is None
+
+
+def test_no_effect_is_named_beside_them():
+    found = diagnose([misread((0, 1, 2), (1, 1, -1))], DiagnosisSettings())
+    assert (found.verdict, found.selected) == ("unexplained", ())
+    assert found.orientation.kind == "force_channels"
+
+
+def test_a_channel_that_is_dead_is_named():
+    item = record(FRICTION)
+    dead = replace(item.with_values(output_z=np.zeros(len(item))), name="bench")
+    with pytest.raises(InputError, match="bench: the force along z is 0 N throughout"):
+        diagnose([dead], DiagnosisSettings())
