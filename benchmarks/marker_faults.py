@@ -13,8 +13,8 @@ import os
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from one_thread import PROJECT  # isort: skip
@@ -26,6 +26,7 @@ from lumbar.lifting.quality.displacement import ALONE
 from lumbar.lifting.quality.drift import smallest_seen
 from lumbar.lifting.quality.gate import examine, unchecked_properties
 from lumbar.lifting.quality.landmarks import landmarks
+from lumbar.lifting.quality.other_trials import of_same_person, other_trials
 from lumbar.lifting.quality.sheet import FINE_RATE, LEFT_OUT, Finding, Legend
 from lumbar.records.c3d_file import analog_channels
 from lumbar.records.c3d_structure import check_structure
@@ -56,6 +57,8 @@ SOUND = {
     },
 }
 Points = dict[str, np.ndarray]
+Others = tuple[Points, ...]
+WITH = ", with other trials"
 FEWEST_CUT = 10
 """Samples beyond a limit that make a fault of it."""
 
@@ -75,6 +78,8 @@ class Case:
     """Entry of `unchecked_properties` that says that the fault cannot be seen here."""
     size_m: float = 0.0
     """Of a drift: where the smallest that is seen is larger, the sheet says so."""
+    others: Others = ()
+    """Other trials of the person."""
 
 
 def _folder() -> Path:
@@ -106,29 +111,43 @@ def sound_variants(points: Points, rate: float, rng: np.random.Generator) -> Ite
     yield gappy, rate
 
 
-def alarms(rng: np.random.Generator) -> tuple[int, list[str]]:
-    """Number of sound recordings looked at, and what was found in them."""
-    count, found = 0, []
+def known_trials() -> dict[str, Others]:
+    """Other trials of the person in a recording, as far as there are some."""
+    layout, paths = MarkerLayout(check_axes=False), {name: _folder() / name for name in SOUND}
+    trials = other_trials(paths.values(), layout)
+    return {name: tuple(of_same_person(trials, path).values()) for name, path in paths.items()}
+
+
+def alarms(rng: np.random.Generator, known: dict[str, Others]) -> tuple[list[int], list[str]]:
+    """Numbers of sound recordings looked at, alone and with other trials, and what was found in them."""
+    counts, found = [0, 0], []
     for name, up in SOUND.items():
         points, rate = read(name, up)
-        for number, (variant, variant_rate) in enumerate(sound_variants(points, rate, rng)):
-            count += 1
-            found += [f"{name}, {number}: {item}" for item in findings_of(variant, variant_rate)]
-    return count, found
+        for number, variant in enumerate(sound_variants(points, rate, rng)):
+            for index, others in enumerate(((), known[name]) if known[name] else ((),)):
+                counts[index] += 1
+                found += [f"{name}, {number}{WITH * index}: {item}" for item in findings_of(*variant, others)]
+    return counts, found
 
 
-def findings_of(points: Points, rate: float) -> list[Finding]:
+def findings_of(points: Points, rate: float, others: Others = ()) -> list[Finding]:
     """What is found in a recording."""
-    return examine(points, np.arange(len(next(iter(points.values())))) / rate, rate)
+    time = np.arange(len(next(iter(points.values())))) / rate
+    return examine(points, time, rate, others=others)
+
+
+def trunk_markers(points: Points) -> list[str]:
+    """Labels of the markers of the pelvis, and of one at the top."""
+    found = landmarks(points)
+    pelvis = [f"{side}_{name}" for side in "LR" for name in ("ASIS", "PSIS")]
+    top = next(name for name in ("C7", "T1", "MANUBRIUM") if name in found)
+    return [found[name] for name in (top, *pelvis, "SACRUM") if name in found]
 
 
 def cases(points: Points, rate: float, rng: np.random.Generator) -> Iterator[Case]:
     """Yield a recording with one fault after the other."""
     found = landmarks(points)
-    pelvis = [f"{side}_{name}" for side in "LR" for name in ("ASIS", "PSIS")]
-    top = next(name for name in ("C7", "T1", "MANUBRIUM") if name in found)
-    trunk = [found[name] for name in (top, *pelvis, "SACRUM") if name in found]
-    for label in trunk:
+    for label in trunk_markers(points):
         yield from _drifts(points, rate, label, rng)
         yield from _clipped(points, rate, label)
         yield from _jumps(points, rate, label, rng)
@@ -186,7 +205,7 @@ def _jumps(points: Points, rate: float, label: str, rng: np.random.Generator) ->
 
 def verdict(case: Case) -> str:
     """named, other (something else is, too or instead), said (that it, or which part is wrong, cannot be told) or missed."""
-    found = findings_of(case.points, case.rate)
+    found = findings_of(case.points, case.rate, case.others)
     if not found:
         return "said" if _said(case) else "missed"
     right = {(item.kind, item.markers) for item in found} == {case.expected}
@@ -239,9 +258,18 @@ def _said(case: Case) -> bool:
     time = np.arange(len(next(iter(case.points.values())))) / case.rate
     if case.size_m:
         named = {label: landmark for landmark, label in landmarks(case.points).items()}
-        size, _ = smallest_seen(case.points, Legend(time, case.rate, named))[case.expected[1][0]]
-        return size > case.size_m
+        sizes = smallest_seen(case.points, Legend(time, case.rate, named), case.others)
+        return sizes[case.expected[1][0]][0] > case.size_m
     return case.untold in unchecked_properties(case.points, time, case.rate)
+
+
+def count_verdicts(name: str, made: Iterable[Case], counted: dict[str, Counter]) -> None:
+    """Judge cases of a recording, and print those that are not seen."""
+    for case in made:
+        judged = verdict(case)
+        counted.setdefault(case.fault, Counter())[judged] += 1
+        if judged not in ("named", "said"):
+            print(f"{judged}: {name}, {case.fault}, {case.expected}")
 
 
 def main() -> int:
@@ -251,21 +279,23 @@ def main() -> int:
     parser.add_argument("--markdown", type=Path)
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
-    count, found = alarms(rng)
+    known = known_trials()
+    counts, found = alarms(rng, known)
     print("\n".join(found))
     counted: dict[str, Counter] = {}
     for name, up in SEEDED.items():
         counted.setdefault("clipped channel of a force plate", Counter()).update(clipped_plates(name))
         points, rate = read(name, up)
-        for case in cases(points, rate, rng):
-            judged = verdict(case)
-            counted.setdefault(case.fault, Counter())[judged] += 1
-            if judged not in ("named", "said"):
-                print(f"{judged}: {name}, {case.fault}, {case.expected}")
+        count_verdicts(name, cases(points, rate, rng), counted)
+    for name in filter(known.get, SOUND):
+        points, rate = read(name, SOUND[name])
+        drifting = (case for label in trunk_markers(points) for case in _drifts(points, rate, label, rng))
+        beside = (replace(case, fault=case.fault + WITH, others=known[name]) for case in drifting)
+        count_verdicts(name, beside, counted)
     lines = [
         f"|fault in {len(SEEDED)} recordings|named|else named|said that nothing tells|not seen|",
         "|---|---|---|---|---|",
-        f"|none, in {count} sound ones||{len(found)}|||",
+        f"|none, in {counts[0]} sound ones, {counts[1]} also{WITH[1:]}||{len(found)}|||",
     ]
     for fault, verdicts in counted.items():
         shown = "|".join(str(verdicts[word]) for word in ("named", "other", "said", "missed"))

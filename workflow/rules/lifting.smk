@@ -15,6 +15,7 @@ rule lift:
         static=lambda wildcards: [
             recording(path) for path in [study.lifts[wildcards.lift].static] if path is not None
         ],
+        others=lambda wildcards: [recording(path) for path in study.others_of(wildcards.lift)],
         checked=ancient("<results>/checked/lifting.json"),
     output:
         centres="<results>/lifting/{lift}/com.csv",
@@ -58,6 +59,7 @@ if settings.lifting.body_model is not None:
             markers=rules.lift.input.markers,
             forces=rules.lift.input.forces,
             static=rules.lift.input.static,
+            others=rules.lift.input.others,
             checked=ancient("<results>/checked/lifting.json"),
         output:
             states="<results>/lifting/{lift}/body_model_pendulum.csv",

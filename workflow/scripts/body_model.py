@@ -24,8 +24,10 @@ def main(
     from lumbar.base.errors import InputError
     from lumbar.interface.body_model import save_without_model
     from lumbar.interface.lift import lift as analyse
+    from lumbar.lifting.quality.other_trials import other_trials
 
-    beside = {role: next(iter(input[role]), None) for role in ("static", "forces")}
+    beside: dict = {role: next(iter(input[role]), None) for role in ("static", "forces")}
+    beside |= {"others": other_trials(input.others, settings.markers, subject.height_m)}
     found = analyse(input.markers, subject, trial=trial, name=lift, **beside, settings=settings, data=data)
     folder = Path(output.areas).parent
     try:

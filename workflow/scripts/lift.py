@@ -20,8 +20,10 @@ def main(
     from pathlib import Path
 
     from lumbar.interface.lift import lift as analyse
+    from lumbar.lifting.quality.other_trials import other_trials
 
-    beside = {role: next(iter(input[role]), None) for role in ("static", "forces")}
+    beside: dict = {role: next(iter(input[role]), None) for role in ("static", "forces")}
+    beside |= {"others": other_trials(input.others, settings.markers, subject.height_m)}
     found = analyse(input.markers, subject, trial=trial, name=lift, **beside, settings=settings, data=data)
     found.save(Path(output.summary).parent)
     if not found.analysed.states:

@@ -114,16 +114,21 @@ def run_inspect(options) -> None:
     import json
 
     from lumbar.interface.inspecting import check_picture, inspect
+    from lumbar.lifting.quality.other_trials import of_same_person, trials_beside
+    from lumbar.settings.lifting import LiftingSettings
 
     if options.picture and len(options.files) > 1:
         raise InputError(f"--picture draws one file; {len(options.files)} are given")
     if options.picture:
         check_picture(options.picture)
     settings = given_settings(options).lifting if options.config else None
+    layout = (settings or LiftingSettings()).markers
+    trials = trials_beside(options.files, layout, options.height)
     problems, found = Problems("files"), []
     for file in options.files:
         try:
-            found.append(inspect(file, settings=settings, height_m=options.height))
+            others = of_same_person(trials, file)
+            found.append(inspect(file, settings=settings, height_m=options.height, others=others))
         except InputError as error:
             problems.add("", str(error))
     if options.json:

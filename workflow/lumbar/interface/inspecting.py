@@ -17,6 +17,7 @@ from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.body import axes_found
 from lumbar.lifting.quality.gate import usable_markers
 from lumbar.lifting.quality.landmarks import THIGH, landmarks
+from lumbar.lifting.quality.other_trials import Trials, beside
 from lumbar.lifting.quality.screening import Screening, meant_labels, naming, sheet_of
 from lumbar.lifting.quality.sheet import QualitySheet, quality_sheet
 from lumbar.records.force_plates import read_force_plates
@@ -36,7 +37,11 @@ _FRAMES = 1000
 
 
 def inspect(
-    path: str | os.PathLike, *, settings: LiftingSettings | None = None, height_m: float | None = None
+    path: str | os.PathLike,
+    *,
+    settings: LiftingSettings | None = None,
+    height_m: float | None = None,
+    others: Trials | None = None,
 ) -> "Inspected":
     """Look into a marker file without computing anything from it.
 
@@ -50,6 +55,8 @@ def inspect(
         How markers are read and gaps filled.
     height_m : float, optional
         Stature of the person: lengths of the body are compared with it.
+    others : dict, optional
+        As of `lumbar.lift`.
 
     Raises
     ------
@@ -72,7 +79,8 @@ def inspect(
         raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
     chosen = settings or LiftingSettings()
     layout = chosen.markers
-    recording, screening, bodies = _look(path, chosen, height_m)
+    others = beside(others or {}, path)
+    recording, screening, bodies = _look(path, chosen, height_m, others)
     sound = usable_markers(screening.points, screening.findings)
     found = _axes(sound, meant_labels(layout.aliases, sound), layout)
     up, forward = found or (layout.up, layout.forward)
@@ -83,13 +91,13 @@ def inspect(
         turned = replace(chosen, markers=replace(layout, up=up, forward=forward))
     if turned is not None and settings is None:
         chosen = turned
-        recording, screening, bodies = _look(path, turned, height_m)
+        recording, screening, bodies = _look(path, turned, height_m, others)
     pipeline = _pipeline(path, recording, screening, bodies, chosen)
     if turned is not None and settings is not None:
         axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
-        recording, screening, _ = _look(path, turned, height_m)
+        recording, screening, _ = _look(path, turned, height_m, others)
     return Inspected(
-        quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
+        quality_sheet(recording, screening.points, screening.findings, screening.unchecked, others),
         axes,
         _plates(path, (turned or chosen).markers),
         pipeline,
@@ -100,9 +108,10 @@ def inspect(
     )
 
 
-def _look(path: Path, settings: LiftingSettings, height_m: float | None) -> tuple:
+def _look(path: Path, settings: LiftingSettings, height_m: float | None, others: Trials) -> tuple:
     """A file's recording, the screening and the rigid bodies it was read with: once, for the sheet and for the pipeline."""
-    screening, bodies = Screening(height_m, settings.markers.aliases, refuse=False), BodyFilling(settings)
+    aliases = settings.markers.aliases
+    screening, bodies = Screening(height_m, aliases, refuse=False, others=others), BodyFilling(settings)
     layout = replace(settings.markers, required=(), check_axes=False)
     try:
         recording = read_markers(path, layout, screen=screening, mend=bodies)
@@ -151,7 +160,7 @@ def _pipeline(path: Path, recording, screening, bodies, settings: LiftingSetting
     subject = replace(_STAND_IN, height_m=screening.height_m or _STAND_IN.height_m)
     try:
         if layout.required != ():
-            return True, str(lift(path, subject, 0.0, settings=settings))
+            return True, str(lift(path, subject, 0.0, settings=settings, others=dict(screening.others)))
         with naming(path):
             screening.raise_errors()
             if layout.check_axes:

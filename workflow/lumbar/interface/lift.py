@@ -18,6 +18,7 @@ from lumbar.lifting.movement.event_detection import several_lifts
 from lumbar.lifting.movement.events import comparison, event_sources
 from lumbar.lifting.movement.plate_check import PlateCheck, plate_check
 from lumbar.lifting.movement.rigid_filling import BodyFilling
+from lumbar.lifting.quality.other_trials import Trials, beside
 from lumbar.lifting.quality.screening import Screening, naming, read_screened
 from lumbar.lifting.quality.sheet import QualitySheet
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
@@ -47,6 +48,7 @@ def lift(
     settings: LiftingSettings | None = None,
     static: str | os.PathLike | None = None,
     forces: str | os.PathLike | None = None,
+    others: Trials | None = None,
     data: str = "",
 ) -> Lift:
     """Find the events, centres of mass and pendulum states of one lift.
@@ -69,6 +71,9 @@ def lift(
     forces : path, optional
         File of the ground reaction forces (``.mot`` or C3D); default the trial's, and without one the plates of the marker
         file itself.
+    others : dict, optional
+        Other trials of the person, as of `lumbar.lifting.quality.other_trials.other_trials`: they tell a marker that drifts from
+        what posture does.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -99,7 +104,8 @@ def lift(
         None if static is None else labelled_markers(static, settings.markers, subject.height_m).positions
     )
     bodies = BodyFilling(settings, standing)
-    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
+    others = beside(others or {}, markers)
+    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies, others)
     sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     analysed = lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings)
     data = data_label(data, [recording.source])

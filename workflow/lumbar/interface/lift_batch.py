@@ -12,6 +12,7 @@ from lumbar.interface.lift import Lift, lift, lift_names, marker_files, without_
 from lumbar.interface.movement import measure_movement
 from lumbar.lifting.measures.lift_values import long_table
 from lumbar.lifting.movement.events import EVENTS, event_sources
+from lumbar.lifting.quality.other_trials import trials_beside
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.stability import StabilitySettings
@@ -106,6 +107,8 @@ def lift_all(
         Names of the lifts without any result.
     """
     rows, failed, measured = [], [], []
+    paths = [static, *(item.markers for item in lifts)]
+    others = trials_beside(paths, settings.markers, subject.height_m)
     for item in lifts:
         try:
             if item.markers is None:
@@ -118,6 +121,7 @@ def lift_all(
                 name=item.name,
                 settings=settings,
                 static=static,
+                others=others,
                 data=data or item.markers.name,
             )
             found.save(output / item.name)

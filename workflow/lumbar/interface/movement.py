@@ -19,6 +19,7 @@ from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import MEASURES, WINDOWS
+from lumbar.lifting.quality.other_trials import trials_beside
 from lumbar.settings.lifting import ALIASES, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -174,10 +175,18 @@ def measure_person(
     """
     found: dict[str, Lift] = {}
     frames: dict[str, pd.DataFrame] = {}
+    others = trials_beside([static, *markers.values()], lifting.markers, subject.height_m)
     for name, path in markers.items():
         try:
             one = lift(
-                path, subject, trial=trials[name], name=name, settings=lifting, static=static, data=data
+                path,
+                subject,
+                trial=trials[name],
+                name=name,
+                settings=lifting,
+                static=static,
+                others=others,
+                data=data,
             )
             frames[name] = measure_movement(one, settings=stability).values
             found[name] = one

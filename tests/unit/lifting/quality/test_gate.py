@@ -1,5 +1,7 @@
 """Silent corruptions of real recordings are all named, nothing is found in untouched ones, jumps are left out to the frame."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from quality_corruptions import CORRUPTIONS, Trunk, changed, corrupted, exchanged
@@ -7,6 +9,7 @@ from quality_corruptions import CORRUPTIONS, Trunk, changed, corrupted, exchange
 from lumbar.lifting.quality.displacement import off_its_part
 from lumbar.lifting.quality.gate import examine, unchecked_properties
 from lumbar.lifting.quality.landmarks import side_pairs
+from lumbar.lifting.quality.other_trials import beside, of_same_person
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 
@@ -283,6 +286,43 @@ def test_of_a_short_trial_the_drift_that_may_go_unseen_is_told_and_a_larger_one_
         away = points["Clavical"] + np.outer(np.linspace(0, size, len(recording)), direction)
         (finding,) = examine(changed(points, "Clavical", slice(None), away), *clock)
         assert (finding.kind, finding.markers) == ("drift", ("Clavical",))
+
+
+@pytest.mark.parametrize("anew_m", [0.0, 0.01])
+def test_other_trials_of_the_person_tell_a_creep_from_posture(recordings, anew_m):
+    rng = np.random.default_rng(1)
+    trials = {
+        f"sts_{kind}_{number}.trc": recordings(f"sts_trunk_flexion_trc/sts_{kind}_{number}.trc")[0].positions
+        for kind in ("perturbed", "unperturbed")
+        for number in range(1, 5)
+    }
+    own = recordings("sts_trunk_flexion_trc/sts_perturbed_2.trc")[0]
+    clock = own.time, own.rate
+    others = [
+        {label: positions + rng.normal(0, anew_m, 3) for label, positions in trial.items()}
+        for trial in beside(trials, "sts_perturbed_2.trc").values()
+    ]
+    assert len(others) == 7
+    assert examine(own.positions, *clock, others=others) == []
+    away = np.linspace(0, 0.03, len(own))
+    for label, direction in product(("Clavical", "L_ASIS"), np.eye(3)[:2]):
+        points = changed(own.positions, label, slice(None), own.positions[label] + np.outer(away, direction))
+        (finding,) = examine(points, *clock, others=others)
+        assert (finding.kind, finding.markers) == ("drift", (label,))
+        # In another trial it makes no drift of a sound one, and one other trial may be the one that drifts.
+        assert examine(trials["sts_unperturbed_1.trc"], *clock, others=[points, *others[:2]]) == []
+        assert examine(trials["sts_unperturbed_1.trc"], *clock, others=[points]) == []
+
+
+def test_trials_of_one_person_have_the_labels_and_constant_distances_of_each_other(recordings):
+    one, other, third = (
+        recordings(f"sts_trunk_flexion_trc/sts_perturbed_{number}.trc")[0].positions for number in (1, 2, 3)
+    )
+    larger = {label: 1.05 * positions for label, positions in one.items()}
+    fewer = {label: positions for label, positions in one.items() if label != "R_Toe"}
+    trials = {"one": one, "other": other, "larger": larger, "fewer": fewer, "third": third}
+    assert list(of_same_person(trials, "one")) == ["other", "third"]
+    assert of_same_person({"one": one, "other": other}, "one") == {}
 
 
 @pytest.mark.parametrize("pair", [("LKNE", "LANK"), ("RKNE", "RANK")])

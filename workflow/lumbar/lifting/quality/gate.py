@@ -57,6 +57,7 @@ def examine(
     height_m: float | None = None,
     meant: dict[str, str] | None = None,
     joints: bool = False,
+    others: Sequence[dict[str, np.ndarray]] = (),
 ) -> list[Finding]:
     """Find what in a recording cannot be a body that moves, by marker and time.
 
@@ -74,6 +75,8 @@ def examine(
         Landmark to label, where labels mean something else than usual.
     joints : bool
         Whether points are joints of a skeleton, which coincide where a segment has no length.
+    others : sequence of dict
+        Points of other trials of the person, in some of their frames: they tell what posture does.
     """
     if not points:
         return []
@@ -93,7 +96,7 @@ def examine(
         findings.append(legend.finding("off its part", (label,), stretch, evidence=evidence))
     noisy = _jitter({label: points[label] for label in points if label not in stepping}, legend)
     partly = {label for finding in findings if finding.outcome != NOTED for label in finding.markers}
-    found = drifts({label: points[label] for label in points if label not in partly}, legend)
+    found = drifts({label: points[label] for label in points if label not in partly}, legend, others)
     findings += found
     points = mask_findings(points, found)
     findings += _stature(points, legend, height_m) + noisy
@@ -110,6 +113,7 @@ def unchecked_properties(
     height_m: float | None = None,
     meant: dict[str, str] | None = None,
     findings: Sequence[Finding] = (),
+    others: Sequence[dict[str, np.ndarray]] = (),
 ) -> dict[str, str]:
     """Return what `examine` cannot compare with a body in a recording, with the reason; parameters as there, and its findings."""
     if not points:
@@ -135,7 +139,7 @@ def unchecked_properties(
         found["rate"] = "too short, or the person hardly moves"
     if not any(finding.outcome == ERROR for finding in findings):
         kept = usable_markers(points, findings)
-        found |= _unseen_drifts(smallest_seen(kept, Legend(time, rate, named)), time)
+        found |= _unseen_drifts(smallest_seen(kept, Legend(time, rate, named), others), time)
     walked = walk(sampled, named)
     if walked is None or not np.isfinite(walked.steps):
         found[FINE_RATE] = (

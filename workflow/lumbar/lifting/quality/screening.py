@@ -35,6 +35,8 @@ class Screening:
     """Of the layout: what the laboratory's labels mean."""
     refuse: bool = True
     """Raise for findings that are errors; otherwise they are only kept."""
+    others: Mapping[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    """Other trials of the person, as of `lumbar.lifting.quality.other_trials.other_trials`."""
     findings: list[Finding] = field(default_factory=list)
     """Of the file read last."""
     points: dict[str, np.ndarray] = field(default_factory=dict)
@@ -48,8 +50,9 @@ class Screening:
         """Return the points without what the findings leave out, and why a marker is left out altogether."""
         meant = meant_labels(self.aliases, points)
         meant = meant_in_rules(self.aliases, points, meant) | meant
-        self.points, self.findings = points, examine(points, time, rate, self.height_m, meant, joints)
-        self.unchecked = unchecked_properties(points, time, rate, self.height_m, meant, self.findings)
+        others = tuple(self.others.values())
+        self.points, self.findings = points, examine(points, time, rate, self.height_m, meant, joints, others)
+        self.unchecked = unchecked_properties(points, time, rate, self.height_m, meant, self.findings, others)
         if self.refuse:
             self.raise_errors()
         screened = mask_findings(points, self.findings)
@@ -74,10 +77,12 @@ def read_screened(
     name: str | None = None,
     height_m: float | None = None,
     mend: Mend | None = None,
+    others: Mapping[str, dict[str, np.ndarray]] | None = None,
 ) -> tuple[MarkerRecording, QualitySheet]:
     """Read a marker file, leaving out what cannot be a body; with the sheet that says so.
 
-    There are gaps where a marker was left out; one left out altogether is among `MarkerRecording.dropped`.
+    There are gaps where a marker was left out; one left out altogether is among `MarkerRecording.dropped`. `others` are other
+    trials of the person, as of `lumbar.lifting.quality.other_trials.other_trials`.
 
     Raises
     ------
@@ -85,7 +90,7 @@ def read_screened(
         As `read_markers`; and where the unit, the rate or the sides of the whole recording are impossible.
     """
     layout = layout or MarkerLayout()
-    screening = Screening(height_m, layout.aliases)
+    screening = Screening(height_m, layout.aliases, others=others or {})
     with naming(path):
         recording = read_markers(path, layout, name=name, screen=screening, mend=mend)
         return recording, sheet_of(recording, screening, layout)
@@ -110,7 +115,9 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
         For axes that are not those of the body.
     """
     check_unaliased_axes(usable_markers(screening.points, screening.findings), recording, layout)
-    return quality_sheet(recording, screening.points, _concerning(screening), screening.unchecked)
+    return quality_sheet(
+        recording, screening.points, _concerning(screening), screening.unchecked, screening.others
+    )
 
 
 def _concerning(screening: Screening) -> list[Finding]:

@@ -4,7 +4,7 @@ A finding says which markers, when, what was seen, the likely cause, and what is
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -129,6 +129,8 @@ class QualitySheet:
     """What the file contradicts itself in."""
     unchecked: dict[str, str] = field(default_factory=dict)
     """What could not be compared with a body, with the reason."""
+    others: tuple[str, ...] = ()
+    """Files of other trials of the person, which told what posture does to markers."""
 
     @property
     def missing_share(self) -> float:
@@ -144,7 +146,8 @@ class QualitySheet:
 
     def as_dict(self) -> dict:
         """Return the sheet as data for JSON."""
-        return asdict(self) | {"missing_share": self.missing_share}
+        told = asdict(self) | {"missing_share": self.missing_share}
+        return told if self.others else {name: value for name, value in told.items() if name != "others"}
 
     def lines(self) -> list[str]:
         """Return the sheet in sentences."""
@@ -165,6 +168,8 @@ class QualitySheet:
         lines += [f"{finding.outcome}: {finding}" for finding in self.findings] or [
             "findings: none" + (" in what could be checked" if self.unchecked else "")
         ]
+        if self.others:
+            lines.append(f"what posture does to markers: also by {', '.join(self.others)}")
         if self.unchecked:
             reasons = "; ".join(f"{what} ({reason})" for what, reason in self.unchecked.items())
             lines.append(f"not checked: {reasons}")
@@ -191,11 +196,12 @@ def quality_sheet(
     points: dict[str, np.ndarray],
     findings: Sequence[Finding],
     unchecked: dict[str, str] | None = None,
+    others: Iterable[str] = (),
 ) -> QualitySheet:
     """Return the sheet of a recording.
 
     The points are its measured markers by the file's labels, before anything was left out; `unchecked` is as of
-    `lumbar.lifting.quality.gate.unchecked_properties`.
+    `lumbar.lifting.quality.gate.unchecked_properties`, `others` are paths of other trials of the person.
     """
     return QualitySheet(
         file=recording.source,
@@ -213,6 +219,7 @@ def quality_sheet(
         events=recording.events,
         notes=recording.notes,
         unchecked=dict(unchecked or {}),
+        others=tuple(Path(path).name for path in others),
     )
 
 
