@@ -10,6 +10,7 @@ from lumbar.lifting.quality.displacement import off_its_part
 from lumbar.lifting.quality.gate import examine, unchecked_properties
 from lumbar.lifting.quality.landmarks import side_pairs
 from lumbar.lifting.quality.other_trials import beside, of_same_person
+from lumbar.lifting.quality.sheet import FINE_RATE
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 
@@ -393,3 +394,42 @@ def test_coarse_numbers_are_neither_frozen_nor_clipped(recordings, decimals):
     recording, _ = recordings("s2m_box_transfer/Vicon.c3d")
     points = {label: np.round(positions, decimals) for label, positions in recording.positions.items()}
     assert examine(points, recording.time, recording.rate) == []
+
+
+def leapt(recording, flight_s, on_step=False):
+    """Let a body that stands leave the floor and land, at 200 Hz; on a step its feet stand still instead, and the rest moves."""
+    time = np.arange(0, 2.4, 0.005)
+    flown = np.clip(time - 1, 0, flight_s)
+    height = 9.81 / 2 * flown * (flight_s - flown)
+    step = np.interp(time, [0.4, 0.8, 1.6, 2.0], [0, 0.2, 0.2, 0])
+    foot = step if on_step else height
+    foot, rest = (
+        np.convolve(np.pad(way, 4, "edge"), np.ones(9) / 9, "valid")
+        for way in (foot, step * on_step + height)
+    )
+    rng, points = np.random.default_rng(1), {}
+    for label, positions in recording.positions.items():
+        lifted = foot if label[2:] in ("TOE", "HEEL", "ANKLE") else rest
+        points[label] = positions[0] + lifted[:, None] * [0, 0, 1] + rng.normal(0, 6e-4, (len(time), 3))
+    return points
+
+
+@pytest.mark.parametrize(
+    ("times", "flight_s", "on_step", "kinds", "told"),
+    [
+        (1, 0.4, False, [], True),
+        (1, 0.25, False, [], True),
+        (2, 0.4, False, ["rate"], True),
+        (0.5, 0.4, False, ["rate"], True),
+        (2, 0.1, False, [], False),
+        (2, 0.4, True, [], False),
+    ],
+)
+def test_gravity_in_flight_tells_the_rate(recordings, times, flight_s, on_step, kinds, told):
+    recording, _ = recordings("expert_23kg")
+    points = leapt(recording, flight_s, on_step)
+    clock = np.arange(480) / (200 * times), 200 * times
+    found = examine(points, *clock)
+    assert [item.kind for item in found if "both feet" in item.evidence or not on_step] == kinds
+    assert on_step or all(f"factor of about {times:.2g}," in item.cause for item in found)
+    assert (FINE_RATE not in unchecked_properties(points, *clock)) == told

@@ -16,6 +16,7 @@ from lumbar.lifting.quality.body import (
 )
 from lumbar.lifting.quality.displacement import Displacement, displacements, length, off_its_part
 from lumbar.lifting.quality.drift import drifts, mates_of, smallest_seen
+from lumbar.lifting.quality.flight import flight_findings
 from lumbar.lifting.quality.landmarks import landmarks, side_pairs
 from lumbar.lifting.quality.leaps import (
     Exchange,
@@ -101,7 +102,8 @@ def examine(
     points = mask_findings(points, found)
     findings += _stature(points, legend, height_m) + noisy
     if not any(finding.outcome == ERROR for finding in findings):
-        findings += _tempo(points, legend) or walking_findings(points, legend)
+        found = flight_findings(points, legend)
+        findings += found or (found is None and _tempo(points, legend)) or walking_findings(points, legend)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
 
@@ -135,15 +137,16 @@ def unchecked_properties(
         found["left and right"] = "the labels name fewer than three pairs of sides"
     if len(levels_found(sampled, named)) < 2:
         found["order along the trunk"] = "the labels name no trunk"
-    if not tells_tempo(points):
+    kept, legend = usable_markers(points, findings), Legend(time, rate, named)
+    flown = flight_findings(kept, legend) is not None
+    if not flown and not tells_tempo(points):
         found["rate"] = "too short, or the person hardly moves"
     if not any(finding.outcome == ERROR for finding in findings):
-        kept = usable_markers(points, findings)
-        found |= _unseen_drifts(smallest_seen(kept, Legend(time, rate, named), others), time)
+        found |= _unseen_drifts(smallest_seen(kept, legend, others), time)
     walked = walk(sampled, named)
-    if walked is None or not np.isfinite(walked.steps):
+    if not flown and (walked is None or not np.isfinite(walked.steps)):
         found[FINE_RATE] = (
-            "only a walk, or force plates under a person who moves, tell it: lumbar lift compares them"
+            "only a walk, a jump, or force plates under a person who moves, tell it: lumbar lift compares them"
         )
     if walked is None or not np.isfinite(walked.facing):
         found["order of the frames"] = "only a walk tells whether they stand in reverse"

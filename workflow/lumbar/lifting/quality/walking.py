@@ -1,6 +1,6 @@
 """What walking tells of the clock: how many steps a second, and whether the person walks where he faces.
 
-Nothing else in markers alone does. In no phase of a lift the body falls freely, at twice the true rate its centre still
+Of a lift nothing in markers alone does: in no phase the body falls freely, at twice the true rate its centre still
 accelerates downwards by less than gravity, and a movement played backwards obeys the same mechanics.
 """
 
