@@ -12,6 +12,7 @@ import lumbar
 from column_files import write_columns
 from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
+from lumbar.lifting.quality.other_trials import other_trials
 from lumbar.lifting.quality.screening import Screening
 from lumbar.lifting.quality.sheet import quality_table
 from lumbar.records.markers import read_markers
@@ -80,6 +81,27 @@ def test_the_command_prints_draws_and_names_files_that_cannot_be_read(points, tm
     assert "broken.c3d" in err
     (entry,) = json.loads(out)
     assert [finding["kind"] for finding in entry["findings"]] == ["frozen"]
+
+
+def test_of_several_files_the_sheets_name_the_trials_of_the_same_person(points, tmp_path, run):
+    trials = {
+        "a": points,
+        "b": {label: positions[::-1] for label, positions in points.items()},
+        "c": changed(points, "C7", slice(300, 400), points["C7"][300]),
+        "taller": {label: 1.1 * positions for label, positions in points.items()},
+    }
+    files = [tmp_path / f"{name}.c3d" for name in trials]
+    for file, markers in zip(files, trials.values(), strict=True):
+        write_markers(file, markers, 100, "expert")
+    status, out, _ = run("inspect", *files, "--json")
+    assert status == 0
+    others = [entry.get("others") for entry in json.loads(out)]
+    assert others == [["b.c3d", "c.c3d"], ["a.c3d", "c.c3d"], ["a.c3d", "b.c3d"], None]
+    _, out, _ = run("inspect", *files[:2])
+    assert "what posture does to markers" not in out
+    person = replace(subject_settings("expert"), trials=())
+    lifted = lumbar.lift(files[0], person, 23, others=other_trials(files, MarkerLayout()))
+    assert "what posture does to markers: also by b.c3d, c.c3d, taller.c3d" in lifted.quality.lines()
 
 
 def test_a_record_of_force_and_position_is_sent_to_the_doctor(tmp_path):
