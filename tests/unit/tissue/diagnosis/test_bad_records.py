@@ -92,6 +92,14 @@ def test_an_unsound_training_record_is_refused(run, tmp_path, command, fault):
     assert not (tmp_path / "out").exists()
 
 
+def test_records_that_count_from_different_zeros_are_refused(run, tmp_path):
+    write(tmp_path / "in", a=(GOOD, force_of(GOOD)), b=(OTHER + 500.0, force_of(OTHER)))
+    err = run.refused("diagnose", tmp_path / "in", "--output", tmp_path / "out")
+    assert "b.csv: its position lies from 497" in err and "count from different zeros" in err
+    write(tmp_path / "near", a=(GOOD, force_of(GOOD)), b=(OTHER + 10.0, force_of(OTHER + 10.0)))
+    assert run("compare", tmp_path / "near", "--output", tmp_path / "out")[0] == 0
+
+
 def test_a_record_too_short_for_its_period(run, tmp_path):
     write(tmp_path / "in", a=(motion(15.0), force_of(motion(15.0))), b=(OTHER, force_of(OTHER)))
     err = run.refused("diagnose", tmp_path / "in", "--period", "a=10", "--output", tmp_path / "out")
