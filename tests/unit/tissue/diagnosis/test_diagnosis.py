@@ -98,7 +98,9 @@ def synthetic(name, force, seed, seconds=40):
 
 
 def test_what_refinement_cannot_add_is_refused():
-    records = [synthetic(name, lambda time, position: 0.6 * position, 1) for name in "ab"]
+    records = [
+        synthetic(name, lambda time, position: 0.6 * position, seed) for name, seed in (("a", 1), ("b", 2))
+    ]
     with pytest.raises(InputError, match="unknown effect"):
         refine(records, ["glue"], DiagnosisSettings())
     with pytest.raises(NumericalError, match="leave it out"):

@@ -261,8 +261,8 @@ def test_long_records_are_fitted_at_a_lower_rate_and_err_at_the_full_one():
 
 
 def test_records_that_are_fitted_together_begin_each_anew():
-    parts = [experiment(two_branches), experiment(springpot)]
-    joined = prepare([*_named(parts[0], "a"), *_named(parts[0], "b")], train=["training a", "second b"])
+    parts = [experiment(two_branches), experiment(two_branches, 1.01 * SIGMA)]
+    joined = prepare([*_named(parts[0], "a"), *_named(parts[1], "b")], train=["training a", "second b"])
     assert linear_dynamics(joined).test_rms < 1.05 * SIGMA
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Self
 
 import numpy as np
@@ -133,6 +133,8 @@ _BEGINNING, _TOGETHER = 100, 0.05
 """Part of the samples that is a record's beginning, and share of all records' reach within which these lie at one place."""
 _FINE = 5
 """Decimals of a position at rest that tell, of the records' reach."""
+_COPIED, _LOOKS = 64, 9
+"""Samples in a row that are alike to the last digit where one record holds part of another; places that are looked at."""
 _FEWEST = 50
 """Samples that must follow the start of a record which is left out."""
 _HELD_BACK = 0.3
@@ -292,6 +294,7 @@ def prepare(
     chosen, others = choose_training(records, train)
     widest = max(chosen, key=lambda item: float(np.ptp(item["input"])))
     check_excitation(widest, others)
+    check_unseen(chosen, others)
     if widest.channels["input"].quantity != "force":
         check_one_zero(widest, [item for item in records if item is not widest])
     first, floor = _noise_floor_of(chosen)
@@ -401,6 +404,25 @@ def check_excitation(training: Record, others: list[Record]) -> None:
                 f"moves by {np.ptp(other['input']):.3g} {unit}: a model fitted on it says nothing about {other.name}; train on "
                 "another record, or record one that moves as far"
             )
+
+
+def check_unseen(fitted: Sequence[Record], others: Sequence[Record]) -> None:
+    """Refuse records that hold samples of a training record: their error would pass for one on unseen records."""
+    for known, other in product(fitted, others):
+        roles = [*known.roles("input"), *known.roles("output")]
+        whole, part = (np.stack([item[role] for role in roles], axis=1) for item in (known, other))
+        for begins in np.linspace(0, len(part) - _COPIED, _LOOKS).astype(int):
+            stretch = part[begins : begins + _COPIED]
+            if begins < 0 or max(len(np.unique(column)) for column in stretch.T) < _COPIED / 4:
+                continue  # at rest all records are alike
+            places = np.flatnonzero(whole[: len(whole) - _COPIED + 1, -1] == stretch[0, -1])
+            same = [place for place in places if np.array_equal(whole[place : place + _COPIED], stretch)]
+            if same:
+                at, there = other.time[begins], known.time[same[0]]
+                raise InputError(
+                    f"{other.source or other.name}: its samples at {at:.6g} s are those of {known.source or known.name} at "
+                    f"{there:.6g} s: what a model was fitted to is not unseen; leave the copy out, or cut parts that do not overlap"
+                )
 
 
 def check_one_zero(training: Record, others: Sequence[Record]) -> None:

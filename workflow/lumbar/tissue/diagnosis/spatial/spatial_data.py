@@ -16,6 +16,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import (
     Experiment,
     check_one_zero,
+    check_unseen,
     choose_training,
     put_together,
     resting_position,
@@ -104,6 +105,7 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
     sound, faults = _repaired([with_force_frame(record, settings.force_frame) for record in records])
     chosen, others = choose_training(sound, settings.train)
     first = chosen[0]
+    check_unseen(chosen, others)
     check_one_zero(first, [item for item in sound if item is not first])
     floors = axis_floors(first)
     rests = resting_position([record.stacked("input") for record in (*chosen, *others)]).tolist()
