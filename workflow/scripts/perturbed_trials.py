@@ -18,7 +18,7 @@ def main(
     """Read all trials, compare them, write table and figure."""
     from lumbar.lifting.movement.cleaning import low_pass
     from lumbar.lifting.pushes.feedback import feedback_sentence
-    from lumbar.lifting.quality.other_trials import beside, trials_beside
+    from lumbar.lifting.quality.other_trials import beside, other_trials
     from lumbar.lifting.quality.screening import read_screened
     from lumbar.lifting.quality.sheet import quality_table
     from lumbar.lifting.stability.comparison.perturbed_trials import (
@@ -32,7 +32,7 @@ def main(
     from lumbar.records.columns import read_record
 
     trials, sheets, starts = [], [], []
-    known = trials_beside([*input.unperturbed, *input.perturbed], settings.markers)
+    known = other_trials([*input.unperturbed, *input.perturbed], settings.markers, own=True)
     for group in ("unperturbed", "perturbed"):
         for number, path in enumerate(input[group], start=1):
             recording, sheet = read_screened(path, settings.markers, others=beside(known, path))

@@ -114,7 +114,7 @@ def run_inspect(options) -> None:
     import json
 
     from lumbar.interface.inspecting import check_picture, inspect
-    from lumbar.lifting.quality.other_trials import of_same_person, trials_beside
+    from lumbar.lifting.quality.other_trials import of_same_person, other_trials
     from lumbar.settings.lifting import LiftingSettings
 
     if options.picture and len(options.files) > 1:
@@ -123,7 +123,7 @@ def run_inspect(options) -> None:
         check_picture(options.picture)
     settings = given_settings(options).lifting if options.config else None
     layout = (settings or LiftingSettings()).markers
-    trials = trials_beside(options.files, layout, options.height)
+    trials = other_trials(options.files, layout, options.height, own=True)
     problems, found = Problems("files"), []
     for file in options.files:
         try:

@@ -12,7 +12,7 @@ from lumbar.interface.lift import Lift, lift, lift_names, marker_files, without_
 from lumbar.interface.movement import measure_movement
 from lumbar.lifting.measures.lift_values import long_table
 from lumbar.lifting.movement.events import EVENTS, event_sources
-from lumbar.lifting.quality.other_trials import trials_beside
+from lumbar.lifting.quality.other_trials import other_trials
 from lumbar.records.unpacking import stem_of
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.stability import StabilitySettings
@@ -108,7 +108,7 @@ def lift_all(
     """
     rows, failed, measured = [], [], []
     paths = [static, *(item.markers for item in lifts)]
-    others = trials_beside(paths, settings.markers, subject.height_m)
+    others = other_trials(paths, settings.markers, subject.height_m, own=True)
     for item in lifts:
         try:
             if item.markers is None:

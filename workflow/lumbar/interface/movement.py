@@ -19,7 +19,7 @@ from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import MEASURES, WINDOWS
-from lumbar.lifting.quality.other_trials import trials_beside
+from lumbar.lifting.quality.other_trials import other_trials
 from lumbar.settings.lifting import ALIASES, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -175,7 +175,7 @@ def measure_person(
     """
     found: dict[str, Lift] = {}
     frames: dict[str, pd.DataFrame] = {}
-    others = trials_beside([static, *markers.values()], lifting.markers, subject.height_m)
+    others = other_trials([static, *markers.values()], lifting.markers, subject.height_m, own=True)
     for name, path in markers.items():
         try:
             one = lift(

@@ -22,12 +22,19 @@ Trials = dict[str, dict[str, np.ndarray]]
 
 
 def other_trials(
-    paths: Iterable[str | os.PathLike], layout: MarkerLayout, height_m: float | None = None
+    paths: Iterable[str | os.PathLike | None],
+    layout: MarkerLayout,
+    height_m: float | None = None,
+    own: bool = False,
 ) -> Trials:
-    """Read the trials that can be read and hold no error, without what the findings of each leave out."""
+    """Read the trials that can be read and hold no error, without what the findings of each leave out.
+
+    None of them where they are too few for `beside`; `own` says that the trial itself is among them.
+    """
+    known = dict.fromkeys(str(path) for path in paths if path is not None)
     bare = replace(layout, aliases={}, required=None, check_axes=False)
     found: Trials = {}
-    for path in map(str, paths):
+    for path in known if len(known) > 1 + own else ():
         screening = Screening(height_m, layout.aliases, refuse=False)
         try:
             read_markers(path, bare, minimum_frames=1, screen=screening)
@@ -39,14 +46,6 @@ def other_trials(
         frames = np.linspace(0, count - 1, min(_AT.frames, count)).astype(int)
         found[path] = {label: positions[frames] for label, positions in points.items()}
     return found
-
-
-def trials_beside(
-    paths: Iterable[str | os.PathLike | None], layout: MarkerLayout, height_m: float | None = None
-) -> Trials:
-    """Read trials that are looked at beside each other, None left out; none where there are too few for `beside`."""
-    known = dict.fromkeys(str(path) for path in paths if path is not None)
-    return other_trials(known if len(known) > 2 else (), layout, height_m)
 
 
 def beside(trials: Trials, path: str | os.PathLike) -> Trials:
