@@ -146,12 +146,14 @@ def _ramps(points: Points, label: str, legend: Legend, others: Sequence[Points] 
 def _explained(within: _Within, edges: np.ndarray, ramps: np.ndarray, smallest: float, seen: list) -> _Ramps:
     """What the ramps explain beside posture; `seen` are shapes and places in other trials."""
     usual = (_AT.skin / _AT.noise_m) ** 2
-    known = np.linalg.inv(sum((usual * shape.T @ shape for shape, _ in seen), np.eye(within.shape.shape[1])))
-    place = within.place - within.shape @ known @ sum(
-        (usual * shape.T @ there for shape, there in seen), np.zeros((len(known), 3))
-    )
-    shape = within.shape @ np.linalg.cholesky(known)
-    scatter = np.eye(len(ramps)) + usual * (shape @ shape.T)
+    place, shape = within.place, within.shape
+    bends = shape @ shape.T
+    if seen:
+        sums = sum((usual * there.T @ there for there, _ in seen), np.eye(shape.shape[1]))
+        places = sum(usual * there.T @ known for there, known in seen)
+        learnt = np.linalg.solve(sums, np.hstack([places, shape.T]))
+        place, bends = place - shape @ learnt[:, :3], shape @ learnt[:, 3:]
+    scatter = np.eye(len(ramps)) + usual * bends
     left, own = np.split(np.linalg.solve(scatter, np.hstack([ramps, place])), [len(edges)], axis=1)
     power = (ramps * left).sum(axis=0)
     free = power / (ramps**2).sum(axis=0)
