@@ -13,7 +13,7 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import write_json, write_text
 from lumbar.interface.refinement import Refinement, fit_effects
 from lumbar.publishing.explorer.shown import candidates_of, model_key
-from lumbar.records.record import Record
+from lumbar.records.record import Record, require_one_axis
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
@@ -146,12 +146,13 @@ class Diagnosis:
         Raises
         ------
         InputError
-            For a pendulum: the library of terms is that of tissue. For records with the force as input.
+            For a pendulum: the library of terms is that of tissue. For records with the force as input, or of several axes.
         """
         if self.settings.system != "tissue":
             raise InputError(
                 f"base {self.settings.base}: laws are proposed for tissue; a person's moment is no passive force"
             )
+        require_one_axis(self.records, "propose")
         if self.settings.forward:
             raise InputError(FORWARD)
         verdict = self.verdict

@@ -7,9 +7,7 @@ from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NoReturn
 
-from lumbar.base.errors import InputError
 from lumbar.base.files import write_json, write_text
 from lumbar.interface.diagnosed import Diagnosis
 from lumbar.tables.table import Table
@@ -27,8 +25,6 @@ from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import in_space, usable_i
 from lumbar.tissue.diagnosis.spatial.spatial_findings import headline_in_space
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport, spatial_reports
 from lumbar.tissue.models.form import Effect
-
-_SEVERAL = "records of several axes"
 
 
 class SpatialDiagnosis(Diagnosis):
@@ -72,22 +68,10 @@ class SpatialDiagnosis(Diagnosis):
         threshold = null.threshold(number_of_forms(usable))
         return Evidence(remaining, signal_angles(self.verdict), None, [], threshold, null, [])
 
-    def propose(self) -> NoReturn:
-        """Refuse: laws are looked for along one axis.
-
-        Raises
-        ------
-        InputError
-            Always.
-        """
-        raise InputError(
-            f"{_SEVERAL}: laws are proposed for records of one axis; diagnose asks the catalogue"
-        )
-
     @property
     def without_page(self) -> str:
         """That of one axis alone can be looked around in."""
-        return f"{_SEVERAL}: one can look around in models of one axis"
+        return "records of several axes: one can look around in models of one axis"
 
     def written(self, reading: str = "") -> str:
         """Return the page that `save` writes, with its pictures; `reading` is Python that makes ``records``."""
