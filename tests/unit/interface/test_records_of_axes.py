@@ -74,7 +74,7 @@ def test_verbs_of_one_axis_say_which_take_several(verb):
 
 def test_a_diagnosis_in_space_has_no_page_to_look_around_in_and_no_law(diagnosis):
     for refused in (diagnosis.page, diagnosis.propose):
-        with pytest.raises(InputError, match="records of several axes|propose takes records of one axis"):
+        with pytest.raises(InputError, match=r"records of several axes|propose takes records of one axis"):
             refused()
 
 

@@ -421,7 +421,7 @@ def check_unseen(fitted: Sequence[Record], others: Sequence[Record]) -> None:
                 at, there = other.time[begins], known.time[same[0]]
                 raise InputError(
                     f"{other.source or other.name}: its samples at {at:.6g} s are those of {known.source or known.name} at "
-                    f"{there:.6g} s: what a model was fitted to is not unseen; leave the copy out, or cut parts that do not overlap"
+                    f"{there:.6g} s: what a model was fitted to is not unseen; leave the copy out, or cut parts apart"
                 )
 
 
