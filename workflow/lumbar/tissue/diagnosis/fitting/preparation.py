@@ -411,12 +411,13 @@ def check_unseen(fitted: Sequence[Record], others: Sequence[Record]) -> None:
     for known, other in product(fitted, others):
         roles = [*known.roles("input"), *known.roles("output")]
         whole, part = (np.stack([item[role] for role in roles], axis=1) for item in (known, other))
-        for begins in np.linspace(0, len(part) - _COPIED, _LOOKS).astype(int):
-            stretch = part[begins : begins + _COPIED]
-            if begins < 0 or max(len(np.unique(column)) for column in stretch.T) < _COPIED / 4:
+        length = min(_COPIED, len(part))
+        for begins in np.linspace(0, len(part) - length, _LOOKS).astype(int):
+            stretch = part[begins : begins + length]
+            if max(len(np.unique(column)) for column in stretch.T) < length / 4:
                 continue  # at rest all records are alike
-            places = np.flatnonzero(whole[: len(whole) - _COPIED + 1, -1] == stretch[0, -1])
-            same = [place for place in places if np.array_equal(whole[place : place + _COPIED], stretch)]
+            places = np.flatnonzero(whole[:, -1] == stretch[0, -1])
+            same = [place for place in places if np.array_equal(whole[place : place + length], stretch)]
             if same:
                 at, there = other.time[begins], known.time[same[0]]
                 raise InputError(

@@ -11,7 +11,12 @@ from lumbar.records.record import Record, same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment, choose_training, put_together
+from lumbar.tissue.diagnosis.fitting.preparation import (
+    Experiment,
+    check_unseen,
+    choose_training,
+    put_together,
+)
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
 from lumbar.tissue.diagnosis.selection.findings import offsets
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
@@ -86,6 +91,7 @@ def _prepare(records: Sequence[Record], settings: DiagnosisSettings) -> Experime
                 f"{record.source or record.name}: {len(record)} points of a static test; at least {FEWEST} are needed"
             )
     chosen, others = choose_training(list(records), settings.train)
+    check_unseen(chosen, others)
     fitted, tests = list(map(_points, chosen)), list(map(_points, others))
     if not tests:
         tests = [_points(record, lambda number: number % _EVERY == 1) for record in chosen]
