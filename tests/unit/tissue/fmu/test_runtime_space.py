@@ -46,7 +46,8 @@ def combinations() -> list[dict]:
                 other.startswith(key.split("/")[0] + "/") for each in found.values() for other in each
             )
             found[taken][key] = numbers
-    return [*found.values(), {"drift/linear": ([0.4] * 3, []), "saturation/sharp_y": ([], [0.5])}]
+    alone = {"drift/linear": ([0.4] * 3, []), "saturation/sharp_y": ([], [0.5])}
+    return [*found.values(), alone, {"saturation/sharp_xz": ([], [0.5, 0.3])}]
 
 
 @pytest.mark.parametrize("effects", combinations(), ids=lambda effects: f"{len(effects)} effects")

@@ -210,10 +210,16 @@ def test_a_zero_belongs_to_a_channel(zeros, wanted):
 
 def test_a_form_of_one_channel_leaves_the_others():
     forms = TISSUE["saturation"].in_space(XYZ)[0].forms
-    assert [form.name for form in forms] == ["sharp", "sharp_x", "sharp_y", "sharp_z", "soft", "rounded"]
+    names = ["sharp", "sharp_x", "sharp_y", "sharp_z"]
+    names += ["sharp_xy", "sharp_xz", "sharp_yz", "sharp_xyz", "soft", "rounded"]
+    assert [form.name for form in forms] == names
     motion, limit = _motion(3), np.array([0.2])
     found = forms[2].output_transform(motion.position, motion, limit).reshape(3, -1)
     position = motion.position.reshape(3, -1)
     assert np.array_equal(found[[0, 2]], position[[0, 2]]) and np.array_equal(
         found[1], np.clip(position[1], -0.2, 0.2)
     )
+    found = forms[5].output_transform(motion.position, motion, np.array([0.3, 0.1])).reshape(3, -1)
+    assert [item.name for item in forms[5].nonlinear] == ["limit_x", "limit_z"]
+    limits = np.array([0.3, np.inf, 0.1])
+    assert np.array_equal(found, np.clip(position.T, -limits, limits).T)

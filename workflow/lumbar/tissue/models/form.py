@@ -10,10 +10,12 @@ directly (separable least squares); what enters otherwise is a *nonlinear parame
 forms have nonlinear parameters only. What no equation can say (play, delay) is a `HandWritten` form.
 """
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
+from itertools import combinations
 from typing import Any, Self
 
 import numpy as np
@@ -53,7 +55,7 @@ class HandWritten:
     output_transform: OutputTransform = None  # type: ignore[assignment]
     """`input_transform`, `output_transform`: callable, optional: input forms: from motion and nonlinear parameters to the
     motion the tissue sees. Output forms: from force, motion and nonlinear parameters to the measured force."""
-    c_step: CStep | Callable[[], CStep] | None = None
+    c_step: CStep | Callable[[], CStep | None] | None = None
     """The same in C, sample by sample, or what makes it; a form without it cannot be exported to a haptic device."""
     channels: tuple[str, ...] = ()
     """Roles of channels beside input and output that it needs."""
@@ -112,7 +114,7 @@ class Form:
     axes: tuple[str, ...] = ()
     """Names of the axes along which it acts; none of one axis."""
     channel: str = ""
-    """Of several axes: the one whose channel alone it transforms; empty for all alike."""
+    """Of several axes: those whose channels alone it transforms, as ``"y"`` or ``"xz"``; empty for all alike."""
     written: tuple[LinearParameter, ...] = ()
     """Linear parameters as the equation has them, where it acts along several axes."""
 
@@ -262,6 +264,41 @@ class Form:
         return self._equation.forces(motion, nonlinear, self.solution, force)[0]
 
 
+def _by_channel(form: Form, alone: Sequence[Form]) -> Form:
+    """The form with parameters of their own in some channels, from those that transform one channel alone."""
+    channels = "".join(one.channel for one in alone)
+    nonlinear = tuple(
+        replace(item, name=f"{item.name}_{axis}", symbol=f"{item.symbol}_{axis}", points=_POINTS)
+        for axis in channels
+        for item in form.nonlinear
+    )
+
+    def transformed(force: np.ndarray, motion: OneMotion, values: np.ndarray) -> np.ndarray:
+        for one, own in zip(alone, values.reshape(len(alone), -1), strict=True):
+            force = one.output_transform(force, motion, own)
+        return force
+
+    def c_step() -> CStep | None:
+        step = form.c_step
+        if step is None or not isinstance(step.value, str) or step.statements:
+            return None
+        values = [f"force[{row}]" for row in range(len(form.axes))]
+        for axis in channels:
+            row = form.axes.index(axis)
+            values[row] = re.sub(r"\bforce\b", values[row], step.value)
+            for item in form.nonlinear:
+                values[row] = re.sub(rf"\b{item.name}\b", f"{item.name}_{axis}", values[row])
+        return CStep(tuple(values))
+
+    written = HandWritten(output_transform=transformed, c_step=c_step, spatial=True)
+    more = replace(form, name=f"{form.name}_{channels}", channel=channels, general=True)
+    return replace(more, equation=form.latex, nonlinear=nonlinear, hand_written=written)
+
+
+_POINTS = 3
+"""Starting values of a parameter that every channel has."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """A physical mechanism."""
@@ -298,8 +335,10 @@ class Effect:
             try:
                 forms.append(read := form.in_space(axes))
                 if form is self.forms[0] and form.place is Place.OUTPUT:
-                    # One channel of a sensor may be at its limit where the others are not.
-                    forms += [replace(read, name=f"{form.name}_{axis}", channel=axis) for axis in axes]
+                    # One channel of a sensor may be at its limit where the others are not, or several, each at its own.
+                    alone = [replace(read, name=f"{form.name}_{axis}", channel=axis) for axis in axes]
+                    some = [each for count in range(2, len(axes) + 1) for each in combinations(alone, count)]
+                    forms += [*alone, *(_by_channel(read, each) for each in some)]
             except InputError as error:
                 without[form.key] = str(error)
         return (replace(self, forms=tuple(forms)) if forms else None), without

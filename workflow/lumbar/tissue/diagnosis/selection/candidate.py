@@ -350,10 +350,12 @@ def _refused(form: Form, values: dict[str, float], fit: Fit, experiment: Experim
     motions = (training.motion,) if isinstance(training.motion, Motion) else training.motion.parts
     forces = [training.force] if len(motions) == 1 else training.motion.split(training.force)
     zeros = fit.zeros if len(fit.zeros) == len(motions) else [fit.zero] * len(motions)
-    channels = [form.channel in ("", axis) for axis in form.axes] or [True] * len(motions)
+    axes = form.axes or [""] * len(motions)
     period = experiment.floor.period if experiment.floor else None
-    for motion, force, zero, acts in zip(motions, forces, zeros, channels, strict=True):
-        words = acts and form.contradiction(values, motion, force - zero, noise, period)
-        if words:
+    for motion, force, zero, axis in zip(motions, forces, zeros, axes, strict=True):
+        own = values | {name.removesuffix(f"_{axis}"): value for name, value in values.items()}
+        if axis in (form.channel or axis) and (
+            words := form.contradiction(own, motion, force - zero, noise, period)
+        ):
             return [f"{form.effect}: {words}"]
     return []

@@ -137,9 +137,10 @@ def c_function(
     if not isinstance(value, str):
         for key in _ALONG:
             motion |= {f"{key}_{axis}": ("double", f"{key}[{row}]") for row, axis in enumerate(axes)}
+        sets = "=" if form.place is Place.OUTPUT else "+="
         body = [
             *_lines(form, numbers, motion),
-            *(f"force[{row}] += {each};" for row, each in enumerate(value)),
+            *(f"force[{row}] {sets} {each};" for row, each in enumerate(value) if each != f"force[{row}]"),
         ]
         return f"{comment}\n{_function(f'void {name}', 'double force[]', body)}"
     size, parts, calls = form.c_step.memory_size(numbers), [], []
