@@ -11,7 +11,7 @@ import lumbar
 from lumbar.base.errors import InputError
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
-from space_records import FRICTION, POSITION, STIFFNESS, TABLE, record, white
+from space_records import FRICTION, POSITION, STIFFNESS, TABLE, TIME, record, record_of, white
 
 SETTINGS = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
 
@@ -73,9 +73,12 @@ def test_verbs_of_one_axis_say_which_take_several(verb):
 
 
 def test_a_diagnosis_in_space_has_no_page_to_look_around_in_and_no_law(diagnosis):
-    for refused in (diagnosis.page, diagnosis.propose):
-        with pytest.raises(InputError, match=r"records of several axes|propose takes records of one axis"):
-            refused()
+    with pytest.raises(
+        InputError, match=r"records of several axes: .*; save and to_html show what was found"
+    ):
+        diagnosis.page()
+    with pytest.raises(InputError, match="propose takes records of one axis"):
+        diagnosis.propose()
 
 
 def test_a_record_of_several_axes_is_no_marker_file_and_no_device(tmp_path):
@@ -93,3 +96,14 @@ def test_the_doctor_names_what_it_puts_into_records_in_space():
     found = lumbar.doctor(records, effects=["hardening_stiffness"], settings=settings)
     assert found["hardening_stiffness"].words == "named"
     assert found["hardening_stiffness"].felt is None and found.examination.further is None
+
+
+def test_an_effect_along_an_axis_that_was_not_recorded_is_refused(tmp_path):
+    own = tmp_path / "y_spring.yaml"
+    parameter = '{name: cubic_stiffness, unit: "{y}/{x}^3"}'
+    form = f"{{name: cubic, equation: ky*z_y**2*z, parameters: {{ky: {parameter}}}}}"
+    own.write_text(f"name: y_spring\nmechanism: It stiffens along y.\nsource: made up\nforms: [{form}]\n")
+    settings = replace(SETTINGS, improvement=replace(SETTINGS.improvement, effect_files=(str(own),)))
+    flat = record_of("flat", TIME, POSITION[:2], record(FRICTION).stacked("output")[:2], "xz")
+    with pytest.raises(InputError, match="y_spring: needs another axis than x, z"):
+        lumbar.refine([flat], ["y_spring"], settings=settings)

@@ -55,16 +55,13 @@ def refine(
     """Add effects to the base that the records ask for beside them, as `lumbar.tissue.diagnosis.selection.refine`."""
     experiment = prepare(records, settings)
     axes, kinds = records[0].axes, _kinds(settings)
-    known, without = in_space(settings.candidates, axes), {}
+    known, without = usable_in_space(settings.candidates, axes, experiment), {}
     for effect in choose(effects, {**settings.candidates, **known}):
-        without |= effect.in_space(axes)[1] if effect.name not in known else {}
+        if effect.name not in known:
+            without |= effect.in_space(axes)[1] or {effect.name: f"needs another axis than {', '.join(axes)}"}
     if without:
         raise InputError("; ".join(f"{key}: {why}" for key, why in without.items()))
-    usable, _ = usable_effects(
-        {name: known[name] for name in effects},
-        experiment.training.motion.channels,
-        experiment.training.scale,
-    )
+    usable = {name: known[name] for name in effects}
     base = choose_base(experiment, axes, kinds)
     for _ in range(_ROUNDS):
         path = added_in_turn(experiment, held(base, experiment), usable)
@@ -87,8 +84,8 @@ def usable_in_space(
     catalogue: dict[str, Effect], axes: tuple[str, ...], experiment: Experiment
 ) -> dict[str, Effect]:
     """Those of `in_space` that the records have the channels for."""
-    found = in_space(catalogue, axes)
-    return usable_effects(found, [f"axis {axis}" for axis in axes], experiment.training.scale)[0]
+    training = experiment.training
+    return usable_effects(in_space(catalogue, axes), training.motion.channels, training.scale)[0]
 
 
 def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
