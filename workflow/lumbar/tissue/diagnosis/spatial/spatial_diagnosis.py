@@ -6,7 +6,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
-from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, with_forms
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
 from lumbar.tissue.diagnosis.selection.refine import added_in_turn
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
@@ -18,7 +18,6 @@ from lumbar.tissue.diagnosis.spatial.spatial_findings import SENSOR, spatial_fin
 from lumbar.tissue.effects.catalogue import choose, usable_effects
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.models.symmetry import force_sensor_effects
 
 _PROMISING = 8
@@ -154,12 +153,4 @@ class _Selection(Selection):
 
 def _alone(model: Candidate, experiment: Experiment) -> Candidate:
     """The base of a model with its axes, without the effects."""
-    structure = model.fit.structure
-    count = len(structure.base.nonlinear)
-    bare = replace(
-        model.fit,
-        structure=Structure(structure.base),
-        linear=model.fit.linear[: len(structure.base.linear)],
-        nonlinear=model.fit.nonlinear[:count],
-    )
-    return held(replace(model, fit=bare), experiment)
+    return held(replace(model, fit=with_forms(model.fit, ())), experiment)
