@@ -111,12 +111,11 @@
     for (const text of file.notes) item.append(made("p", text, { className: "note" }));
     for (const curve of file.curves) item.append(drawn(curve, file.seconds), made("p", `${curve.label} over ${file.seconds.toPrecision(4)} s`, { className: "note" }));
     const table = made("table");
-    const row = (cells, tag) => {
+    table.append(...file.header.map((name, at) => { // several axes have more columns than a card has room beside each other
       const line = made("tr");
-      line.append(...cells.map((text) => made(tag, text)));
+      line.append(made("th", name, { scope: "row" }), ...file.rows.map((cells) => made("td", cells[at])));
       return line;
-    };
-    table.append(row(file.header, "th"), ...file.rows.map((cells) => row(cells, "td")));
+    }));
     const scroll = made("div", undefined, { className: "scroll" });
     scroll.append(table);
     item.append(scroll, made("p", file.facts.slice(1).join("; "), { className: "note" }), made("p", file.form, { className: "note" }));

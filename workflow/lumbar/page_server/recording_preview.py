@@ -77,7 +77,7 @@ _HEADING = re.compile(r"(: \d+ problems?|: not everything can be told from the f
 """Of a part that only says that problems follow."""
 
 
-_ROWS, _POINTS, _MOST_COLUMNS = 4, 300, 60
+_ROWS, _POINTS, _MOST_COLUMNS = 2, 300, 60
 OF_SEVERAL_AXES = (
     "Records of several axes: the diagnosis is shown as lumbar diagnose writes it. No other models can be tried or pushed beside "
     "it, and nothing is kept in a study."
