@@ -9,6 +9,8 @@ import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.base.files import read_json
+from lumbar.publishing.study_report.contents import diagnosis_sentence
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from space_records import FRICTION, POSITION, STIFFNESS, TABLE, TIME, record, record_of, white
@@ -32,11 +34,13 @@ def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp
     assert {"location.csv", "comparison.svg", "refined.json", "principal_axes.csv"} <= written
 
 
-def test_what_the_force_sensor_does_is_said_as_such_on_the_page_too():
+def test_what_the_force_sensor_does_is_said_as_such_on_the_page_too(tmp_path):
     x, y, z = STIFFNESS * POSITION
     turned = lumbar.diagnose([record(np.array([-0.2 * y, 0.2 * x, 0 * z]))], settings=SETTINGS)
     assert turned.headline.startswith("Beside the isotropic LE model the force sensor has")
-    assert turned.headline in html.unescape(turned.to_html())
+    turned.save(tmp_path, pictures=False)
+    assert turned.headline in html.unescape((tmp_path / "diagnosis.html").read_text(encoding="utf-8"))
+    assert diagnosis_sentence(read_json(tmp_path / "diagnosis.json")) == turned.headline
 
 
 @pytest.mark.nightly

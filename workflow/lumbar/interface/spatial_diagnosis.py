@@ -104,7 +104,8 @@ class SpatialDiagnosis(Diagnosis):
         With `pictures` those of comparison, location and ladder too, and the tables ``compare``, ``location`` and ``felt``.
         """
         folder = Path(folder)
-        write_json(folder / "diagnosis.json", {**self.verdict.to_json(), "data": self.data})
+        told = {**self.verdict.to_json(), "data": self.data, "headline": self.headline}
+        write_json(folder / "diagnosis.json", told)
         write_text(folder / "ladder.csv", ladder_csv(self.verdict, self.data))
         kept = self.verdict if effects is None else self.with_effects(effects)
         write_json(folder / "refined.json", refined_document(kept.path, kept.experiment, self.data))

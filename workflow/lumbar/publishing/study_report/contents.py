@@ -231,7 +231,9 @@ _SAID: dict[str, dict[str, str]] = shipped_yaml(Path(__file__).with_suffix(".yam
 
 
 def diagnosis_sentence(diagnosis: dict) -> str:
-    """Say what a diagnosis found, from the content of its ``diagnosis.json``."""
+    """Say what a diagnosis found, from the content of its ``diagnosis.json``; one of several axes says it itself."""
+    if "headline" in diagnosis:
+        return diagnosis["headline"]
     base, effects = diagnosis["base"], " and ".join(name.replace("_", " ") for name in diagnosis["selected"])
     found = _SAID["verdicts"][diagnosis["verdict"]].format(base=base, effects=effects or "no effect")
     first, last = (diagnosis["ladder"][place].get("test_rms") for place in (0, -1))
