@@ -107,6 +107,7 @@ def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents, b
     }
 
 
+@pytest.mark.nightly
 def test_recordings_of_several_axes_are_shown_axis_by_axis_and_their_diagnosis_as_it_is_written(
     own_tab, served, begin
 ):

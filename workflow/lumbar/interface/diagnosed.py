@@ -148,7 +148,6 @@ class Diagnosis:
         InputError
             For a pendulum: the library of terms is that of tissue. For records with the force as input, or of several axes.
         """
-        require_one_axis(self.records, "propose")
         if self.settings.system != "tissue":
             raise InputError(
                 f"base {self.settings.base}: laws are proposed for tissue; a person's moment is no passive force"

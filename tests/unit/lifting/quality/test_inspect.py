@@ -83,6 +83,7 @@ def test_the_command_prints_draws_and_names_files_that_cannot_be_read(points, tm
     assert [finding["kind"] for finding in entry["findings"]] == ["frozen"]
 
 
+@pytest.mark.nightly
 def test_of_several_files_the_sheets_name_the_trials_of_the_same_person(points, tmp_path, run):
     trials = {
         "a": points,

@@ -94,7 +94,7 @@ def test_an_unsound_training_record_is_refused(run, tmp_path, command, fault):
 
 @pytest.mark.parametrize("part", [slice(None), slice(900, 2100), slice(3000, None)], ids=str)
 def test_a_copy_of_what_is_fitted_is_not_unseen(run, tmp_path, part):
-    force, rest = force_of(GOOD), np.zeros(100)
+    force = force_of(GOOD)
     ending = slice(None) if part.start != 3000 else slice(700)
     copied = [
         np.concatenate([item[part], other[ending]])
@@ -103,7 +103,10 @@ def test_a_copy_of_what_is_fitted_is_not_unseen(run, tmp_path, part):
     write(tmp_path / "in", a=(GOOD, force), b=copied)
     err = run.refused("diagnose", tmp_path / "in", "--train", "a", "--output", tmp_path / "out")
     assert "b.csv: its samples at" in err and "what a model was fitted to is not unseen" in err
-    # What is alike at rest, and a motion that was done again, are no copies.
+
+
+def test_what_is_alike_at_rest_and_a_motion_that_was_done_again_are_no_copies(run, tmp_path):
+    rest = np.zeros(100)
     still = [(np.concatenate([rest, GOOD]), np.concatenate([rest, force_of(GOOD, seed)])) for seed in (9, 8)]
     write(tmp_path / "again", a=still[0], b=still[1])
     assert run("compare", tmp_path / "again", "--output", tmp_path / "out")[0] == 0
