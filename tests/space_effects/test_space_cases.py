@@ -40,4 +40,5 @@ def test_friction_makes_its_tissue_no_richer(base, seed, monkeypatch):
     refined = refine(records, ["coulomb_friction"], SETTINGS)[1][-1]
     for model in (told, refined):
         assert model.fit.structure.base.name == f"isotropic {base}"
-        assert [form.key for form in model.fit.structure.forms] == ["coulomb_friction/coulomb"]
+        # Which of its forms: where starting values are equally good rounding decides.
+        assert model.effects == ("coulomb_friction",)
