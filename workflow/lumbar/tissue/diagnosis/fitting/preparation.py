@@ -292,11 +292,8 @@ def prepare(
     same_units(records)
     settling = {record.name: settling_samples(record, settling_s) for record in records}
     chosen, others = choose_training(records, train)
-    widest = max(chosen, key=lambda item: float(np.ptp(item["input"])))
-    check_excitation(widest, others)
+    check_excitation(max(chosen, key=lambda item: float(np.ptp(item["input"]))), others)
     check_unseen(chosen, others)
-    if widest.channels["input"].quantity != "force":
-        check_one_zero(widest, [item for item in records if item is not widest])
     first, floor = _noise_floor_of(chosen)
     check_response(first, floor)
     whitening = np.ones(1) if floor is None else floor.whitening
@@ -424,25 +421,6 @@ def check_unseen(fitted: Sequence[Record], others: Sequence[Record]) -> None:
                     f"{other.source or other.name}: its samples at {at:.6g} s are those of {known.source or known.name} at "
                     f"{there:.6g} s: what a model was fitted to is not unseen; leave the copy out, or cut parts apart"
                 )
-
-
-def check_one_zero(training: Record, others: Sequence[Record]) -> None:
-    """Refuse records of which one lies farther from the other than both reach: they do not count from the same zero."""
-    for other in others:
-        ranges = [
-            (item.stacked("input").min(axis=1), item.stacked("input").max(axis=1))
-            for item in (training, other)
-        ]
-        (low, high), (least, most) = ranges
-        gap = np.maximum(low - most, least - high)
-        if gap.max() > sum(float(np.linalg.norm(top - bottom)) for bottom, top in ranges):
-            channel, axis = other.channels[other.roles("input")[0]], int(np.argmax(gap))
-            along = f" along {other.axes[axis]}" if other.axes else ""
-            raise InputError(
-                f"{other.source or other.name}: its {channel.quantity}{along} lies from {least[axis]:.6g} to {most[axis]:.6g} "
-                f"{channel.unit}, that of {training.name} from {low[axis]:.6g} to {high[axis]:.6g}, farther apart than both "
-                "reach: they seem to count from different zeros; take the difference off the file, or leave it out"
-            )
 
 
 def _slow_stiffness(record: Record) -> float:

@@ -15,7 +15,6 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import (
     Experiment,
-    check_one_zero,
     check_unseen,
     choose_training,
     put_together,
@@ -106,7 +105,6 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
     chosen, others = choose_training(sound, settings.train)
     first = chosen[0]
     check_unseen(chosen, others)
-    check_one_zero(first, [item for item in sound if item is not first])
     floors = axis_floors(first)
     rests = resting_position([record.stacked("input") for record in (*chosen, *others)]).tolist()
     known = [floor for floor in floors if floor is not None]
