@@ -10,7 +10,6 @@ lumbar() {
       python -m lumbar "$@" --no-browser --port "$PORT" > served 2>&1 &
       until grep -q Ctrl-C served; do kill -0 $! || { cat served; return 1; }; sleep 0.1; done
       kill -TERM $!; wait $! || true;;
-    doctor) python -m lumbar "$@" $EFFECTS;;
     new-study)
       python -m lumbar "$@"
       sed -i -E 's/(mass_kg: )FILL_IN/\170/; s/(height_m: )FILL_IN/\11.75/; s/(sex: )FILL_IN/\1unknown/;

@@ -3,8 +3,6 @@
 import re
 import shlex
 from dataclasses import replace
-from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -111,7 +109,6 @@ SCRIPTS = {
     "docs/lifting/pushes.md": "pushes/winner.json",
     "docs/lifting/quality.md": "trial.c3d",
     "docs/python.md": "lift.html",
-    "docs/tissue/doctor.md": "next.csv",
     "docs/tissue/import.md": "records/study.yaml",
 }
 """Pages with Python, and what it leaves or reads."""
@@ -119,13 +116,10 @@ QUICK = {"docs/lifting/cohort.md", "docs/lifting/quality.md", "docs/tissue/impor
 
 
 def had(page: str, workplace) -> dict:
-    """The names that readers of a page's Python have from elsewhere, as few effects as one for the doctor."""
+    """The names that readers of a page's Python have from elsewhere."""
     if page == "docs/lifting/pushes.md":
         person = subject_of(workplace / "ann.yaml")
         return {"recordings": [("trial.c3d", replace(person, name=name)) for name in ("ann", "bob")]}
-    if page == "docs/tissue/doctor.md":
-        quick = partial(lumbar.doctor, effects=["backlash"])
-        return {"records": example_records(), "lumbar": SimpleNamespace(doctor=quick)}
     return {"lumbar": lumbar} if page == "docs/lifting/body_model.md" else {}
 
 

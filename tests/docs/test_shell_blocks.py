@@ -117,7 +117,7 @@ def test_shell_blocks_of_a_page_run(page, prepared, shared, tmp_path):
         port = str(free.getsockname()[1])
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     environment = os.environ | {
-        "PATH": path, "HOME": str(tmp_path), "PORT": port, "EFFECTS": "--effects coulomb_friction",
+        "PATH": path, "HOME": str(tmp_path), "PORT": port,
         "PYTHONPATH": str(PROJECT / "workflow"), "XDG_CACHE_HOME": str(ZIG_CACHE.parents[1]),
     }  # fmt: skip
     failed, told = [], ""

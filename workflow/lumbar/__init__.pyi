@@ -7,7 +7,6 @@ from lumbar.interface.device import render as render
 from lumbar.interface.device_identification import identify_device as identify_device
 from lumbar.interface.diagnosis import diagnose as diagnose
 from lumbar.interface.diagnosis import propose as propose
-from lumbar.interface.doctor import doctor as doctor
 from lumbar.interface.identification import identify as identify
 from lumbar.interface.importing import import_recordings as import_recordings
 from lumbar.interface.inspecting import inspect as inspect

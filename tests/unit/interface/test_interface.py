@@ -204,14 +204,14 @@ def test_data_are_called_after_their_files_where_nothing_is_said(records, folder
     assert data_label("bench", ["a.csv"]) == "bench"
 
 
-@pytest.mark.parametrize("verb", ["diagnose", "identify", "propose", "doctor"])
+@pytest.mark.parametrize("verb", ["diagnose", "identify", "propose"])
 @pytest.mark.parametrize("given", ["recordings", ["a.csv"]])
 def test_what_is_no_record_is_refused(verb, given):
     with pytest.raises(InputError, match=r"give records, e\.g\. lumbar\.read"):
         getattr(lumbar, verb)(given)
 
 
-@pytest.mark.parametrize("verb", ["identify", "diagnose", "doctor", "propose", "bandwidth"])
+@pytest.mark.parametrize("verb", ["identify", "diagnose", "propose", "bandwidth"])
 def test_one_record_is_no_list_of_records(verb):
     with pytest.raises(InputError, match=r"record 'multisine' alone: give a list, e\.g\. \[record\]"):
         getattr(lumbar, verb)(example_records()[0])

@@ -13,7 +13,7 @@ from lumbar.base.files import read_json
 from lumbar.publishing.study_report.contents import diagnosis_sentence
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
-from space_records import FRICTION, POSITION, STIFFNESS, TABLE, TIME, record, record_of, white
+from space_records import FRICTION, POSITION, STIFFNESS, TABLE, TIME, record, record_of
 
 SETTINGS = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
 
@@ -91,15 +91,6 @@ def test_a_record_of_several_axes_is_no_marker_file_and_no_device(tmp_path):
         lumbar.inspect(tmp_path / "v.csv")
     with pytest.raises(InputError, match="v: device takes records of one axis"):
         lumbar.identify_device(tmp_path / "v.csv")
-
-
-@pytest.mark.nightly
-def test_the_doctor_names_what_it_puts_into_records_in_space():
-    settings = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
-    records = [record(FRICTION), replace(record(FRICTION, white(2)), name="other")]
-    found = lumbar.doctor(records, effects=["hardening_stiffness"], settings=settings)
-    assert found["hardening_stiffness"].words == "named"
-    assert found["hardening_stiffness"].felt is None and found.examination.further is None
 
 
 def test_an_effect_along_an_axis_that_was_not_recorded_is_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""Commands on tissue tests, the motion behind them and ratings: from ``lumbar bandwidth`` to ``lumbar doctor``; ``survey``."""
+"""Commands on tissue tests, the motion behind them and ratings: from ``lumbar bandwidth`` to ``lumbar propose``; ``survey``."""
 
 from __future__ import annotations
 
@@ -147,19 +147,6 @@ def run_propose(options) -> None:
     if options.picture and law.proposal.is_needed:
         law.draw(options.picture)
     print(law)
-
-
-def run_doctor(options) -> None:
-    """Put effects into the records, diagnose them, print what was told, and write it where asked."""
-    from lumbar.interface.doctor import doctor
-
-    records, settings, data = read_folder(options)
-    found = doctor(records, effects=options.effects, settings=settings, data=data)
-    print(found)
-    if options.output:
-        found.save(options.output)
-    if options.excitation:
-        found.save_excitation(options.excitation)
 
 
 def run_survey(options) -> None:

@@ -127,12 +127,11 @@ def _refuse_record(path: Path, cause: InputError | None = None) -> None:
     if ending_of(path) not in (".csv", ".txt", ".mat"):
         return
     try:
-        [record] = read(path)
+        read(path)
     except InputError:
         return
-    verb = "diagnose" if record.axes else "doctor"
     raise InputError(
-        f"{path}: a record of a force and a position, no markers; lumbar {verb} {path.parent} examines records"
+        f"{path}: a record of a force and a position, no markers; lumbar diagnose {path.parent} examines records"
     ) from cause
 
 

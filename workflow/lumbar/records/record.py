@@ -301,7 +301,7 @@ def require_one_axis(records: Iterable[Record], what: str) -> None:
     """Refuse records of several axes, with their names and what takes one axis."""
     if several := [record.name for record in records if record.axes]:
         raise InputError(
-            f"{', '.join(several)}: {what} takes records of one axis; compare, locate, diagnose, doctor, explore, refine and "
+            f"{', '.join(several)}: {what} takes records of one axis; compare, locate, diagnose, explore, refine and "
             "export take several"
         )
 

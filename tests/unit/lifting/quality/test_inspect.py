@@ -105,10 +105,10 @@ def test_of_several_files_the_sheets_name_the_trials_of_the_same_person(points, 
     assert "what posture does to markers: also by b.c3d, c.c3d, taller.c3d" in lifted.quality.lines()
 
 
-def test_a_record_of_force_and_position_is_sent_to_the_doctor(tmp_path):
+def test_a_record_of_force_and_position_is_sent_to_the_diagnosis(tmp_path):
     n = np.arange(300)
     write_columns(tmp_path / "record.csv", time_s=n / 100, position_mm=np.sin(n / 9), force_N=np.cos(n / 7))
-    with pytest.raises(InputError, match=r"lumbar doctor .* examines records"):
+    with pytest.raises(InputError, match=r"lumbar diagnose .* examines records"):
         lumbar.inspect(tmp_path / "record.csv")
 
 

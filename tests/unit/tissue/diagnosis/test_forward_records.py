@@ -139,8 +139,6 @@ def test_what_forward_records_do_not_do_yet_is_said():
     records = forward_records("nothing")
     with pytest.raises(InputError, match="no law is looked for"):
         lumbar.propose(records, base="LE", train="train", settings=FORCE_IN)
-    with pytest.raises(InputError, match="no effects are put into them"):
-        lumbar.doctor(records, settings=FORCE_IN)
     with pytest.raises(InputError, match="base KV-contact: records with the force as input know"):
         lumbar.diagnose(records, base="KV-contact", settings=FORCE_IN)
 

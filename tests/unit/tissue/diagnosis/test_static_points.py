@@ -117,7 +117,6 @@ def test_what_needs_a_clock_refuses_points_in_words(tmp_path):
     for verb in (
         lambda: lumbar.identify(records),
         lambda: lumbar.refine(records, ["inertia"]),
-        lambda: lumbar.doctor(records),
         lambda: lumbar.propose(records),
         lambda: lumbar.diagnose(records, base="KB"),
         lambda: lumbar.read(tmp_path / "a.csv", rate=10.0),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lumbar import compare, doctor, identify, locate, refine
+from lumbar import compare, identify, locate, refine
 from lumbar.records.ratings import Ratings
 from lumbar.records.record import Channel, Record
 from lumbar.settings.perception import PerceptionSettings
@@ -93,13 +93,6 @@ def test_other_outputs_than_forces_are_not_felt(records):
     assert refined.compare()["other"].comparison.felt is None
     assert "hand" not in str(refined) and "hand" not in str(refined.compare())
     assert refined.locate().felt.frame.empty
-
-
-def test_the_smallest_effect_that_is_felt_is_felt_just_so(records):
-    size = doctor(records, effects=["coulomb_friction"])["coulomb_friction"]
-    injection, hands = size.injection, Hands.of()
-    assert injection.just_felt(size.felt, "N", hands) == pytest.approx(size.felt, rel=0.05)
-    assert size.felt > 2 * size.predicted
 
 
 def test_rates_that_hold_a_force_longer_are_felt_more(records, found):

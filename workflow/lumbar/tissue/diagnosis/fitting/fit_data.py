@@ -36,11 +36,6 @@ class FitData(Remembering):
         return (self,)
 
     @property
-    def by_axis(self) -> tuple[FitData, ...]:
-        """The record along every axis: this one."""
-        return (self,)
-
-    @property
     def first(self) -> int:
         """Index of the first sample that counts: behind those that the whitening filter does not see whole."""
         return self.begins + max(self.settling, len(self.whitening) - 1)

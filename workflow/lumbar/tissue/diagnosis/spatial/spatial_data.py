@@ -58,11 +58,6 @@ class SpatialData(JointData):
         """The record."""
         return (self,)
 
-    @property
-    def by_axis(self) -> tuple[FitData, ...]:
-        """The record along every axis."""
-        return self.parts
-
     @cached_property
     def zeros(self) -> np.ndarray:
         """What the zeros of the sensor's channels add, shape (axes × samples, axes)."""
