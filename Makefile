@@ -12,7 +12,7 @@ STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
 CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-statistical test-portable acceptance report provenance crate check-results update-reference benchmark lint format lock audit docs docs-site clean help environment cluster
+.PHONY: results test test-statistical acceptance report provenance crate check-results update-reference benchmark lint format lock audit docs docs-site clean help environment cluster
 
 results: environment ## every table, figure and FMU of the study (default target)
 	@python -m lumbar.base.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
@@ -44,9 +44,6 @@ test: environment ## the tests, but for those of the next target
 test-statistical: environment ## rates over many draws, the default study whole, on one core and on two, ways through the whole program
 	$(TEST) -m "statistical or nightly"
 
-test-portable: environment ## tests, results and verdicts under other processors' kernels, threads, Pythons, packages: hours
-	python benchmarks/portable/run.py
-
 # Both suites run to their end; the status tells whether an answer is another one than recorded.
 acceptance: environment ## records whose truth is known, public and hard ones: a judgement each, and docs/tissue/acceptance.md: minutes
 	python tests/real_records/ask_records.py --markdown docs/tissue/acceptance.md; real=$$?; \
@@ -69,28 +66,20 @@ update-reference: results ## take the default study's numbers as the new referen
 	python tests/reference/check_results.py --update
 	PYTHONPATH=docs python -m generate.thesis_items
 
-benchmark: environment ## accuracy of the diagnosis over hundreds of experiments; timings and memory, printed
+# Sizes are small: without options the scripts take hours, and --markdown renews the table of a page.
+benchmark: environment ## accuracy of the diagnosis, timings and memory, printed: half an hour
 	snakemake --cores $(CORES) lifting tissue table_4_1_parts
 	python benchmarks/timings.py
 	python benchmarks/growth.py
-	python benchmarks/stability.py
-	python benchmarks/alternation.py
-	python benchmarks/table_4_1_parts.py --markdown docs/lifting/basins.md
-	python benchmarks/population.py
-	python benchmarks/feedback.py --markdown docs/lifting/pushes.md
-	python benchmarks/push_thresholds.py --markdown docs/lifting/push_experiment.md
-	python benchmarks/body_model.py people --seeds 10
-	python benchmarks/body_model.py coverage --seeds 200 --first 600 --markdown docs/lifting/body_model.md
-	python benchmarks/body_model.py boxes --seeds 18 --first 1000
-	$(MAKE) STUDY=cohort results # the contest of docs/lifting/pushes.md: its tables/push_prediction
-	python benchmarks/marker_faults.py --markdown docs/lifting/quality.md
-	python tests/space_effects/ask_cases.py --seeds 1,2 # docs/tissue/space.md
+	python benchmarks/stability.py --starts 1000
+	python benchmarks/alternation.py --knots 100
+	python benchmarks/table_4_1_parts.py
+	python benchmarks/marker_faults.py
 	python benchmarks/runtime.py
-	python benchmarks/perception.py --markdown docs/tissue/perception.md
-	python benchmarks/browser.py
-	python benchmarks/pendulum.py
-	python benchmarks/calibration.py --markdown docs/tissue/acceptance.md
-	python benchmarks/hidden_effects/run.py --processes $(CORES)
+	python benchmarks/sensor_faults.py --records 100 --repeats 1
+	python benchmarks/pendulum.py --seeds 1
+	python benchmarks/calibration.py --count 1
+	python benchmarks/hidden_effects/run.py --quick --processes $(CORES)
 
 lint: environment ## what the continuous integration checks before the tests
 	ruff check .

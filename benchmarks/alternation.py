@@ -40,8 +40,6 @@ from lumbar.settings.stability import StabilitySettings
 PROJECT = Path(__file__).resolve().parents[1]
 ALTERNATIONS = 4
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-FEWER_KNOTS = (10, 28, 112, 334)
-FINER_KNOTS = 1999
 
 
 class Written:
@@ -117,21 +115,15 @@ def ways(knots: int) -> list[tuple[str, float, int, Callable[[], object]]]:
     ]
     own += [
         ("Clarabel", ACCURACY, number, lambda: Certificate(DEGREE, ACCURACY))
-        for number in (*FEWER_KNOTS, FINER_KNOTS)
+        for number in (max(10, knots // 9), knots // 3, 2 * knots - 1)
     ]
-    tolerances = {"tol_gap_abs": ACCURACY, "tol_gap_rel": ACCURACY, "tol_feas": ACCURACY}
-    own.append(
-        ("Clarabel through cvxpy", ACCURACY, FEWER_KNOTS[-1], lambda: Written("CLARABEL", **tolerances))
-    )
-    own.append(
-        (
-            "SCS through cvxpy",
-            ACCURACY,
-            FEWER_KNOTS[-1],
-            lambda: Written("SCS", eps_abs=ACCURACY, eps_rel=ACCURACY),
-        )
-    )
-    return own
+    clarabel = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), ACCURACY)
+    scs = dict.fromkeys(("eps_abs", "eps_rel"), ACCURACY)
+    return [
+        *own,
+        ("Clarabel through cvxpy", ACCURACY, knots // 3, lambda: Written("CLARABEL", **clarabel)),
+        ("SCS through cvxpy", ACCURACY, knots // 3, lambda: Written("SCS", **scs)),
+    ]
 
 
 def main() -> None:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
 from itertools import product
 from pathlib import Path
 
@@ -21,7 +20,6 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from acceptance_page import show_section
-from calibration_figure import calibration_figure
 from calibration_records import (
     COLOURS,
     CONDITIONS,
@@ -35,9 +33,8 @@ from calibration_records import (
 )
 from calibration_tables import coverage, coverage_lines, null_lines
 from lumbar.base.errors import LumbarError
-from lumbar.base.files import write_csv, write_text
+from lumbar.base.files import write_csv
 from lumbar.base.progress import track
-from lumbar.publishing.figures.style import save
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
@@ -131,7 +128,7 @@ def measured(nulls: int, effects: int) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def report(nulls: pd.DataFrame, intervals: pd.DataFrame, page: Path | None) -> None:
-    """Print the tables; with a page, write them into it and draw the picture beside it."""
+    """Print the tables; with a page, write them into it."""
     covered = coverage(intervals)
     refused = intervals["parameter"].isna().sum()
     experiments = len(intervals.drop_duplicates(["effect", "noise", "number"]))
@@ -144,14 +141,6 @@ def report(nulls: pd.DataFrame, intervals: pd.DataFrame, page: Path | None) -> N
         *coverage_lines(covered),
     ]
     show_section(page, "calibration", lines)
-    if page is None:
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        stem = Path(folder) / "calibration"
-        save(calibration_figure(nulls, covered), stem, "simulated, see the text")
-        write_text(
-            page.parents[1] / "images/calibration.svg", stem.with_suffix(".svg").read_text(encoding="utf-8")
-        )
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
-"""Seconds and memory of every rule, and how they grow with samples, records and lifters.
+"""Seconds and memory of the main tasks, and how they grow with samples, records and lifters.
 
-    python benchmarks/growth.py [--study results/thesis] [--before results/other] [--longest 20] [--only WORDS]
+    python benchmarks/growth.py [--longest 5] [--only WORDS]
 
-Prints tables; nothing is asserted, because machines differ. The first is of the benchmark files of a run that is there, beside
-those of an earlier one. Each further row is one task at sizes that rise tenfold until one takes longer than ``--longest``
-seconds: processor seconds, memory beyond what libraries and data hold, and the exponents of growth over the last step.
+Prints a row per task; nothing is asserted, because machines differ. Sizes rise tenfold until a task takes longer than
+``--longest`` seconds. A row has processor seconds, memory beyond what libraries and data hold, and the exponents of growth over
+the last step.
 """
 
 from __future__ import annotations
@@ -21,49 +21,23 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from one_thread import PROJECT  # isort: skip
+import one_thread  # noqa: F401 # isort: skip
 
 import numpy as np
 import pandas as pd
 
 import lumbar
-import run.job_libraries  # noqa: F401 - so that no task pays for imports
-from lumbar.lifting.pushes.contest import COLUMNS as PUSH_COLUMNS
-from lumbar.lifting.pushes.contest import contest_of
-from lumbar.lifting.pushes.prediction import prediction_frame
 from lumbar.records.record import Channel, Record
 from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.pushes import PushesSettings
 from lumbar.settings.signals import SurgeonSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.tissue_recordings import tissue_force
-from run.timings import timings
 
 STEP_S = 0.02
 PLAN = """
 study: growth
 twin: {{lifting: {{cohort: {{box_masses_kg: [23], groups: {{expert: {{persons: {0}}}, novice: {{persons: {0}}}}}}}}}}}
 """
-
-
-def rules(study: Path) -> pd.DataFrame:
-    """Jobs, seconds of all, of the longest, and peak memory of every rule of a run."""
-    rows = pd.DataFrame(timings(study / "benchmarks"), columns=["rule", "wall", "cpu", "peak"])
-    rows["rule"] = rows["rule"].str.split("/").str[0]
-    grouped = rows.groupby("rule")
-    table = grouped.agg(wall_s=("wall", "sum"), longest_s=("wall", "max"), peak_MB=("peak", "max"))
-    table.insert(0, "jobs", grouped.size())
-    return table.sort_values("wall_s", ascending=False)
-
-
-def print_rules(study: Path, before: Path | None) -> None:
-    """Print the table of rules, with the sums last."""
-    table = rules(study)
-    if before is not None:
-        table = table.join(rules(before)[["wall_s", "peak_MB"]].add_suffix("_before"), how="left")
-    total = {name: table[name].max() if "peak" in name else table[name].sum() for name in table}
-    table.loc["sum, or largest"] = total
-    print(table.round(1).to_string(), end="\n\n")
 
 
 def cost(task: Callable[[], object]) -> tuple[float, float]:
@@ -166,44 +140,6 @@ def files_read(folder: Path, samples: int, records: int) -> Callable[[], object]
     return lambda: lumbar.read(paths)
 
 
-def people_compared(people: int) -> Callable[[], object]:
-    """Compare two groups by four measures of three trials with each of two boxes."""
-    rng = np.random.default_rng(1)
-    rows = [
-        (f"person {person}", ("expert", "novice")[person % 2], box, measure, "xz", level + rng.normal())
-        for person, level in enumerate(rng.normal(10, 1, people))
-        for measure in "abcd"
-        for box in (15.0, 23.0)
-        for _ in range(3)
-    ]
-    table = pd.DataFrame(rows, columns=["person", "group", "box_mass_kg", "measure", "plane", "value"])
-    return lambda: lumbar.compare_groups(table)
-
-
-def pushes_pooled(folder: Path, people: int) -> Callable[[], object]:
-    """Score the pushes of people with three lifts each, of whom files were written."""
-    files = [folder / f"pushes_{person}.csv" for person in range(people)]
-    settings, rng = PushesSettings(), np.random.default_rng(1)
-    per_person = 3 * settings.push.per_lift
-    numbers = [name for name in PUSH_COLUMNS if name.startswith(("level_", "impulse", "equal_i", "shift"))]
-    for person, path in enumerate(files):
-        if not path.is_file():
-            frame = pd.DataFrame(rng.normal(10, 3, (per_person, len(numbers))), columns=numbers)
-            steps = rng.random((2, per_person)) < 0.5
-            frame = frame.assign(subject=f"p{person}", outcome="stands", steps=steps[0], equal_steps=steps[1])
-            frame["lift"] = [f"p{person}_{number // settings.push.per_lift}" for number in range(per_person)]
-            frame["direction"] = np.where(np.arange(per_person) % 2, "backward", "forward")
-            frame["time_s"] = 0.0
-            frame[list(PUSH_COLUMNS)].to_csv(path, index=False)
-
-    def scored():
-        # The bodies that are pushed again for the table of sensitivities are left out: their number is fixed.
-        contest = contest_of(pd.concat(map(pd.read_csv, files), ignore_index=True))
-        return prediction_frame(contest, settings.scoring, 1)
-
-    return scored
-
-
 def planned(folder: Path, people: int) -> Callable[[], object]:
     """Build the graph of a cohort with three lifts a person, of which nothing is made yet."""
     from running import copy_project
@@ -221,14 +157,10 @@ def planned(folder: Path, people: int) -> Callable[[], object]:
 def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--study", type=Path, default=PROJECT / "results" / "thesis")
-    parser.add_argument("--before", type=Path)
-    parser.add_argument("--longest", type=float, default=20.0)
+    parser.add_argument("--longest", type=float, default=5.0)
     parser.add_argument("--only", default="", help="words in the names of the tasks wanted")
     options = parser.parse_args()
-    if (options.study / "benchmarks").is_dir():
-        print_rules(options.study, options.before)
-    samples, records, people = [10**n for n in range(3, 8)], [1, 10, 100, 1000], [2, 20, 200, 1000]
+    samples, records, people = [10**n for n in range(3, 7)], [1, 10, 100, 1000], [2, 20, 200, 1000]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for task, prepare, sizes in (
@@ -241,8 +173,6 @@ def main() -> None:
             ("records of 1000: identify, test on them", lambda size: identified(1000, size), records),
             ("records of 1000: diagnose, test on them", lambda size: diagnosed(1000, size), records),
             ("lifters: plan of three lifts each", lambda size: planned(folder, size), people),
-            ("lifters: groups compared", people_compared, people),
-            ("lifters: pushes of three lifts each scored", lambda size: pushes_pooled(folder, size), people),
         ):
             if options.only in task:
                 grow(task, prepare, sizes, options.longest)

@@ -1,12 +1,11 @@
-"""How good proposed laws are: on laws that are in no catalogue, on records with nothing missing, and on labelled experiments.
+"""How good proposed laws are: on laws that are in no catalogue, and on records with nothing missing.
 
     python benchmarks/proposed_laws.py laws
     python benchmarks/proposed_laws.py nulls --count 120
-    python benchmarks/proposed_laws.py folder /path/to/experiments --like i
 
 *laws*: a law is looked for in three records; its error is then taken on three others that nothing has seen: the same amplitude
 and speed, 1.5 times the amplitude, 1.5 times the speed. *nulls*: a true base with white, coloured or unknown noise; with
-`--force` the search runs also where the base is found adequate. *folder*: the last record of each experiment is held back.
+`--force` the search runs also where the base is found adequate.
 """
 
 from __future__ import annotations
@@ -14,13 +13,11 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from pathlib import Path
 
 import numpy as np
 from scipy.signal import lfilter
 
 from lumbar.interface.diagnosis import diagnose
-from lumbar.interface.reading import read
 from lumbar.records.record import Channel, Record
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.law import proposal as law_proposal
@@ -72,9 +69,6 @@ def law_row(name: str, make, seed: int = 0) -> dict:
         )
     else:
         row["formula"] = "; ".join(["none", *(refused for _, refused in found.tried)])
-    row["surface"] = (
-        "".join([found.surfaces[0].first.symbol, found.surfaces[0].second.symbol]) if found.is_needed else ""
-    )
     for one in ("fresh", "larger", "faster"):
         row[f"{one}_before"] = round(error(found.before.fit, records[one]) / noise, 2)
         after = found.before.fit if found.law is None else found.law.fit
@@ -125,34 +119,10 @@ def null_proposes(seed: int, forced: bool) -> tuple[str, int]:
     return (found.form.equation if found.law else ""), len(found.tried)
 
 
-def folder_row(folder: Path) -> dict:
-    """Look for a law in all records but the last, and try it on that."""
-    records = list(read(folder / "records"))
-    held, seen = records[-1], records[:-1]
-    diagnosis = diagnose(seen)
-    found = diagnosis.propose().proposal
-    law = found.before.fit if found.law is None else found.law.fit
-    floor = found.experiment.floor
-    noise = floor.rms if floor else float("nan")
-    return {
-        "case": folder.name,
-        "verdict": diagnosis.verdict.verdict,
-        "catalogue": "+".join(found.before.effects),
-        "formula": found.form.equation
-        if found.law
-        else "none: " + "; ".join(refused for _, refused in found.tried),
-        "noise": round(noise, 4),
-        "base": round(error(found.base.fit, held) / noise, 2),
-        "before": round(error(found.before.fit, held) / noise, 2),
-        "after": round(error(law, held) / noise, 2),
-    }
-
-
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("laws", "nulls", "folder"))
-    parser.add_argument("path", nargs="?", type=Path)
-    parser.add_argument("--like", default="", help="beginning of the names of experiments, or a law")
+    parser.add_argument("what", choices=("laws", "nulls"))
+    parser.add_argument("--like", default="", help="beginning of the names of the laws")
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--force", action="store_true", help="search nulls also where the base is adequate")
@@ -165,10 +135,7 @@ def main(arguments: list[str] | None = None) -> None:
             print(seed, tested, formula or "-", flush=True)
         print(f"{proposed} proposals in {options.count} nulls")
         return
-    if options.what == "laws":
-        rows = (law_row(name, make) for name, make in LAWS.items() if name.startswith(options.like))
-    else:
-        rows = (folder_row(one) for one in sorted(options.path.glob(f"{options.like}*")) if one.is_dir())
+    rows = (law_row(name, make) for name, make in LAWS.items() if name.startswith(options.like))
     writer = None
     for row in rows:
         if writer is None:

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 PROJECT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(PROJECT / "tests"))
@@ -33,8 +34,7 @@ def best_time(function: Callable[[], object], repeats: int = 5) -> float:
 
 
 def default_study() -> None:
-    """Run the default study from nothing on two cores, compiler cache in place; print time, memory and timings."""
-    from run.timings import summary, timings
+    """Run the default study from nothing on two cores, compiler cache in place; print time and memory of every rule."""
     from running import copy_project
 
     with tempfile.TemporaryDirectory() as folder:
@@ -44,10 +44,25 @@ def default_study() -> None:
             [sys.executable, "-m", "snakemake", "--cores", "2", "--quiet"], cwd=project, check=True
         )
         wall = time.perf_counter() - start
-        folder = project / "results" / "thesis" / "benchmarks"
-        print(summary(folder, {row[0] for row in timings(folder)}))
+        print(rules(project / "results" / "thesis" / "benchmarks"))
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     print(f"default study from nothing: {wall:.1f} s wall on 2 cores, largest process {peak:.0f} MB")
+
+
+def rules(folder: Path) -> str:
+    """Return jobs, seconds and peak memory of every rule, from the benchmark files of a run."""
+    parts = [
+        pd.read_csv(path, sep="\t", na_values="-").assign(
+            rule=path.relative_to(folder).with_suffix("").parts[0]
+        )
+        for path in sorted(folder.rglob("*.tsv"))
+    ]
+    groups = pd.concat(parts).groupby("rule")
+    table = groups.agg(
+        jobs=("s", "size"), wall_s=("s", "sum"), cpu_s=("cpu_time", "sum"), peak_MB=("max_rss", "max")
+    ).sort_values("wall_s", ascending=False)
+    table.loc["sum, or largest"] = [*table[["jobs", "wall_s", "cpu_s"]].sum(), table["peak_MB"].max()]
+    return table.round(1).to_string()
 
 
 def ridge_path() -> None:
@@ -97,39 +112,7 @@ def diagnosis() -> None:
     )
 
 
-def strangers_file() -> None:
-    """What care costs: checking an FMU with effects and judging it on a device, against parsing it, in CPU of all processes."""
-    import lumbar
-    from lumbar.twin.examples import example_records
-
-    parse = "import sys, zipfile; from xml.etree import ElementTree; import numpy, fmpy; file = zipfile.ZipFile(sys.argv[1]); "
-    parse += "[file.read(name) for name in file.namelist()]; ElementTree.fromstring(file.read('modelDescription.xml'))"
-    command = [sys.executable, "-c", "import sys; from lumbar.cli import main; sys.exit(main())"]
-    with tempfile.TemporaryDirectory() as folder:
-        model = lumbar.refine(example_records(), ["coulomb_friction"]).models[-1]
-        file = next(path for path in lumbar.export_fmu(model, folder) if path.name.endswith("_fmi3.fmu"))
-        ways = {
-            "parsed": [sys.executable, "-c", parse, str(file)],
-            "checked": [*command, "check", str(file)],
-            "judged": [*command, "render", "--trust", str(file)],
-        }
-        spent = {way: min(cpu_time(arguments) for _ in range(5)) for way, arguments in ways.items()}
-    ratios = ", ".join(
-        f"{way} {spent[way] / spent['parsed']:.1f} times that" for way in ("checked", "judged")
-    )
-    print(f"FMU of a model with an effect: parsed in {spent['parsed']:.2f} s of CPU, {ratios}")
-
-
-def cpu_time(command: list[str]) -> float:
-    """Seconds of a processor that a command and its processes take."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(command, check=True, capture_output=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-
-
 if __name__ == "__main__":
     ridge_path()
-    strangers_file()
     diagnosis()
     default_study()

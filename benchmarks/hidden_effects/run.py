@@ -41,9 +41,8 @@ WHOLE = replace(
     nulls=1000,
     nulls_per_batch=50,
     keep_recordings=False,
-    bootstrap_resamples=1000,
 )
-SCORING = ("run", "scores", "power_curve", "figures")
+SCORING = ("run", "scores")
 """Modules that change no experiment and no diagnosis."""
 
 
@@ -136,16 +135,12 @@ def begin_anew_if_changed(folder: Path, settings: HiddenEffectsSettings) -> None
 
 def publish(folder: Path, batches: list[Batch], settings: HiddenEffectsSettings) -> None:
     """Compare, count, publish: truth and diagnoses meet here and nowhere before."""
-    from hidden_effects.figures import confusion_figure, power_figure
     from hidden_effects.scores import (
         accuracy_table,
         confusion,
         forms_table,
-        power_curve,
-        power_summary,
         scores,
     )
-    from lumbar.publishing.figures.style import save
 
     labels, diagnoses = {}, {}
     for batch in batches:
@@ -157,11 +152,6 @@ def publish(folder: Path, batches: list[Batch], settings: HiddenEffectsSettings)
     write_csv(folder / "confusion.csv", matrix.assign(data=SYNTHETIC_TWIN))
     accuracy_table(frame, settings).write(folder / "tables" / "accuracy")
     forms_table(frame, settings).write(folder / "tables" / "forms")
-    power = power_summary(frame, settings, settings.seed)
-    write_json(folder / "power.json", {**power, "data": SYNTHETIC_TWIN})
-    save(confusion_figure(matrix), folder / "figures" / "confusion", SYNTHETIC_TWIN)
-    figure = power_figure(power_curve(frame), settings.named_share, settings.confidence)
-    save(figure, folder / "figures" / "power", SYNTHETIC_TWIN)
     print(accuracy_table(frame, settings).frame.to_string(index=False))
 
 

@@ -1,4 +1,4 @@
-"""Scores of the diagnosis on experiments whose hidden effect is known: accuracy, false alarms, confusion, power."""
+"""Scores of the diagnosis on experiments whose hidden effect is known: accuracy, false alarms, confusion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from scipy.stats import binomtest
 
-from hidden_effects.power_curve import PowerCurve, fit_power_curve, strength_interval
 from lumbar.base.errors import Problems
 from lumbar.tables.table import SYNTHETIC_TWIN, Table
 
@@ -304,31 +303,3 @@ def confusion(frame: pd.DataFrame, mechanisms: list[str]) -> pd.DataFrame:
     counted = pd.crosstab(hidden, said)
     counted = counted.reindex(index=rows, columns=columns, fill_value=0)
     return counted.rename_axis(index="hidden", columns=None).reset_index()
-
-
-def power_curve(frame: pd.DataFrame) -> PowerCurve:
-    """Power curve of the single effects: those named exactly, over residual over noise."""
-    single = frame[frame["kind"] == "single"]
-    return fit_power_curve(single["residual_over_noise"], single["right"])
-
-
-def power_summary(frame: pd.DataFrame, settings: HiddenEffectsSettings, seed: int) -> dict:
-    """Strength from which the wanted share of single effects is named, by both curves.
-
-    Returns
-    -------
-    dict
-        ``share``, ``logistic`` with ``value``, ``low``, ``high``, ``isotonic``, and the range tested; None where
-        the share is not reached within it.
-    """
-    curve = power_curve(frame)
-    share = settings.named_share
-    low, high = strength_interval(curve, share, settings.confidence, settings.bootstrap_resamples, seed)
-    return {
-        "share": share,
-        "experiments": len(curve.strength),
-        "tested": [float(curve.strength[0]), float(curve.strength[-1])],
-        "logistic": {"value": curve.strength_at(share), "low": low, "high": high},
-        "isotonic": curve.isotonic_strength_at(share),
-        "confidence": settings.confidence,
-    }

@@ -41,12 +41,8 @@ class HiddenEffectsSettings(TissueTestRanges):
     """Range of the correlation of neighbouring samples of autoregressive noise."""
     strong_residual_over_noise: float = 4.0
     """Residual over noise from which an effect counts as strong in the scores."""
-    named_share: float = 0.95
-    """Share of effects named at which the power curve is read off."""
     confidence: float = 0.95
     """Of all intervals of the scores."""
-    bootstrap_resamples: int = 200
-    """Resamples for the interval of the strength at which that share is named."""
 
     def __post_init__(self):
         """Refuse ranges that do not run upward, and noise of no colour.
