@@ -86,9 +86,9 @@ class Answer:
 
     @property
     def errors(self) -> tuple[float, float]:
-        """Error on unseen records of the base, and of the refined model or the chain that explains them."""
-        ladder, chain = self.document["ladder"], self.document.get("chain")
-        return ladder[0]["test_rms"], chain["test_rms"] if chain else ladder[-1]["test_rms"]
+        """Error on unseen records of the base, and of the refined model."""
+        ladder = self.document["ladder"]
+        return ladder[0]["test_rms"], ladder[-1]["test_rms"]
 
 
 def ask(read: Callable[[], tuple[list, dict[str, Any]]]) -> Answer:

@@ -74,14 +74,13 @@ def check_alike(diagnose: Diagnose, records: Sequence[Record], units: Units) -> 
 
 
 def said(found: Verdict) -> dict:
-    """What no unit changes: base, verdict, effects, ties, findings, chain, convergence."""
+    """What no unit changes: base, verdict, effects, ties, findings, convergence."""
     return {
         "base": found.base.fit.structure.base.name,
         "verdict": (found.verdict, found.verdict_after, found.complete),
         "selected": found.selected,
         "ties": {frozenset(item.effects) for item in found.tied_with},
         "findings": sorted((item.kind, sorted(item.record.split("+"))) for item in found.findings),
-        "chain": found.chain and found.chain.kind,
         "converged": found.model.fit.converged,
     }
 

@@ -42,8 +42,6 @@ def main() -> int:
 def _named(answer) -> str:
     if not answer.document:
         return "no result"
-    if answer.document.get("chain"):
-        return f"{answer.document['chain']['kind']} chain ({answer.verdict})"
     names = effects_text(answer.selected) if answer.selected else "nothing"
     return f"{names} ({answer.verdict})"
 

@@ -27,7 +27,6 @@ from lumbar.tissue.diagnosis.residuals.locate import (
     location_table,
     of_axes,
 )
-from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, details, headline
 from lumbar.tissue.effects.notation import check_name
@@ -92,16 +91,6 @@ class Diagnosis:
     def base_on_records(self) -> list[ResidualReport]:
         """The same along every axis."""
         return of_axes(self.reports)
-
-    @cached_property
-    def _without_names(self) -> list[Candidate]:
-        """Models that name no mechanism: linear dynamics of higher order, a surface in the place of a formula."""
-        found = [self.verdict.linear]
-        if self.proposal is not None and self.proposal.is_surface:
-            from lumbar.tissue.diagnosis.law.proposal import surface_model
-
-            found.append(surface_model(self.proposal, self.data))
-        return [item for item in found if item is not None]
 
     @property
     def headline(self) -> str:
@@ -213,7 +202,8 @@ class Diagnosis:
         from lumbar.publishing.pages.diagnosis_page import evidence_sections
 
         beside = self.thesis_models if thesis else NOT_IDENTIFIED
-        own = [fitted_model(item, self.verdict.experiment) for item in self._without_names]
+        linear = self.verdict.linear
+        own = [] if linear is None else [fitted_model(linear, self.verdict.experiment)]
         return ExplorerPage(
             self.verdict,
             self.evidence,
@@ -244,7 +234,8 @@ class Diagnosis:
         folder = Path(folder)
         write_diagnosis(self.verdict, lambda: self.evidence, folder, self.data)
         kept = self.verdict if effects is None else self.with_effects(effects)
-        document = refined_document([*self._without_names, *kept.path], kept.experiment, self.data)
+        linear = [] if self.verdict.linear is None else [self.verdict.linear]
+        document = refined_document([*linear, *kept.path], kept.experiment, self.data)
         write_json(folder / "refined.json", document)
         self._save_law(folder / "proposed_law.yaml")
         if self.verdict.experiment.points:

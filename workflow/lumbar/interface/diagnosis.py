@@ -88,11 +88,9 @@ def diagnose(
 
 
 def _beyond_catalogue(verdict: Verdict, proposing: bool) -> tuple[Verdict, Proposal | None]:
-    """Look for a chain of a curve and filters, and for a law, in what no effect explains."""
-    from lumbar.tissue.diagnosis.law.chain import with_chain
+    """Look for a law in what no effect explains."""
     from lumbar.tissue.diagnosis.law.proposal import propose, with_law
 
-    verdict = with_chain(verdict)
     proposal = propose(verdict.experiment, verdict.base, verdict.model) if proposing else None
     return with_law(verdict, proposal), proposal
 

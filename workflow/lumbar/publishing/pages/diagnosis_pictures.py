@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis as files: comparison, location, ladder, signatures; a proposed law and a chain where found."""
+"""The pictures of a diagnosis as files: comparison, location, ladder, signatures; a proposed law where found."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ from lumbar.publishing.figures.comparison_figures import (
     ladder_rungs,
     signature_figure,
 )
-from lumbar.publishing.figures.law_figure import chain_figure, law_figure, linear_figure
+from lumbar.publishing.figures.law_figure import law_figure, linear_figure
 from lumbar.publishing.figures.location_figure import location_figure
 from lumbar.publishing.figures.space_figures import comparison_in_space, location_in_space
 from lumbar.publishing.figures.style import save
@@ -33,7 +33,7 @@ def draw_pictures(
     data: str,
     proposal: Proposal | None = None,
 ) -> dict[str, Path]:
-    """Write ``comparison``, ``location``, ``ladder`` and ``signatures``, and ``proposed_law``, ``chain`` where found.
+    """Write ``comparison``, ``location``, ``ladder`` and ``signatures``, and ``proposed_law`` where found.
 
     `reports` are those of the base model; `catalogue` is that of one axis, along which signatures are drawn. The SVG files are
     returned by caption.
@@ -63,12 +63,10 @@ def draw_pictures(
         figures["proposed_law"] = law_figure(proposal)
     if diagnosis.linear is not None:
         figures["linear_dynamics"] = linear_figure(diagnosis)
-    if diagnosis.chain is not None:
-        figures["chain"] = chain_figure(diagnosis)
     for name, drawn in figures.items():
         save(drawn, folder / name, "" if name == "signatures" else data)
     words = {"base": base.name, "least_explained": whole.record.name, "trained": trained.record.name}
-    words |= {"location": location, "kind": diagnosis.chain.kind if diagnosis.chain else ""}
+    words["location"] = location
     return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
 
 

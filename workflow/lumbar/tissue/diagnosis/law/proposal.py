@@ -3,11 +3,9 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.finding import Finding
@@ -15,9 +13,6 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.law.law_form import form_of
 from lumbar.tissue.diagnosis.law.search import Law, Search
-from lumbar.tissue.diagnosis.law.spline import NAME as SURFACE
-from lumbar.tissue.diagnosis.law.spline import smooth_surfaces
-from lumbar.tissue.diagnosis.law.surface import Surface, surfaces
 from lumbar.tissue.diagnosis.law.terms import Term, knows, library
 from lumbar.tissue.diagnosis.law.validation import (
     INNER,
@@ -40,7 +35,6 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 )
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, LEVEL, null_distribution
 from lumbar.tissue.diagnosis.selection.verdict import Verdict
-from lumbar.tissue.effects.notation import carried_effects
 from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.model_data import unit_of
 from lumbar.tissue.models.parameter import NonlinearParameter, Parameter
@@ -62,8 +56,7 @@ _FEW = 2
 """Nonlinear parameters that a fit can begin with at several values each; with more it begins with those found."""
 _REACH = (0.2, 5.0)
 _CLEARLY = 0.5
-"""Error of a law on the base alone beside that of the effects selected, up to which they are but a likeness of it; and of a
-surface beside that of a formula, up to which the formula is but one of it."""
+"""Error of a law on the base alone beside that of the effects selected, up to which they are but a likeness of it."""
 
 
 @dataclass(frozen=True)
@@ -106,20 +99,10 @@ class Proposal:
         """The model that the law is added to; without a law the catalogue's best."""
         return self.before if self.law is None else self.law.start
 
-    @cached_property
-    def surfaces(self) -> list[Surface]:
-        """What `start` leaves, without a formula, the pair of coordinates that explains most first."""
-        return surfaces(self.start.fit, self.experiment)
-
     @property
     def terms(self) -> tuple[Term, ...]:
         """Terms of the law; none where none is proposed."""
         return () if self.law is None else self.law.terms
-
-    @property
-    def is_surface(self) -> bool:
-        """Whether a surface stands in the place of a formula."""
-        return self.law is not None and self.form.effect == SURFACE
 
     @property
     def accumulates(self) -> bool:
@@ -141,8 +124,8 @@ class Proposal:
         """Where the law was found, and what is known of it beyond."""
         tried, force = self.extrapolation, self.experiment.output_unit
         where = _SAID["range"].format(found=self.range, unit=self.experiment.input_unit)
-        if self.is_surface or tried is None:
-            return where + _SAID["held" if self.is_surface else "not_tried"]
+        if tried is None:
+            return where + _SAID["not_tried"]
         parts = ("inner",) if tried.beyond_rms is None else ("inner", "beyond")
         told = "".join(_SAID[part].format(inner=100 * INNER, tried=tried, force=force) for part in parts)
         return where + told + _SAID["guess" if tried.holds else "no_guess"]
@@ -156,23 +139,20 @@ class Proposal:
         if not self.is_needed:
             return [_SAID["no_law"].format(name=name, before=before, unit=unit, beside=beside)]
         on = "+".join([before.fit.structure.base.name, *self.start.effects])
-        seen = _SAID["surface"].format(best=self.surfaces[0], percent=100 * self.surfaces[0].share, on=on)
         if self.law is None:
             tried = [(" + ".join(term.name for term in law.terms), refused) for law, refused in self.tried]
             return [
                 _SAID["no_formula"].format(name=name, before=before, unit=unit, beside=beside),
-                seen,
                 *(f"Not proposed: {terms}: {refused}." for terms, refused in tried),
             ]
         states = "".join(f", d{symbol}/dt = {rate}" for symbol, rate in self.form.state)
         formula = f"{self.form.equation}{states}"
-        words = {"on": on, "formula": formula, "words": self.words, "mark": MARK, "surface": SURFACE}
+        words = {"on": on, "formula": formula, "words": self.words, "mark": MARK}
         rms = {"before": before.test_rms, "after": self.law.candidate.test_rms}
         gone = {"percent": 100 * self.share_removed, "certainty": self.certainty}
         return [
-            _SAID["proposed_surface" if self.is_surface else "proposed"].format(**words),
+            _SAID["proposed"].format(**words),
             _SAID["falls"].format(**rms, unit=unit, beside=beside, **gone),
-            seen,
             f"It was found for {self.validity}.",
         ]
 
@@ -230,10 +210,6 @@ def _search(none: Proposal, terms: Sequence[Term]) -> Proposal:
     law = min(passed, key=lambda item: item.candidate.test_rms, default=None)
     if passed and passed[0].candidate.test_rms <= law.candidate.test_rms * _NEARLY:
         law = passed[0]
-    if law is None or not is_adequate(law.candidate, experiment, COMPLETE):
-        surface = _surface(starts, chosen_on, experiment, test)
-        if surface and (law is None or surface.candidate.test_rms < _CLEARLY * law.candidate.test_rms):
-            law = surface
     if law is None:
         return replace(none, tried=tried)
     return replace(
@@ -242,9 +218,7 @@ def _search(none: Proposal, terms: Sequence[Term]) -> Proposal:
         tried=tried,
         share_removed=test.share_removed(law.fit),
         certainty=test.certainty(law),
-        extrapolation=None
-        if law.fit.structure.forms[-1].effect == SURFACE
-        else extrapolation(law.fit, experiment),
+        extrapolation=extrapolation(law.fit, experiment),
     )
 
 
@@ -292,18 +266,6 @@ class _Test:
         noise = self.experiment.noise**2
         left = self.before.fit.rms(*self.unseen.tests) ** 2
         return float((left - found.rms(*self.unseen.tests) ** 2) / max(left - noise, 1e-300))
-
-
-def _surface(
-    starts: list[Candidate], chosen_on: Experiment, experiment: Experiment, test: _Test
-) -> Law | None:
-    """The surface that passes what a law must, beside the base if it can be; None where none does."""
-    for start in starts:
-        best = smooth_surfaces(start, chosen_on)[0]
-        law = replace(best, candidate=evaluate(best.fit, experiment))
-        if not test.refuses(law):
-            return law
-    return None
 
 
 def _range(experiment: Experiment) -> Range:
@@ -371,16 +333,6 @@ def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
         f"start: [{scaled / around:.6g}, {scaled * around:.6g}], scale: {item.scale}, points: {points}, "
         f"reach: [{_REACH[0]:g}, {_REACH[1]:g}]"
     )
-
-
-def surface_model(proposal: Proposal, data: str = "") -> Candidate | None:
-    """The model with the surface as an effect of its own, which files of models carry; None where none is proposed."""
-    if proposal.law is None or not proposal.is_surface:
-        return None
-    definition = yaml.safe_load(effect_text(proposal, SURFACE, data))
-    (form,) = carried_effects({"effects": {SURFACE: definition}}, {})[SURFACE].forms
-    law = proposal.law
-    return replace(law.candidate, fit=replace(law.fit, structure=law.start.fit.structure.with_form(form)))
 
 
 def with_law(verdict: Verdict, proposal: Proposal | None) -> Verdict:

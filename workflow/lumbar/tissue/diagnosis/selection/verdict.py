@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.tissue.diagnosis.finding import Finding
@@ -17,9 +16,6 @@ from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, EXPLAINS, LEV
 from lumbar.tissue.effects.catalogue import CHANNELS
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter
-
-if TYPE_CHECKING:
-    from lumbar.tissue.diagnosis.law.block_structure import BlockStructure
 
 _MOST = 7
 """Digits: errors that differ by less are alike."""
@@ -71,8 +67,6 @@ class Verdict:
     """What is true of the records and is no physical effect."""
     diagnosed_again: bool = True
     """Whether a further effect was looked for beside those selected."""
-    chain: BlockStructure | None = None
-    """A static curve between linear filters that explains what no effect does."""
     linear: Candidate | None = None
     """Linear dynamics of higher order that explain more than the refined model, as a base of their own."""
 
@@ -132,7 +126,6 @@ class Verdict:
                 for item in self.tied_with
             ],
             "findings": [item.to_json() for item in self.findings],
-            "chain": None if self.chain is None else self.chain.to_json(),
             "noise_floor_rms": None if floor is None else floor.rms,
             "just_felt_rms": None if felt is None else felt._asdict(),
             "explainable_share_removed": self.explainable_share_removed,
