@@ -36,9 +36,7 @@ include: "workflow/rules/runtime.smk"
 include: "workflow/rules/survey.smk"
 include: "workflow/rules/lifting.smk"
 include: "workflow/rules/stability.smk"
-include: "workflow/rules/perturbations.smk"
 include: "workflow/rules/population.smk"
-include: "workflow/rules/pushes.smk"
 include: "workflow/rules/claims.smk"
 include: "workflow/rules/crate.smk"
 include: "workflow/rules/report.smk"
@@ -49,7 +47,6 @@ rule all:
     default_target: True
     input:
         made(ARTEFACTS),
-        modelled(),
         # A cohort's page reads every recording once more: it is made when asked for.
         [] if study.has("population") else rules.report_page.output.page,
     message:

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 import yaml
 
-import lumbar
 from column_files import write_columns, write_records
 from generate.thesis_items import DOCS
 from lumbar.cli.command import COMMANDS, build_parser
-from lumbar.interface.lift import subject_of
 from lumbar.settings.plain import plain
 from lumbar.twin.examples import example_lift, example_records
 
@@ -104,9 +102,7 @@ def workplace(tmp_path, monkeypatch):
 SCRIPTS = {
     "README.md": "fmu/*_fmi3.fmu",
     "docs/index.md": "fmu/*_fmi3.fmu",
-    "docs/lifting/body_model.md": "ann.yaml",
     "docs/lifting/cohort.md": "comparison/*.csv",
-    "docs/lifting/pushes.md": "pushes/winner.json",
     "docs/lifting/quality.md": "trial.c3d",
     "docs/python.md": "lift.html",
     "docs/tissue/import.md": "records/study.yaml",
@@ -115,20 +111,12 @@ SCRIPTS = {
 QUICK = {"docs/lifting/cohort.md", "docs/lifting/quality.md", "docs/tissue/import.md"}
 
 
-def had(page: str, workplace) -> dict:
-    """The names that readers of a page's Python have from elsewhere."""
-    if page == "docs/lifting/pushes.md":
-        person = subject_of(workplace / "ann.yaml")
-        return {"recordings": [("trial.c3d", replace(person, name=name)) for name in ("ann", "bob")]}
-    return {"lumbar": lumbar} if page == "docs/lifting/body_model.md" else {}
-
-
 @pytest.mark.parametrize(
     "page", [pytest.param(page, marks=[] if page in QUICK else pytest.mark.nightly) for page in SCRIPTS]
 )
 def test_python_of_a_page_runs_as_it_stands(page, workplace):
     code = "\n".join(blocks(PAGES[page], "python"))
-    exec(compile(code, page, "exec"), {"__name__": "__main__"} | had(page, workplace))
+    exec(compile(code, page, "exec"), {"__name__": "__main__"})
     assert list(workplace.glob(SCRIPTS[page]))
 
 

@@ -30,7 +30,6 @@ NOT_RUN = {
 """Pages whose blocks are not run, and why."""
 BEFORE = {
     "docs/index.md": "rm -r FOLDER",  # the page makes it
-    "docs/lifting/push_experiment.md": r"printf 'person,direction,impulse_N_s,stepped\nann,forward,8,0\n' > pushes.csv",
     "docs/tissue/haptic_runtime.md": """
 lumbar export results/thesis/tissue/models.json --model KB --output results/thesis/fmu
 mkdir ~/.ssh

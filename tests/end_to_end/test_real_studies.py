@@ -72,19 +72,3 @@ def test_box_transfer(folder, shared):
     table = pd.read_csv(results / "tables" / "table_4_1.csv")
     assert table.lateral_bending_percent.isna().all()
     assert table.status.str.contains("not testable").all()
-
-
-@pytest.mark.nightly
-def test_sit_to_stand(folder, shared):
-    """Undisturbed trials lie in the basin of the others' mean, and the table says what is assumed and missing."""
-    results = run_study(folder, shared, "sit_to_stand")
-    table = pd.read_csv(results / "tables" / "perturbed_trials.csv")
-    assert set(table.groupby(["sign", "group"]).size()) == {5} and table["sign"].iloc[0] == "inverted"
-    largest = table.groupby(["sign", "group"])["largest_value"].median()
-    for sign in ("inverted", "hanging"):
-        assert largest[sign, "perturbed"] > 2 * largest[sign, "unperturbed"]
-    page = (results / "tables" / "perturbed_trials.html").read_text(encoding="utf-8")
-    assert "own feedback cannot be told" in page and "assumed 70 kg" in page
-    assert page.count("trials that lie inside throughout") == 2
-    quality = pd.read_csv(results / "tables" / "quality_of_trials.csv")
-    assert len(quality) == 10 and set(quality.findings) == {"none"}

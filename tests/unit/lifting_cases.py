@@ -1,4 +1,4 @@
-"""Lifts, trials, pushes and pendulums that several tests share."""
+"""Lifts, trials and pendulums that several tests share."""
 
 from dataclasses import replace
 
@@ -6,16 +6,11 @@ import numpy as np
 
 from lumbar.interface.lift import Lift
 from lumbar.lifting.movement.lift import analyse_lift
-from lumbar.lifting.pushes import contest
-from lumbar.lifting.pushes.motion import DepositMotion
-from lumbar.lifting.pushes.simulation import Scene, Traits
 from lumbar.lifting.stability.model.eq_4_1_pendulum import Pendulums, gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import check_weights
 from lumbar.lifting.stability.model.trajectories import Trajectory
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.plain import from_plain
-from lumbar.settings.pushes import PerturbationsSettings, PushesSettings
 from lumbar.settings.subject import TrialSettings
 from lumbar.twin.lifting_recordings import true_movement
 from study_settings import study_settings
@@ -85,50 +80,6 @@ ATHLETE = {
 }
 
 
-def perturbation_settings(**more) -> PerturbationsSettings:
-    """A trunk between sacrum and C7 in the sagittal plane."""
-    return from_plain(
-        PerturbationsSettings,
-        {
-            "subject": "S0",
-            "body_mass_kg": 70.0,
-            "mass_share": 0.678,
-            "centre_share": 0.626,
-            "pivot": ["SACRUM"],
-            "top": ["C7"],
-            "plane": "flexion_extension",
-            "unperturbed": ("a", "b", "c"),
-            "perturbed": ("d",),
-            **more,
-        },
-    )
-
-
-START, STOP = np.deg2rad([2.0, 4.0, 150.0]), np.deg2rad([0.0, 25.0, 155.0])
-
-
-def deposit(subject="a", mass=75.0, box=15.0, duration=1.2, foot=0.2) -> DepositMotion:
-    """Lean forward with least jerk while the arms reach out."""
-    time = np.linspace(0.0, duration, 121)
-    s, way = time / duration, (STOP - START)[:, None]
-    return DepositMotion(
-        subject=subject,
-        lift=f"{subject}_{box:g}kg",
-        mass_kg=mass,
-        height_m=1.75,
-        box_mass_kg=box,
-        time=time,
-        angle=START[:, None] + way * (10 * s**3 - 15 * s**4 + 6 * s**5),
-        rate=way / duration * 30 * (s**2 - 2 * s**3 + s**4),
-        acceleration=way / duration**2 * 60 * (s - 3 * s**2 + 2 * s**3),
-        lengths=np.array([0.86, 0.5, 0.55]),
-        trunk_centre=0.4,
-        ankle_height_m=0.04,
-        heel_m=0.065,
-        toe_m=foot,
-    )
-
-
 def true_recording(name) -> MarkerRecording:
     """Markers of a lift of the synthetic twin as they are, without noise or gap."""
     movement = true_movement(study_settings().twin.lifting, name)
@@ -142,14 +93,6 @@ def lift_of(recording, subject, mass=0.0, settings=None, name="lift") -> Lift:
     return Lift(
         analyse_lift(recording, name, subject, trial, settings), subject, trial, settings, "test", None
     )
-
-
-def scene_of(motions, settings=None) -> Scene:
-    """Everybody as the settings say, without personal spread."""
-    settings = settings or PushesSettings()
-    one = np.ones(len(motions))
-    traits = Traits(one, one, one, settings.controller.delay_s * one)
-    return contest.scene_of(motions, settings, traits)
 
 
 def without(recording, *parts) -> MarkerRecording:

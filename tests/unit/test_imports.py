@@ -28,7 +28,7 @@ TISSUE = [
     ["signals", "effects", "perception"],
     ["models"],
 ]
-LIFTING = [["body_model"], ["pushes"], ["stability", "measures"], ["movement"], ["quality", "population"]]
+LIFTING = [["stability", "measures"], ["movement"], ["quality", "population"]]
 """The rooms of the two wings, likewise."""
 
 

@@ -1,7 +1,5 @@
 """A study of drawn people: from marker files to what tells the groups apart; who is added makes nobody anew."""
 
-import json
-
 import pandas as pd
 import pytest
 
@@ -10,7 +8,6 @@ from running import FORKING, copy_project, snakemake
 pytestmark = pytest.mark.nightly
 SMALL = """
 stability: {limits: {knots: 84}}
-pushes: {push: {per_lift: 16}, outcome: {horizon_s: 1.5}}
 twin:
   lifting:
     rate_Hz: 50
@@ -54,19 +51,7 @@ def test_groups_of_drawn_people_are_compared(study):
     assert (planning["persons_with_1_trial"] >= 3).all()
 
 
-def test_drawn_people_are_pushed_and_a_measure_wins(study):
-    results = study / "results" / "cohort"
-    winner = json.loads((results / "pushes" / "winner.json").read_text(encoding="utf-8"))
-    table = pd.read_csv(results / "tables" / "push_prediction.csv")
-    assert winner["measure"] in set(table["measure"]) and 0.5 < winner["auc"] <= 1
-    assert "6 persons, at least 8 are needed" in winner["sentence"] and table["auc_low"].isna().all()
-    pushes = pd.read_csv(results / "pushes" / "pushes.csv")
-    assert pushes["subject"].nunique() == 6 and 0 < pushes["steps"].mean() < 1
-    assert (results / "figures" / "push_prediction.svg").is_file()
-
-
 def test_one_person_more_is_all_that_is_made(study):
     planned = run_study(study, 4, "--dry-run").whole()
     made = {name: count for name, count in planned.jobs.items() if name not in ("all", "total")}
-    own, pooled = ("twin_person", "measure_person", "push_person"), ("compare_people", "predict_steps")
-    assert made == dict.fromkeys((*own, *pooled), 1)
+    assert made == dict.fromkeys(("twin_person", "measure_person", "compare_people"), 1)

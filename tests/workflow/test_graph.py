@@ -10,7 +10,7 @@ import pytest
 from lumbar.study.artefacts import CHAPTERS
 from running import copy_project, snakemake
 
-DEFAULT_CHAPTERS = [name for name in CHAPTERS if name not in ("perturbations", "population", "pushes")]
+DEFAULT_CHAPTERS = [name for name in CHAPTERS if name != "population"]
 
 
 @pytest.fixture(scope="module")

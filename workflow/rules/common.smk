@@ -44,9 +44,7 @@ CATEGORIES = {
     "survey": "6 Survey",
     "lifting": "7 Lifting",
     "stability": "8 Basins of attraction",
-    "perturbations": "8 Basins of attraction",
     "population": "8 People compared",
-    "pushes": "8 Basins of attraction",
     "claims": "9 Claims",
 }
 STAGES = CATEGORIES | {
@@ -54,7 +52,6 @@ STAGES = CATEGORIES | {
     "records": CATEGORIES["twin"],
     "report": "Report",
 }
-QUALITY = ("quality", "quality_of_trials")
 RUN = {}  # what is told of the run under way
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 
@@ -101,12 +98,6 @@ def made(artefacts):
     return [f"<results>/{path}" for artefact in artefacts for path in artefact.paths(study.lifts)]
 
 
-def modelled():
-    """Files of the lifts by the body model, where the study asks for it."""
-    files = [f"<results>/lifting/{lift}/body_model_areas.csv" for lift in study.lifts]
-    return files if study.has("lifting") and settings.lifting.body_model is not None else []
-
-
 def published(*names):
     """Outputs of these artefacts by name, each in all its formats: the page or picture is in the report.
 
@@ -125,7 +116,7 @@ def in_report(name, path, label):
     return report(
         f"<results>/{path}",
         caption=str(WORKFLOW / "report" / f"{name}.rst"),
-        category=CATEGORIES["twin" if name in QUALITY else SHEET[name].chapter],  # recordings come first
+        category=CATEGORIES["twin" if name == "quality" else SHEET[name].chapter],  # recordings come first
         labels={"artefact": label},
     )
 

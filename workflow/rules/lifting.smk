@@ -52,43 +52,6 @@ rule lift:
         "../scripts/lift.py"
 
 
-if settings.lifting.body_model is not None:
-
-    rule body_model:
-        input:
-            markers=rules.lift.input.markers,
-            forces=rules.lift.input.forces,
-            static=rules.lift.input.static,
-            others=rules.lift.input.others,
-            checked=ancient("<results>/checked/lifting.json"),
-        output:
-            states="<results>/lifting/{lift}/body_model_pendulum.csv",
-            markers="<results>/lifting/{lift}/body_model_markers.csv",
-            areas="<results>/lifting/{lift}/body_model_areas.csv",
-        log:
-            "<logs>/body_model/{lift}.log",
-        benchmark:
-            "<benchmarks>/body_model/{lift}.tsv"
-        group:
-            "lift"
-        conda:
-            CONDA
-        resources:
-            **job_size(peak_mb=220, seconds=30),
-        params:
-            code=library_code("body_model.py"),
-            lift="{lift}",
-            subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
-            trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
-            settings=part(settings.lifting, *LIFT, "body_model"),
-            stability=part(settings.stability, "pendulum", "regulator", "goal_level", "knots"),
-            data=DATA,
-        message:
-            "{wildcards.lift}: one body fitted to all markers"
-        script:
-            "../scripts/body_model.py"
-
-
 if study.has("lifting"):
 
     rule lifting_figures:

@@ -16,7 +16,6 @@ if study.has("population"):
             ],
             checked=ALL_CHECKED,
         output:
-            **({"states": "<results>/pushes/states/{person}.csv"} if study.has("pushes") else {}),
             measures="<results>/population/persons/{person}.csv",
         log:
             "<logs>/measure_person/{person}.log",
@@ -38,7 +37,6 @@ if study.has("population"):
             },
             lifting=part(settings.lifting, *LIFT),
             stability=part(settings.stability, *MEASURED),
-            push_share=settings.pushes.push.height_share if study.has("pushes") else None,
             data=DATA,
         message:
             "{wildcards.person}: measures of every lift"

@@ -1,6 +1,6 @@
 # From the pendulums of the deposit to basins of attraction: one job per lift, one for the tables, one for the figures.
 
-# What of the chapter's settings makes the basins of a lift, and what its measures and pushes need.
+# What of the chapter's settings makes the basins of a lift, and what its measures need.
 BASINS = ("pendulum", "regulator", "goal_level", "knots", "checks", "proof", "sum_of_squares")
 BASINS += ("thesis_method", "attack", "limits", "grid", "lyapunov_shares")
 MEASURED = ("pendulum", "regulator", "goal_level", "limits", "measures")
@@ -48,7 +48,6 @@ if study.has("stability"):
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             others=[f"<results>/lifting/{lift}/other_pendulums.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
-            measured=modelled(),
             published=source("resources/thesis/table_4_1.csv"),
         output:
             **published(

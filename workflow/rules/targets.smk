@@ -8,7 +8,6 @@ for chapter in settings.chapters:
             chapter
         input:
             made([artefact for artefact in ARTEFACTS if artefact.chapter == chapter]),
-            modelled() if chapter == "lifting" else [],
         message:
             f"Chapter {chapter}: everything is made"
 

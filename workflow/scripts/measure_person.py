@@ -1,4 +1,4 @@
-"""Measures of every lift of one person, and what pushes need of it."""
+"""Measures of every lift of one person."""
 
 from job import run
 
@@ -14,7 +14,6 @@ def main(
     trials: dict[str, TrialSettings],
     lifting: LiftingSettings,
     stability: StabilitySettings,
-    push_share: float | None,
     data: str,
 ):
     """Analyse the lifts one after the other; a lift without a result has its reason in the table."""
@@ -23,7 +22,6 @@ def main(
     from lumbar.base.files import write_csv
     from lumbar.interface.movement import measure_person
 
-    analysed = []
     table = measure_person(
         dict(zip(trials, input.markers, strict=True)),
         trials,
@@ -32,14 +30,8 @@ def main(
         stability,
         static=next(iter(input.static), None),
         data=data,
-        each=analysed.append,
     )
     write_csv(output.measures, table)
-    if push_share is not None:
-        from lumbar.interface.pushing import push_states
-
-        states = push_states(analysed, stability, push_share)
-        write_csv(output.states, states)
 
 
 run(main, snakemake)

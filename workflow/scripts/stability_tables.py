@@ -43,14 +43,7 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     boa, failures, grid = (
         frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures, grid)
     )
-    intervals = [
-        pd.read_csv(path).assign(
-            subject=known["subject"], experience=labels[known["subject"]], box_mass_kg=known["box_mass_kg"]
-        )
-        for path, known in zip(input.measured, facts if input.measured else [], strict=True)
-    ]
-    measured = join_rows(intervals) if intervals else None
-    study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), data, measured)
+    study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), data)
     boa, disagreements = cross_check(boa, study.trajectories(), settings)
     failures = join_rows([failures, failures_frame(disagreements)])
     parts, without = decomposition_table(study)

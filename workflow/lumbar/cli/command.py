@@ -34,7 +34,6 @@ COMMANDS = {
     "inspect": recordings.run_inspect,
     "lift": lifting.run_lift,
     "basin": lifting.run_basin,
-    "push-thresholds": lifting.run_push_thresholds,
 }
 """What runs each command of ``commands.yaml``."""
 INTERRUPTED = 130

@@ -1,4 +1,4 @@
-"""Commands of the lifting chapters: ``lumbar new-study``, ``lift``, ``basin`` and ``push-thresholds``."""
+"""Commands of the lifting chapters: ``lumbar new-study``, ``lift`` and ``basin``."""
 
 from __future__ import annotations
 
@@ -49,10 +49,6 @@ def run_lift(options) -> None:
     print(found if found.analysed.states else found.seen)  # why there is no pendulum stands at the end
     print(measures)
     print("\n".join(found.checks))
-    if options.body_model:
-        model = found.body_model(study.stability)
-        model.save(options.output)
-        print(f"body model fitted to all markers:\n{model}")
     print("\n".join(_closing(found, options.output)))
     if options.opensim:
         from lumbar.interface.opensim_export import export_opensim
@@ -88,9 +84,9 @@ def _run_all(options, study) -> None:
     from lumbar.interface.lift import subject_of
     from lumbar.interface.lift_batch import lift_all, planned_lifts
 
-    if options.trial or options.forces or options.body_model or options.page or options.opensim:
+    if options.trial or options.forces or options.page or options.opensim:
         raise InputError(
-            "--trial, --forces, --body-model, --page and --opensim are those of one lift of one file: give that file alone"
+            "--trial, --forces, --page and --opensim are those of one lift of one file: give that file alone"
         )
     subject = subject_of(options.subject)
     lifts = planned_lifts(options.markers, subject)
@@ -130,15 +126,3 @@ def run_basin(options) -> None:
         print(f"To push the pendulums: {_explored(options.states.parent, options)}")
     if message := announcement(options.output / "failures.csv"):
         raise NumericalError(message)
-
-
-def run_push_thresholds(options) -> None:
-    """Print thresholds and, for a person, the push to give next; write tables where a folder is given."""
-    from lumbar.interface.push_thresholds import push_thresholds
-
-    found = push_thresholds(options.sheet, sizes=dict(options.sizes) or None, data=options.data or "")
-    if options.output:
-        found.save(options.output)
-    print(found)
-    if options.next:
-        print(found.next_push(options.next, options.step))

@@ -26,13 +26,10 @@ from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
-from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from lumbar.interface.body_model import LiftModel
 
 TABLES = (".csv", ".tsv", ".mat")
 """Endings of files that may hold markers or anything else: in a folder they count where a trial names them."""
@@ -226,12 +223,6 @@ class Lift(Result):
     def doubt(self) -> str:
         """Whether the recording may hold several lifts; empty where not."""
         return several_lifts(self.analysed.recording, self.analysed.events, self.settings.events)
-
-    def body_model(self, stability: StabilitySettings | None = None) -> LiftModel:
-        """Fit one model of trunk, limbs and box to all markers: the same pendulums with standard deviations."""
-        from lumbar.interface.body_model import body_model
-
-        return body_model(self.analysed, self.subject, self.trial, self.settings, self.data, stability)
 
     @property
     def file_events(self) -> list[str]:

@@ -3,7 +3,7 @@
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -154,7 +154,6 @@ def measure_person(
     *,
     static: str | os.PathLike | None = None,
     data: str = "",
-    each: Callable[[Lift], object] | None = None,
 ) -> pd.DataFrame:
     """Measure every lift of a person: balance, posture, load of the back, and areas of the basins with either sign.
 
@@ -170,8 +169,6 @@ def measure_person(
         Marker file of a static trial.
     data : str
         Words for the source of the data.
-    each : callable, optional
-        Called with every lift that could be analysed.
     """
     found: dict[str, Lift] = {}
     frames: dict[str, pd.DataFrame] = {}
@@ -190,8 +187,6 @@ def measure_person(
             )
             frames[name] = measure_movement(one, settings=stability).values
             found[name] = one
-            if each is not None:
-                each(one)
         except LumbarError as error:
             frames[name] = _unmeasured(str(error))
     areas = _basin_areas(found, stability)

@@ -89,15 +89,6 @@ class BoxSettings:
 
 
 @settings
-class BodyModelSettings:
-    """One body fitted to all markers of each lift, beside the rules; null leaves it out."""
-
-    draws: int = key(default=400, within="[10, 10000]")
-    event_sd_s: float = key(default=0.03, within="[0, 0.5]")
-    rate_Hz: float = key(default=50.0, within="[20, 500]")
-
-
-@settings
 class LiftingSettings:
     """From marker files to the pendulums of the deposit."""
 
@@ -114,7 +105,6 @@ class LiftingSettings:
     pivot: Literal["mid_ankle", "hip", "L5"] = key(default="mid_ankle")
     frame: Literal["laboratory", "pelvis"] = key(default="laboratory")
     points: int = key(default=1000, within="[10, 100000]")
-    body_model: BodyModelSettings | None = key(default=None)
 
     def of_trial(self, trial: TrialSettings) -> "LiftingSettings":
         """These settings with the axis that the person faces in a trial."""

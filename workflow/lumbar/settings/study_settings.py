@@ -7,7 +7,6 @@ from lumbar.settings.key import SEED, UNIQUE, FolderName, key, required, section
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.perception import PerceptionSettings
 from lumbar.settings.population import PopulationSettings
-from lumbar.settings.pushes import PerturbationsSettings, PushesSettings
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
 from lumbar.settings.stability import StabilitySettings
@@ -25,9 +24,7 @@ Chapter = Literal[
     "survey",
     "lifting",
     "stability",
-    "perturbations",
     "population",
-    "pushes",
     "claims",
 ]
 
@@ -62,7 +59,5 @@ class StudySettings:
     survey: SurveySettings = section(default_factory=SurveySettings)
     lifting: LiftingSettings = section(default_factory=LiftingSettings)
     stability: StabilitySettings = section(default_factory=StabilitySettings)
-    perturbations: PerturbationsSettings | None = key(default=None)
     population: PopulationSettings = section(default_factory=PopulationSettings)
-    pushes: PushesSettings = section(default_factory=PushesSettings)
     twin: TwinSettings = section(default_factory=TwinSettings)

@@ -228,7 +228,7 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
             add("lifting.subjects", f"{name} has no trials", "list its recordings in config/subjects")
     if study.has("stability") or study.has("population"):
         _check_groups(study, add)
-    if study.has("stability") or study.has("perturbations"):
+    if study.has("stability"):
         origins.problems.extend(weight_problems(**vars(settings.stability.regulator)))
         checks = settings.stability.checks
         if "cvxpy" in checks and "sum_of_squares" not in checks:

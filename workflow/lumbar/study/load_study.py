@@ -119,10 +119,6 @@ def _check_chapters(settings: StudySettings, add: Add) -> None:
         missing = [needed for needed in NEEDS.get(chapter, []) if needed not in chapters]
         if missing:
             add("chapters", f"{chapter} without {', '.join(missing)}", "it builds on it: add it")
-    if "pushes" in chapters and LIFTED.isdisjoint(chapters):
-        add("chapters", "pushes without lifts", f"add {' or '.join(sorted(LIFTED))}")
-    if "perturbations" in chapters and settings.perturbations is None:
-        add("perturbations", "null", "the chapter needs its trials")
     if "runtime" in chapters and settings.tissue.layout.axes:
         add(
             "chapters",

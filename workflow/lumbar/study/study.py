@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lumbar.settings.improvement import RecordSetSettings, system_of
-from lumbar.settings.layout import ColumnLayout, RecordSettings
+from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.plain import plain
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -118,10 +118,6 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
             if file is not None
         ],
     }
-    if settings.perturbations:
-        trials = settings.perturbations
-        pushes = trials.pushes.files if trials.pushes else ()
-        files["perturbations"] = [*trials.unperturbed, *trials.perturbed, *pushes]
     lifted = not LIFTED.isdisjoint(study.settings.chapters)
     return {
         chapter: names
@@ -196,17 +192,6 @@ def reading_plan(study: Study, chapters: Iterable[str]) -> list[dict]:
                     {**_column_reading(study, chapter, record, layout, rate), "set": entry.name}
                     for record in entry.records or ()
                 ]
-        elif chapter == "perturbations":
-            trials, layout = settings.perturbations, plain(settings.perturbations.markers)
-            plan += [
-                _marker_reading(study, chapter, name, layout)
-                for name in (*trials.unperturbed, *trials.perturbed)
-            ]
-            if pushes := trials.pushes:
-                records = [
-                    RecordSettings(f"push_{number}", file) for number, file in enumerate(pushes.files, 1)
-                ]
-                plan += [_column_reading(study, chapter, record, pushes.layout, None) for record in records]
         elif chapter == "survey":
             path, layout = study.recording(settings.survey.file), plain(settings.survey.layout)
             plan.append({"chapter": chapter, "reader": "ratings", "path": path, "layout": layout})

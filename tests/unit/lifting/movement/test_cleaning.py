@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lifting_cases import perturbation_settings
 from scipy.signal import sosfreqz
 
 from lumbar.base.errors import InputError
@@ -17,10 +16,8 @@ from lumbar.lifting.movement.cleaning import (
     shortest_stretch,
 )
 from lumbar.lifting.movement.gaps import ISLAND
-from lumbar.lifting.stability.comparison.perturbed_trials import trial_of
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.plain import from_plain, plain
 from refusing import refusal
 
 
@@ -88,7 +85,6 @@ def test_derivative_of_each_stretch_on_its_own():
 
 
 SETTINGS = LiftingSettings()
-TRIALS = perturbation_settings()
 ISLAND_FRAMES = slice(100, 110)
 
 
@@ -112,10 +108,6 @@ def with_an_island(recording, marker):
     return replace(recording, positions={**recording.positions, marker: points})
 
 
-def pendulum_of(recording, settings=SETTINGS):
-    return plain(trial_of(recording, "perturbed", TRIALS, settings))
-
-
 def test_an_island_between_gaps_that_stay_is_left_out():
     recording = standing_up()
     smooth, complete, gaps = clean(with_an_island(recording, "HEAD"), SETTINGS)
@@ -123,25 +115,3 @@ def test_an_island_between_gaps_that_stay_is_left_out():
     assert np.flatnonzero(np.isnan(smooth["HEAD"][:, 0])).tolist() == list(range(60, 160))
     assert [(gap.first_frame, gap.n_frames) for gap in gaps if gap.outcome == ISLAND] == [(100, 10)]
     np.testing.assert_array_equal(smooth["C7"], low_pass(recording["C7"], 100.0))
-
-
-@pytest.mark.parametrize("longer", ["keep", "error"])
-def test_an_island_in_a_marker_that_a_trial_does_not_use_changes_nothing(longer):
-    settings = from_plain(LiftingSettings, {"gaps": {"longer": longer}})
-    recording = standing_up()
-    np.testing.assert_equal(pendulum_of(with_an_island(recording, "HEAD"), settings), pendulum_of(recording))
-
-
-def test_an_island_in_a_marker_that_a_trial_uses_is_named_with_its_gaps():
-    said = refusal(pendulum_of, with_an_island(standing_up(), "C7"))
-    assert "C7: not seen for 0.4 s from 0.600 s (longer than allowed)" in said
-    assert "C7: not seen for 0.1 s from 1.000 s (seen too briefly to be filtered: left out)" in said
-    assert "raise lifting.gaps.maximum_s" in said and "window_s" not in said
-
-
-def test_a_gap_at_the_end_of_a_trial_is_no_number():
-    """All of a trial is compared: what is not seen of it would be a movement of its own."""
-    recording = standing_up()
-    recording.positions["SACRUM"][280:] = np.nan
-    with pytest.raises(InputError, match=r"SACRUM: not seen for 0.2 s from 2.800 s \(at the end\)"):
-        pendulum_of(recording)

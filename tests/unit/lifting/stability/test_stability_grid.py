@@ -87,25 +87,6 @@ def made(study):
     return tables_4_1(study, decomposition_table(study)[0].frame)
 
 
-def test_a_difference_carries_the_interval_that_measurement_leaves(study, made):
-    """Two lifts of experts, one of whom is a novice too: quantiles of simulated areas."""
-    area, sd = np.array([2.0, 2.2, 3.0]), np.array([0.1, 0.1, 0.05])
-    lifts = pd.DataFrame({"experience": ["expert", "expert", "novice"], "mean_area": area}).assign(
-        mean_area_low=area * np.exp(-1.96 * sd), mean_area_high=area * np.exp(1.96 * sd),
-        box_mass_kg=23.0, no_basin_share=0.0, lasting_share=0.8, subject=["ann", "bob", "ann"],
-    )  # fmt: skip
-    measured = pd.concat([lifts.assign(com="thorax", plane=plane) for plane in PLANES])
-    table = tables_4_1(replace(study, measured=measured), decomposition_table(study)[0].frame)[0]
-    z = np.random.default_rng(3).normal(size=(10**5, 5))
-    drawn = area * np.exp(sd * (np.sqrt(0.2) * z[:, :3] + np.sqrt(0.8) * z[:, [3, 4, 3]]))
-    expected = 100 * (np.quantile(drawn[:, :2].mean(axis=1) / drawn[:, 2], [0.025, 0.975]) - 1)
-    named = [f"{PLANES[0]}_{end}_percent" for end in ("low", "high")]
-    cells = table.frame.set_index(["comparison", "com"])[named].astype(float)
-    np.testing.assert_allclose(cells.loc[("expert_vs_novice", "thorax")], expected, atol=0.6)
-    assert cells.notna().all(axis=1).sum() == 1 and "expert_vs_novice pelvis" in table.notes[-1]
-    assert not set(named) & set(made[0].frame)
-
-
 def area_from_the_equations(time, angle, mass, length, sign, weights, damping, gravity):
     """Average cross-section straight from Eqs 4.1-4.4 and d ln ρ/dt = max V̇/ρ, sharing no code with the library.
 

@@ -37,9 +37,7 @@ TRUNK_SHARE = 0.497
 """Mass of the trunk, share of the body's."""
 HEAD = LimbSegment(0.081, 1.0, 0.495)
 """Head and neck, from C7/T1 to the ear canal."""
-TRUNK_HEAD = LimbSegment(0.578, 0.66, 0.503)
-"""Trunk, head and neck, from the greater trochanter to the shoulder."""
-THIGH, SHANK = LimbSegment(0.100, 0.433, 0.323), LimbSegment(0.0465, 0.433, 0.302)
+THIGH = LimbSegment(0.100, 0.433, 0.323)
 _SHANK_AND_FOOT, _WHOLE_LEG = LimbSegment(0.061, 0.606), LimbSegment(0.161, 0.447)
 WHOLE_ARM = LimbSegment(0.050, 0.530, 0.368)
 ARM = (

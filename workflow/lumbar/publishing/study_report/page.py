@@ -10,7 +10,7 @@ import pandas as pd
 from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
-from lumbar.publishing.study_report.contents import Chapter, Entry, count_verdicts, not_holding
+from lumbar.publishing.study_report.contents import Chapter, count_verdicts, not_holding
 from lumbar.tables.layout import split_number
 
 FAILS, WARNS = "fails", "warns"
@@ -167,19 +167,6 @@ def _table(path: Path) -> pd.DataFrame | None:
     return pd.read_csv(path) if path.is_file() else None
 
 
-PUSHES = "push_prediction"
-
-
-def _findings(results: Path, entries: Sequence[Entry]) -> list[tuple[str, str, str]]:
-    """Place on the page, title and sentence of whatever ended in one sentence: diagnoses, and the contest of measures."""
-    found = [(entry.key, entry.title, entry.sentence) for entry in entries if entry.sentence]
-    winner = results / "pushes" / "winner.json"
-    pushes = [entry for entry in entries if entry.artefact.id == PUSHES]
-    if winner.is_file() and pushes:
-        found.append((pushes[0].key, pushes[0].title, read_json(winner)["sentence"]))
-    return found
-
-
 PAGE = "publishing/study_report/report.html.jinja"
 
 
@@ -206,7 +193,7 @@ def report_page(
     return template(PAGE).render(
         facts=facts,
         chapters=made,
-        told=_findings(results, entries),
+        told=[(entry.key, entry.title, entry.sentence) for entry in entries if entry.sentence],
         failing=[item for item in found if item.grade == FAILS],
         warning=[item for item in found if item.grade != FAILS],
         recordings=recordings(results),

@@ -38,8 +38,6 @@ class Study:
     """The thesis's Table 4.1."""
     data: str
     """Where the data come from."""
-    measured: pd.DataFrame | None = None
-    """``body_model_areas.csv`` of all lifts, with columns ``subject, experience, box_mass_kg``; None without a body model."""
 
     @property
     def people(self) -> pd.DataFrame:
@@ -103,32 +101,6 @@ def comparisons(people: pd.DataFrame, groups: tuple[str, str] = GROUPS):
         else:
             reason = f"one box mass ({found[0]:g} kg)" if found else f"no {name}"
             yield comparison, None, None, f"not testable: {reason}"
-
-
-def measured_interval(measured: pd.DataFrame, before, after, com: str, plane: str) -> tuple[float, float]:
-    """Ends of the 95 % interval that measurement leaves of a percent difference; NaN without a basin or a comparison.
-
-    `measured` is that of `Study`, `before` and `after` are of `comparisons`. Relative errors are lognormal about
-    the middle of its interval. The share that lasts is the same in all lifts of a person; all else, and all of it where no
-    share is known, is independent.
-    """
-    ratio, variance, lasting = 1.0, 0.0, pd.Series(dtype=float)
-    cells = measured[(measured["com"] == com) & (measured["plane"] == plane)]
-    for side, power in ((before, -1), (after, 1)):
-        rows = cells[(cells[["experience", "box_mass_kg"]] == side).all(axis=1)] if side else cells[:0]
-        if rows.empty:
-            return np.nan, np.nan
-        low, high = rows[["mean_area_low", "mean_area_high"]].to_numpy(float).T
-        area = np.sqrt(low * high)
-        ratio *= area.mean() ** power
-        error = power * area / area.sum() * np.log(high / low) / 2
-        share = rows["lasting_share"].fillna(0.0).to_numpy()
-        variance += np.sum(error**2 * (1 - share))
-        own_error = pd.Series(error * np.sqrt(share)).groupby(rows["subject"].to_numpy()).sum()
-        lasting = lasting.add(own_error, fill_value=0.0)
-    variance += np.sum(lasting**2)
-    low, high = 100 * (ratio * np.exp([-np.sqrt(variance), np.sqrt(variance)]) - 1)
-    return low, high
 
 
 def percent_differences(

@@ -18,9 +18,7 @@ from lumbar.lifting.stability.basins import decimals
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
-    comparisons,
     headline_words,
-    measured_interval,
     percent_differences,
     regulator_sentence,
 )
@@ -85,7 +83,6 @@ def _first_table(
 ) -> Table:
     settings = study.settings
     printed, rows = study.printed, []
-    sides = {name: both for name, *both, _ in comparisons(study.people, settings.compare.groups)}
     for index, row in enumerate(differences["headline"]):
         here = row["comparison"], row["com"]
         entry = dict(zip(("comparison", "com"), here, strict=True))
@@ -96,9 +93,6 @@ def _first_table(
                 value = differences["thesis_method"][index][plane]
                 entry[f"{plane}_thesis_method_percent"] = round(value, THESIS_DECIMALS)
             entry[f"{plane}_headline_percent"] = row[plane]
-            if study.measured is not None:
-                ends = measured_interval(study.measured, *sides[row["comparison"]], row["com"], plane)
-                entry |= dict(zip((f"{plane}_low_percent", f"{plane}_high_percent"), ends, strict=True))
         rows.append(entry | {"status": row["status"]})
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent")]
@@ -121,7 +115,6 @@ def _first_table(
             survival_sentence(grid),
             published_sentence(study.published),
             regulator_sentence(settings),
-            *_measured_notes(study.measured, frame),
             # The basins with limited torque are none of this table's.
             *(
                 _SAID["missing"].format(row=row)
@@ -139,16 +132,6 @@ def published_sentence(published: pd.DataFrame) -> str:
     opposite = int((lateral * forward < 0).sum())
     correlation = np.corrcoef(lateral, forward)[0, 1]
     return _SAID["published"].format(correlation=correlation, opposite=opposite, rows=len(lateral))
-
-
-def _measured_notes(measured: pd.DataFrame | None, table: pd.DataFrame) -> list[str]:
-    """Say what the intervals of measurement hold, how many draws lack a basin, and where there is no interval."""
-    if measured is None:
-        return []
-    none = table[table[[f"{plane}_low_percent" for plane in PLANES]].isna().any(axis=1)]
-    cells = ", ".join(none["comparison"] + " " + none["com"])
-    said = _SAID["measured"].format(lost=100 * max(measured["no_basin_share"], default=0.0))
-    return [said, *([_SAID["not_measured"].format(cells=cells)] if cells else [])]
 
 
 DECIMALS = 1
