@@ -12,7 +12,7 @@ STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
 CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: results test test-statistical acceptance report provenance crate check-results update-reference benchmark lint format lock audit docs docs-site clean help environment cluster
+.PHONY: results test test-statistical acceptance report provenance check-results update-reference benchmark lint format lock audit docs docs-site clean help environment cluster
 
 results: environment ## every table, figure and FMU of the study (default target)
 	@python -m lumbar.base.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
@@ -55,12 +55,9 @@ report: results ## results/<study>/report.html: every table and figure beside th
 provenance: results ## results/<study>/provenance.html: Snakemake's own report: which job made what, when, from what
 	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/provenance.html
 
-crate: results ## results/<study>/<study>.crate.zip: code, inputs, environment and outputs of the run, to be cited
-	snakemake --cores 1 $(CONFIGFILE) crate
-
-check-results: environment ## regenerate the default study and compare it with tests/reference, or with CRATE=archive
+check-results: environment ## regenerate the default study and compare it with tests/reference
 	snakemake --cores $(CORES) --forceall
-	python tests/reference/check_results.py $(if $(CRATE),--crate $(CRATE))
+	python tests/reference/check_results.py
 
 update-reference: results ## take the default study's numbers as the new reference
 	python tests/reference/check_results.py --update

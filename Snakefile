@@ -38,7 +38,6 @@ include: "workflow/rules/lifting.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/population.smk"
 include: "workflow/rules/claims.smk"
-include: "workflow/rules/crate.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/targets.smk"
 

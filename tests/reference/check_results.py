@@ -1,15 +1,11 @@
 """Compare the default study's tables with the reference kept here: what moved, by how much, is it allowed.
 
 ``python tests/reference/check_results.py`` exits with 1 when a number moved more than its tolerance;
-``--update`` takes the present numbers as the new reference. ``--crate FILE`` compares with an earlier run, of any
-study, in the archive that ``make crate`` made of it: which outputs are the same bytes, and what moved in the others.
+``--update`` takes the present numbers as the new reference.
 """
 
 import argparse
-import hashlib
-import json
 import sys
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -101,39 +97,6 @@ def kept_as(name: str, settings: dict) -> str:
     return settings.get("kept_as", Path(name).name)
 
 
-def outputs_of(crate: zipfile.ZipFile) -> dict[str, str]:
-    """SHA-256 of every output that an archive describes, by its name in the archive."""
-    records = {item["@id"]: item for item in json.loads(crate.read("ro-crate-metadata.json"))["@graph"]}
-    return {item["@id"]: records[item["@id"]]["sha256"] for item in records["#run"]["result"]}
-
-
-def compare_with_crate(crate: Path, results: Path, tables: dict) -> int:
-    """Print how the present results differ from an archive's; return how many did more than is allowed."""
-    same, missing, other, movements = [], [], [], []
-    with zipfile.ZipFile(crate) as archive:
-        for stored, digest in outputs_of(archive).items():
-            name = stored.split("/", 2)[2]  # below results/<study>
-            if not (results / name).is_file():
-                missing.append(name)
-            elif hashlib.sha256((results / name).read_bytes()).hexdigest() == digest:
-                same.append(name)
-            else:
-                other.append(name)
-                if name in tables:
-                    with archive.open(stored) as stream:
-                        movements += _moved(pd.read_csv(stream), results / name, name, tables[name])
-    for line in (*(f"NOT ALLOWED: {name}: missing" for name in missing), *movements):
-        print(line)
-    for name in other:
-        print(f"other bytes: {name}{'' if name in tables else ', of which no numbers are compared'}")
-    failed = len(missing) + sum(not movement.within for movement in movements)
-    told = len(same) + len(missing) + len(other)
-    print(
-        f"{len(same)} of {told} outputs are the bytes of {crate.name}; {failed} missing or moved more than allowed"
-    )
-    return failed
-
-
 def _moved(reference: pd.DataFrame, found: Path, name: str, settings: dict) -> list[Movement]:
     kept = [*settings["keys"], *settings["columns"]] if "columns" in settings else list(reference.columns)
     return compare(reference[kept], pd.read_csv(found), name, settings)
@@ -145,11 +108,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--results", type=Path, default=PROJECT / "results" / "thesis")
     parser.add_argument("--reference", type=Path, default=FOLDER)
     parser.add_argument("--update", action="store_true", help="take the present numbers as the new reference")
-    parser.add_argument("--crate", type=Path, help="archive of the run to compare with")
     options = parser.parse_args(arguments)
     tables = yaml.safe_load((options.reference / "tolerances.yaml").read_text(encoding="utf-8"))
-    if options.crate:
-        return 1 if compare_with_crate(options.crate, options.results, tables) else 0
     if options.update:
         for name, settings in tables.items():
             frame = pd.read_csv(options.results / name, dtype=str, keep_default_na=False)

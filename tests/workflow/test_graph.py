@@ -44,7 +44,7 @@ def test_braces_in_free_text_are_text(tmp_path):
     free["stability"] = {"compare": {"groups": [text, "expert"]}}
     (tmp_path / "study.yaml").write_text(json.dumps(free), encoding="utf-8")
     snakemake(
-        folder, "--dry-run", "--cores", "1", "crate", "--configfile", str(tmp_path / "study.yaml")
+        folder, "--dry-run", "--cores", "1", "all", "report", "--configfile", str(tmp_path / "study.yaml")
     ).whole()
 
 

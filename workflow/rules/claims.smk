@@ -27,41 +27,11 @@ rule run_config:
         "../scripts/run_config.py"
 
 
-if "table_3_1_experiments" in {artefact.id for artefact in ARTEFACTS}:
-
-    rule compare_with_print:
-        input:
-            bandwidth="<results>/surgeon/bandwidth.json",
-            printed=source("resources/thesis/table_3_1.csv"),
-            here="<results>/tables/table_3_1.csv",
-        output:
-            **published("table_3_1_experiments"),
-        log:
-            "<logs>/compare_with_print.log",
-        benchmark:
-            "<benchmarks>/compare_with_print.tsv"
-        group:
-            "claims"
-        conda:
-            CONDA
-        resources:
-            **job_size(peak_mb=150, seconds=3),
-        params:
-            code=library_code("compare_with_print.py"),
-            settings=part(settings, "signals", "tissue", "twin.tissue", "twin.seed", "seed"),
-            data=DATA,
-        message:
-            "Table 3.1 against the print: experiments on the synthetic tissue"
-        script:
-            "../scripts/compare_with_print.py"
-
-
 # What the claims are judged on. Where a study does not make it, its claims are said to be untestable.
 EVIDENCE = {
     "bandwidth": "surgeon/bandwidth.json",
     "multisine": "signals/multisine.json",
     "table_3_1": "tables/table_3_1.csv",
-    "table_3_1_experiments": "tables/table_3_1_experiments.csv",
     "models": "tissue/models.json",
     "survey": "survey/survey.json",
     "table_3_2": "tables/table_3_2.csv",

@@ -19,7 +19,6 @@ from lumbar.base.errors import LumbarError
 from lumbar.settings.plain import part, plain
 from lumbar.lifting.stability.model.failures import announcement
 
-DECLARED_EPOCH = os.environ.get("SOURCE_DATE_EPOCH")  # before jobs get theirs
 set_job_environment(WORKFLOW)
 
 # Snakemake has merged these files, those of the command line last; messages name the line in the file.
@@ -48,7 +47,6 @@ CATEGORIES = {
     "claims": "9 Claims",
 }
 STAGES = CATEGORIES | {
-    "crate": CATEGORIES["claims"],
     "records": CATEGORIES["twin"],
     "report": "Report",
 }

@@ -1,26 +1,16 @@
-"""Table 3.1 against the print: what its own equations allow, and experiments on the twin."""
+"""Table 3.1 against the print: what its own equations allow; the noise and delay of the twin's tissue."""
 
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from periodic_records import record
 
-from lumbar.publishing.reproduction.table_3_1_experiments import EXPERIMENTS, FORCE, table_3_1_experiments
 from lumbar.publishing.reproduction.table_cells import (
-    BY_MEAN,
-    MEAN_SQUARE,
-    agreeing,
     impossible_mru,
     least_mru,
 )
-from lumbar.settings.plain import from_plain
-from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.twin import SyntheticTissueSettings
-from lumbar.tissue.identification.identify_tissue import identify
-from lumbar.tissue.identification.model_tables import table_3_1
-from lumbar.tissue.signals.excitation import design_excitation
 from lumbar.twin.tissue_recordings import tissue_force, tissue_test
 
 QUICK = {
@@ -68,57 +58,3 @@ def test_noise_of_the_twin_has_its_size_its_correlation_and_its_delay():
     assert lagged == pytest.approx(np.exp(-1.0), abs=0.03)
     late = tissue_test(time, position, replace(quiet, delay_s=0.03), 1, 0)
     np.testing.assert_allclose(late[3:], force[:-3], atol=1e-9)
-
-
-@pytest.fixture(scope="module")
-def experiments(project):
-    settings = from_plain(StudySettings, {"study": "quick", **QUICK})
-    played = design_excitation(5.0, settings.signals, settings.seed).signals
-    records = []
-    for number, signal in enumerate(played):
-        force = tissue_test(signal.time, signal.position, settings.twin.tissue, settings.twin.seed, number)
-        records.append(record(signal.position, force, signal.name))
-    models = []
-    for one in records:
-        tests = [other for other in records if other is not one]
-        models += identify(one, tests, settings.tissue, settings.seed)[0]
-    here = table_3_1(models, settings.tissue, "x").frame
-    printed = pd.read_csv(project / "resources" / "thesis" / "table_3_1.csv")
-    return table_3_1_experiments(printed, here, settings, 5.0, "synthetic twin")
-
-
-def cell(table, quantity, record, model, column):
-    frame = table.frame.set_index(["quantity", "trained_on", "model"])
-    return float(frame.at[(quantity, record, model), column])
-
-
-def test_correlated_noise_is_foreseen_one_step_ahead_and_white_noise_is_not(experiments):
-    white = cell(experiments, "nmse_train", "multisine", "KB", "here")
-    assert white > 0.14  # the noise's share of the variance
-    assert cell(experiments, "nmse_train", "multisine", "KB", "correlated") < white / 2.5
-    assert cell(experiments, "nmse_train", "multisine", "KB", "noisier") > 1.5 * white
-
-
-def test_equal_peaks_make_the_noise_record_weak(experiments):
-    equal_rms = cell(experiments, FORCE, "noise", "KB", "here")
-    assert cell(experiments, FORCE, "noise", "KB", "equal_peaks") < 0.75 * equal_rms
-    assert (
-        cell(experiments, "vaf_percent", "noise", "KB", "equal_peaks")
-        < cell(experiments, "vaf_percent", "noise", "KB", "here") - 5
-    )
-    np.testing.assert_allclose(
-        cell(experiments, "vaf_percent", "multisine", "KB", "equal_peaks"),
-        cell(experiments, "vaf_percent", "multisine", "KB", "here"),
-        atol=0.5,
-    )
-
-
-def test_what_meets_the_print_is_found_by_column_and_definition(experiments):
-    frame = experiments.frame
-    every = agreeing(frame, "mru_percent", "multisine", "KB", lambda printed, found: True)
-    assert set(every) == {f"{name}{how}" for name in ("here", *EXPERIMENTS) for how in ("", BY_MEAN)}
-    ratio = every["here"] / every[f"here{BY_MEAN}"]
-    assert ratio == pytest.approx(np.sqrt(2000))  # two periods of 10 s at 100 Hz
-    assert agreeing(frame, "vaf_percent", "noise", "KB", lambda printed, found: False) == {}
-    closest = frame[frame.quantity == MEAN_SQUARE].closest
-    assert closest.isin(["here", *EXPERIMENTS]).all()

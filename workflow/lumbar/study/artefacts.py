@@ -16,14 +16,11 @@ NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"
 LIFTED = {"lifting", "population"}
 """Chapters that begin with the recorded lifts."""
 
-OF_TWIN = {"table_3_1_experiments"}
-"""Artefacts for which recordings are made anew: only of the synthetic twin."""
-
 OF_TISSUE = {"survey_felt", "survey_power"}
 """Artefacts of another chapter that are made where the study has tissue models."""
 
 
-OF_ONE_AXIS = {"tissue_models", "compare_with_print", "felt_ratings"}
+OF_ONE_AXIS = {"tissue_models", "felt_ratings"}
 """Rules whose artefacts take tissue tests along one axis: not made of records of several."""
 OF_SEVERAL_AXES = {"principal_axes"}
 """Artefacts of tissue tests along several axes."""

@@ -21,7 +21,6 @@ from lumbar.study.artefacts import (
     OF_ONE_AXIS,
     OF_SEVERAL_AXES,
     OF_TISSUE,
-    OF_TWIN,
     read_artefacts,
 )
 from lumbar.study.consistency import Add, check_consistency, check_effects
@@ -73,7 +72,6 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
             for row in read_artefacts(root / "config" / "artefacts.tsv")
             if row.chapter in chapters
             and (not row.check or row.check in settings.stability.checks)
-            and (settings.data == "twin" or row.id not in OF_TWIN)
             and ("tissue" in chapters or row.id not in OF_TISSUE)
             and (
                 row.rule not in OF_ONE_AXIS if settings.tissue.layout.axes else row.id not in OF_SEVERAL_AXES

@@ -142,16 +142,6 @@ class _Cell:
         return None if missing else float(table.iloc[0][self.column])
 
 
-def _explained(cell: _Cell, agrees: Callable[..., bool], experiments: pd.DataFrame | None) -> str:
-    """In which experiments a number that is not met here is met, where there are experiments on it."""
-    if experiments is None or cell.column not in set(experiments.quantity):
-        return ""
-    met = agreeing(experiments, cell.column, cell.where["trained_on"], cell.where["model"], agrees)
-    met = {name: value for name, value in met.items() if name.startswith("here")} or met
-    said = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in met.items())
-    return f"met in the experiments: {said}" if met else "met in none of the experiments"
-
-
 def _claim(
     name: str, statement: str, thesis: float | str, criterion: Criterion, cell: _Cell, built: bool = False
 ) -> Claim:
@@ -165,10 +155,7 @@ def _claim(
             return Finding(None, None, cell.absent)
         if cell.untested:
             return Finding(found, None, cell.untested)
-        met = agrees(thesis, found)
-        return Finding(
-            found, met, "" if met else _explained(cell, agrees, results.get(f"{table}_experiments"))
-        )
+        return Finding(found, agrees(thesis, found))
 
     location = f"Table {table.removeprefix('table_').replace('_', '.')}"
     return Claim(name, location, statement, thesis, words, (table,), judge, built)
@@ -176,41 +163,6 @@ def _claim(
 
 SAMPLES = {"multisine": 10_000, "noise": 1_000, "chirp": 1_000}
 """Samples of the thesis's records: 100 Hz for 100 s and 10 s (Section 3.2.4.1)."""
-MEAN_SQUARE = "mru_mean_square_percent"
-"""MRU with the mean in place of the sum of squares in Eq. 3.15."""
-PRINTED_AS = {MEAN_SQUARE: "mru_percent"}
-"""Column of Table 3.1 that a quantity of another name answers to."""
-BY_MEAN = " (mean of squares)"
-_WORDS = ("quantity", "trained_on", "model", "as_printed", "closest", "data")
-
-
-def agreeing(
-    experiments: pd.DataFrame,
-    quantity: str,
-    trained_on: str,
-    model: str,
-    meets: Callable[[float, float], bool],
-) -> dict[str, float]:
-    """Return what brings a number of Table 3.1 near the print, by column of the experiments, each with its value.
-
-    Parameters
-    ----------
-    experiments : pandas.DataFrame
-        As `lumbar.publishing.reproduction.table_3_1_experiments` makes it.
-    meets : callable
-        Whether a value is near the printed one: the criterion of the claim.
-    """
-    found = {}
-    for row in experiments.to_dict("records"):
-        if (row["trained_on"], row["model"]) != (trained_on, model):
-            continue
-        if PRINTED_AS.get(row["quantity"], row["quantity"]) != quantity:
-            continue
-        how = BY_MEAN if row["quantity"] in PRINTED_AS else ""
-        for name in (column for column in experiments.columns if column not in _WORDS):
-            if not pd.isna(row[name]) and meets(row["as_printed"], row[name]):
-                found[f"{name}{how}"] = float(row[name])
-    return found
 
 
 def least_mru(condition_number: float, nmse: float, samples: int, parameters: int) -> float:
