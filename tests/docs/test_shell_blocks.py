@@ -23,18 +23,13 @@ from running import PROJECT, ZIG_CACHE, copy_project, snakemake
 pytestmark = pytest.mark.nightly
 
 NOT_RUN = {
-    "docs/citing.md": "compares the default study, made anew, with an archive of it",
-    "docs/cluster.md": "needs a cluster with SLURM",
-    "docs/storage.md": "needs a store in the net",
+    "docs/cluster.md": "needs a cluster with SLURM, or an object store",
 }
 """Pages whose blocks are not run, and why."""
 BEFORE = {
     "docs/index.md": "rm -r FOLDER",  # the page makes it
     "docs/tissue/haptic_runtime.md": """
-lumbar export results/thesis/tissue/models.json --model KB --output results/thesis/fmu
-mkdir ~/.ssh
-ssh-keygen -q -t ed25519 -N "" -f ~/.ssh/id_ed25519
-cp ~/.ssh/id_ed25519.pub .""",
+lumbar export results/thesis/tissue/models.json --model KB --output results/thesis/fmu""",
     "docs/tissue/pendulum_moment.md": "rm -r FOLDER; ln -s results/thesis/twin/hip_moment FOLDER",
     "docs/tissue/tutorial.md": "ln -s ../shared/real/friction_damper/*.csv.gz .",
 }
@@ -107,8 +102,6 @@ def write_bench(project: Path) -> None:
 
 @pytest.mark.parametrize("page", [name for name, found in SHELL.items() if found and name not in NOT_RUN])
 def test_shell_blocks_of_a_page_run(page, prepared, shared, tmp_path):
-    if "ssh-keygen" in BEFORE.get(page, "") and shutil.which("ssh-keygen") is None:
-        pytest.skip("no ssh-keygen: install OpenSSH")
     (tmp_path / "shared").symlink_to(shared)  # where the studies of recordings of others look for them
     project = shutil.copytree(prepared, tmp_path / "project", symlinks=True)
     with socket.socket() as free:

@@ -9,8 +9,8 @@ from generate.thesis_items import DOCS, anchor
 from lumbar.settings.lifting import ALIASES
 
 PROJECT = DOCS.parent
-GENERATED = {"api.md", "gallery.md", "thesis.md", "tissue/effects.md", "tissue/pendulum_effects.md"}
-"""Made by ``make docs`` or from docstrings, as all of ``config/``."""
+GENERATED = {"gallery.md", "thesis.md", "tissue/effects.md", "tissue/pendulum_effects.md"}
+"""Made by ``make docs``, as all of ``config/``."""
 MADE = (
     'rooms: by "make docs"',
     "real records",
