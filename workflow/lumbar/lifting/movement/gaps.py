@@ -145,7 +145,6 @@ def refuse_open_gaps(
     markers: Collection[str] | None = None,
     start_s: float = -np.inf,
     stop_s: float = np.inf,
-    remedy: str = CUT_OR_KEEP,
 ) -> None:
     """Raise an error that lists the gaps left open in `markers` (default all) between two times, with what helps."""
     problems = Problems(recording.source or recording.name)
@@ -158,7 +157,7 @@ def refuse_open_gaps(
                 gap.marker, f"not seen for {gap.length_s:.3g} s from {gap.start_s:.3f} s ({gap.outcome})"
             )
     if problems.entries:
-        problems.add("", f"gaps up to {maximum_s:g} s between seen frames are filled", remedy)
+        problems.add("", f"gaps up to {maximum_s:g} s between seen frames are filled", CUT_OR_KEEP)
     problems.raise_if_any()
 
 

@@ -1,1 +1,1 @@
-"""Basins compared: Table 4.1, its controls and verdicts, perturbed trials."""
+"""Basins compared: Table 4.1, its controls and verdicts."""
