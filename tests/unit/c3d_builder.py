@@ -6,17 +6,6 @@ import struct
 import numpy as np
 
 INTEL, DEC, MIPS = 84, 85, 86
-PLATE = {
-    "ANALOG:UNITS": ["N", "N", "N", "Nmm", "Nmm", "Nmm"],
-    "ANALOG:SCALE": [1.0] * 6,
-    "ANALOG:OFFSET": [0.0] * 6,
-    "FORCE_PLATFORM:USED": [1.0],
-    "FORCE_PLATFORM:TYPE": [2.0],
-    "FORCE_PLATFORM:CORNERS": [500.0, 0, 0, 0, 0, 0, 0, 600, 0, 500, 600, 0],
-    "FORCE_PLATFORM:ORIGIN": [0.0, 0, -30],
-    "FORCE_PLATFORM:CHANNEL": [1.0, 2, 3, 4, 5, 6],
-}
-"""Parameters of a sound force plate of six channels."""
 
 
 def build_c3d(

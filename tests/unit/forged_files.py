@@ -72,7 +72,6 @@ def attacks(canary: Path, marker: Path) -> dict[str, Callable[[], bytes]]:
         "blanks.csv": lambda: b"time_s," + b"_ " * 60_000 + b",C7_x\n" + b"1,2,3\n" * 9,
         "joints.bvh": lambda: b"HIERARCHY\nROOT A\n{\n" + b"JOINT B\n{\nOFFSET 0 0 0\n" * 50_000 + b"MOTION\n",
         "frames.bvh": lambda: b"HIERARCHY\nROOT A\n{\nOFFSET 0 0 0\n}\nMOTION\nFrames: 999999999\nFrame Time: 1e-9\n",
-        "wide.mot": lambda: b"endheader\ntime " + b"force_vx " * 200_000 + b"\n" + b"1 " * 200_001 + b"\n",
         "zeros.txt": lambda: b"0\n" * 1_000_000,
         "nul.txt": lambda: bytes(3_000_000),
         "quotes.txt": lambda: b'time_s,position_mm,force_N\n"' + b"1,2\n" * 400_000,

@@ -6,14 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from c3d_builder import DEC, INTEL, MIPS, PLATE, build_c3d
+from c3d_builder import DEC, INTEL, MIPS, build_c3d
 
 import lumbar
 from lumbar.base.errors import Problems
 from lumbar.base.yaml_file import read_yaml
-from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers
-from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import MarkerLayout
 
 _LABELS = ["ann:C7", "ann:SACR", "ann:LTOE", "*4"]
@@ -62,7 +60,7 @@ def sound_files() -> dict[str, bytes]:
         for scale in (-1.0, 0.05):
             files[f"{processor}_{'real' if scale < 0 else 'integer'}.c3d"] = build_c3d(
                 points, _LABELS, processor=processor, scale=scale, analog=generator.integers(-900, 900, (30, 24)).astype(float),
-                analog_per_frame=4, extra=_plates(), trial=processor == DEC, long_frames=processor == MIPS,
+                analog_per_frame=4, extra=_parameters(), trial=processor == DEC, long_frames=processor == MIPS,
             )  # fmt: skip
     numbers = ["\t".join(f"{value:.3f}" for value in row) for row in points.reshape(30, -1)]
     names = "\t\t\t".join(_LABELS)
@@ -75,11 +73,7 @@ def sound_files() -> dict[str, bytes]:
     commas = [row.replace("\t", ",") for row in numbers]
     table = "".join(f"{n / 60:.4f},{row}\n" for n, row in enumerate(commas))
     files["table.csv"] = f"time_s,{header}\n{table}".encode()
-    forces = [f"ground_force_{kind}{axis}" for kind in "vp" for axis in "xyz"]
-    forces = "\t".join(["time", *forces, *(f"ground_torque_{axis}" for axis in "xyz")])
     nine = ["\t".join(row.split("\t")[:9]) for row in numbers]
-    rows = "".join(f"{n / 60:.4f}\t{row}\n" for n, row in enumerate(nine))
-    files["forces.mot"] = f"GRF\nversion=1\nendheader\n{forces}\n{rows}".encode()
     files["suit.bvh"] = (
         "HIERARCHY\nROOT A\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n"
         "JOINT B\n{\nOFFSET 0 40 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 20 0\n}\n}\n}\n"
@@ -97,9 +91,9 @@ def sound_files() -> dict[str, bytes]:
     return files
 
 
-def _plates() -> dict[str, list]:
+def _parameters() -> dict[str, list]:
     return {
-        **PLATE,
+        "ANALOG:UNITS": ["N"] * 6,
         "ANALOG:LABELS": [f"F{number}" for number in range(6)],
         "ANALOG:GEN_SCALE": [1.0],
         "FORCE_PLATFORM:ZERO": [1.0, 3],
@@ -184,10 +178,4 @@ def read_any(path: Path):
         return [item.record for item in lumbar.import_recordings(path)]
     if path.name.endswith((".txt", ".txt.gz")):
         return list(lumbar.read(path))
-    if path.suffix == ".mot":
-        return read_force_plates(path, layout)
-    try:
-        return read_markers(path, layout)
-    finally:
-        if ending_of(path) == ".c3d":
-            read_force_plates(path, layout)
+    return read_markers(path, layout)

@@ -48,14 +48,9 @@ def _middle(points: Points, rate: float, seconds: float, share: float = 0.45) ->
 
 CORRUPTIONS = {
     "tenfold_unit": "every coordinate ten times too large",
-    "c7_t12_always": "C7 and T12 exchanged in all frames",
     "c7_t12_for_a_while": "C7 and T12 exchanged for 0.4 s",
-    "t12_l5_always": "T12 and L5 exchanged in all frames",
-    "t12_copies_c7": "T12 has the coordinates of C7",
     "c7_frozen": "C7 keeps its position for 1 s",
     "jump": "C7 is 100 mm off from some frame on",
-    "fast_rate": "the rate stated is five times the real one",
-    "slow_rate": "the rate stated is a fifth of the real one",
     "beyond": "C7 lies at 1e38 m for 0.2 s",
     "all_beyond": "every coordinate is 1e38 m",
 }
@@ -63,22 +58,16 @@ CORRUPTIONS = {
 
 def corrupted(name: str, points: Points, rate: float, trunk: Trunk, rng: np.random.Generator) -> Corrupted:
     """Corrupt a recording in one of these ways."""
-    c7, t12, l5, whole = trunk.c7, trunk.t12, trunk.l5, slice(None)
+    c7, t12 = trunk.c7, trunk.t12
     first = frozenset({c7})
     match name:
         case "tenfold_unit":
             return Corrupted({label: 10 * positions for label, positions in points.items()}, rate, "unit")
-        case "c7_t12_always":
-            return Corrupted(exchanged(points, c7, t12, whole), rate, "exchanged", frozenset({c7, t12}))
         case "c7_t12_for_a_while":
             while_ = _middle(points, rate, 0.4)
             return Corrupted(
                 exchanged(points, c7, t12, while_), rate, "exchanged", frozenset({c7, t12}), while_
             )
-        case "t12_l5_always":
-            return Corrupted(exchanged(points, t12, l5, whole), rate, "exchanged", frozenset({t12, l5}))
-        case "t12_copies_c7":
-            return Corrupted({**points, t12: points[c7].copy()}, rate, "copied", frozenset({t12}))
         case "c7_frozen":
             second = _middle(points, rate, 1.0)
             return Corrupted(
@@ -88,10 +77,6 @@ def corrupted(name: str, points: Points, rate: float, trunk: Trunk, rng: np.rand
             frames, direction = slice(int(0.7 * len(points[c7])), len(points[c7])), rng.normal(size=3)
             moved = points[c7][frames] + 0.1 * direction / np.linalg.norm(direction)
             return Corrupted(changed(points, c7, frames, moved), rate, "jump", first, frames)
-        case "fast_rate":
-            return Corrupted(points, 5 * rate, "rate")
-        case "slow_rate":
-            return Corrupted(points, rate / 5, "rate")
         case "beyond":
             frames = _middle(points, rate, 0.2)
             return Corrupted(

@@ -37,12 +37,11 @@ def fill_in(path) -> None:
 
 @pytest.fixture(scope="module")
 def laboratory(shared, tmp_path_factory):
-    """A folder with a lift, a file that is none, forces; and a project."""
+    """A folder with a lift and a file that is none; and a project."""
     folder = tmp_path_factory.mktemp("laboratory") / "my lab"
     folder.mkdir()
     shutil.copy(shared / "real" / "lifting" / "s2m_box_transfer" / "Vicon.c3d", folder / "shelf 1.c3d")
     (folder / "broken.trc").write_text("no markers", encoding="utf-8")
-    (folder / "forces.mot").write_text("", encoding="utf-8")
     project = copy_project(tmp_path_factory.mktemp("project"))
     found = new_study(folder)
     return project, found, found.save(project)
@@ -53,7 +52,6 @@ def test_what_was_found_is_written_down(laboratory):
     assert (study.name, subject.name) == ("my_lab.yaml", "my_lab.yaml")
     text = study.read_text(encoding="utf-8")
     assert "#   broken.trc: " in text
-    assert "# Force records found, which no trial names: forces.mot" in text
     assert "BOX_8: arriere_gauche" in text
     assert "# L_ANKLE:  # not recognised; the pivot mid_ankle needs it" in text
     assert "pivot: hip" in text
@@ -101,7 +99,7 @@ def test_marker_sets_and_axes_of_real_recordings_are_recognised(shared, name, up
     """Axes as their READMEs and the studies of the project state them, or the walking direction."""
     path = shared / "real" / "lifting" / name
     found = marker_set(read_markers(path, MarkerLayout(check_axes=False, subject_prefix="keep")))
-    assert found.axes[:2] == (up, forward)
+    assert found.axes == (up, forward)
     if "sts" not in name:
         assert {"C7", "T12", "L5", "SACRUM", "R_WRIST"} <= set(found.aliases)
     # Traps: markers on the thigh that are called hips.

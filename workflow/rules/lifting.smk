@@ -9,13 +9,9 @@ LIFT += ("box", "pivot", "frame", "points")
 rule lift:
     input:
         markers=lambda wildcards: recording(study.lifts[wildcards.lift].trial.markers),
-        forces=lambda wildcards: [
-            recording(path) for path in [study.lifts[wildcards.lift].trial.forces] if path is not None
-        ],
         static=lambda wildcards: [
             recording(path) for path in [study.lifts[wildcards.lift].static] if path is not None
         ],
-        others=lambda wildcards: [recording(path) for path in study.others_of(wildcards.lift)],
         checked=ancient("<results>/checked/lifting.json"),
     output:
         centres="<results>/lifting/{lift}/com.csv",

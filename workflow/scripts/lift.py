@@ -20,11 +20,11 @@ def main(
     from pathlib import Path
 
     from lumbar.interface.lift import lift as analyse
-    from lumbar.lifting.quality.other_trials import other_trials
 
-    beside: dict = {role: next(iter(input[role]), None) for role in ("static", "forces")}
-    beside |= {"others": other_trials(input.others, settings.markers, subject.height_m)}
-    found = analyse(input.markers, subject, trial=trial, name=lift, **beside, settings=settings, data=data)
+    static = next(iter(input.static), None)
+    found = analyse(
+        input.markers, subject, trial=trial, name=lift, static=static, settings=settings, data=data
+    )
     found.save(Path(output.summary).parent)
     if not found.analysed.states:
         print(

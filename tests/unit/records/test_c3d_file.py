@@ -10,7 +10,7 @@ from c3d_builder import DEC, INTEL, MIPS, build_c3d
 from lifting_cases import missing_share
 
 from lumbar.base.errors import InputError
-from lumbar.records.c3d_file import analog_channels, read_c3d, read_coordinates
+from lumbar.records.c3d_file import read_c3d, read_coordinates
 from lumbar.records.c3d_structure import check_structure
 from lumbar.records.markers import read_markers
 from refusing import refusal
@@ -317,67 +317,17 @@ def test_a_parameter_that_stands_twice_is_left_out(tmp_path, points):
     assert file.notes == ("SUBJECTS:BODYMASS stands twice with different values and was left out",)
 
 
-@pytest.mark.parametrize("processor", [INTEL, DEC, MIPS])
-@pytest.mark.parametrize("scale", [-1.0, 0.05])
-def test_analog_channels(tmp_path, points, processor, scale):
-    content = build_c3d(
-        points, LABELS, processor=processor, scale=scale, analog=ANALOG, analog_per_frame=5, extra=CHANNELS
-    )
-    path = write(tmp_path, content)
-    channels = analog_channels(path, check_structure(path))
-    assert (channels.labels, channels.units, channels.rate) == (("Fx", "Fz"), ("N", "N"), 500)
-    samples = ANALOG.reshape(200, 2)
-    np.testing.assert_allclose(channels.read([0])[:, 0], (samples[:, 0] - 10) * 0.125)
-    np.testing.assert_allclose(channels.read([1, 0])[:, 0], (samples[:, 1] + 20) * -0.5)
-    with pytest.raises(InputError, match="no analog channel 3; the file has 2"):
-        channels.read([2])
-
-
-def test_unsigned_analog_samples(tmp_path, points):
-    unsigned = np.full((40, 10), 40000.0)
-    extra = {**CHANNELS, "ANALOG:FORMAT": ["UNSIGNED"], "ANALOG:OFFSET": [32768.0, 0.0]}
-    stored = unsigned - 65536  # the same 16 bits
-    content = build_c3d(points, LABELS, scale=0.05, analog=stored, analog_per_frame=5, extra=extra)
-    path = write(tmp_path, content)
-    channels = analog_channels(path, check_structure(path))
-    assert channels.read([0, 1])[0] == pytest.approx([(40000 - 32768) / 8, -20000])
-
-
-def test_analog_channels_without_a_scale_are_refused_and_points_read(tmp_path, points):
-    extra = {**CHANNELS, "ANALOG:SCALE": [1.0]}
-    path = write(tmp_path, build_c3d(points, LABELS, analog=ANALOG, analog_per_frame=5, extra=extra))
-    np.testing.assert_allclose(stacked(read_c3d(path)), points, rtol=1e-6)
-    channels = analog_channels(path, check_structure(path))
-    assert channels.read([0]).shape == (200, 1)
-    with pytest.raises(InputError, match=r"analog channel 2 \(Fz\) has no ANALOG:SCALE"):
-        channels.read([1])
-
-
-@pytest.mark.parametrize("name", ["01_intel_int", "04_dec_float", "07_subject_labels", "10_plugin_outputs"])
-def test_same_analog_values_as_ezc3d(shared, name):
-    path = shared / "real" / "c3d_edge" / f"{name}.c3d"
-    channels = analog_channels(path, check_structure(path))
-    expected = ezc3d.c3d(str(path))["data"]["analogs"][0].T
-    found = channels.read(range(len(channels)))
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
-
-
 @pytest.mark.parametrize("name", ["05_mips_int", "06_mips_float", "29_type1_forceplate"])
-def test_same_coordinates_and_analog_values_as_the_c3d_package(shared, name):
+def test_same_coordinates_as_the_c3d_package(shared, name):
     """Files that ezc3d refuses, or reads wrongly."""
     path = shared / "real" / "c3d_edge" / f"{name}.c3d"
-    channels = analog_channels(path, check_structure(path))
     with path.open("rb") as stream:
         frames = list(c3d.Reader(stream).read_frames(copy=True))
     expected = np.array([quads for _, quads, _ in frames])
-    points = read_coordinates(path, channels.structure)
+    points = read_coordinates(path, check_structure(path))
     seen = expected[..., 3] >= 0
     np.testing.assert_array_equal(np.isnan(points).any(axis=2), ~seen)
     np.testing.assert_allclose(points[seen], expected[seen][:, :3], rtol=1e-6, atol=0)
-    found = channels.read(range(len(channels)))
-    np.testing.assert_allclose(
-        found, np.concatenate([analog.T for _, _, analog in frames]), rtol=1e-6, atol=1e-4
-    )
 
 
 def test_events_of_a_recording(shared):

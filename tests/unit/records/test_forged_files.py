@@ -16,7 +16,6 @@ from lumbar.base.child import MEMORY, SECONDS
 from lumbar.base.errors import InputError
 from lumbar.base.files import LARGEST_FILE
 from lumbar.interface.verb import read_table
-from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers
 
 h5py = pytest.importorskip("h5py")
@@ -47,7 +46,6 @@ _READERS = {
     "a.c3d.gz": read_markers,
     "a.trc": read_markers,
     "a.bvh": read_markers,
-    "a.mot": read_force_plates,
     "sheet.csv": lambda path: lumbar.read(path, "survey"),
     "models.json": lumbar.load_models,
     "settings.yaml": lumbar.load_settings,

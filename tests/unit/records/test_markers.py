@@ -302,7 +302,7 @@ def test_other_files(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_markers(tmp_path / "absent.c3d")
     (tmp_path / "trial.xyz").write_text("time_s\n0\n")
-    with pytest.raises(InputError, match=r"read from .*\.mat and \.bvh files, also with \.gz, not '\.xyz'"):
+    with pytest.raises(InputError, match=r"read from .*\.csv and \.bvh files, also with \.gz, not '\.xyz'"):
         read_markers(tmp_path / "trial.xyz")
 
 

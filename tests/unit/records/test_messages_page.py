@@ -1,17 +1,14 @@
 """The messages on the page of marker files are those that files with these faults end in."""
 
 import gzip
-import io
 import re
 
 import numpy as np
 import pytest
-from c3d_builder import PLATE, build_c3d
-from scipy.io import savemat
+from c3d_builder import build_c3d
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.records.force_plates import read_force_plates
 from lumbar.records.markers import read_markers
 from lumbar.settings.layout import MarkerLayout
 
@@ -39,18 +36,6 @@ def table(text=TABLE, unit="mm"):
     return "lift.csv", text.encode(), MarkerLayout(unit=unit)
 
 
-def matlab(**content):
-    stream = io.BytesIO()
-    savemat(stream, content)
-    return "lift.mat", stream.getvalue(), None
-
-
-def plate(**change):
-    return c3d(
-        analog=np.zeros((40, 6)), extra={**PLATE, **{f"FORCE_PLATFORM:{k}": v for k, v in change.items()}}
-    )
-
-
 def shifted(inserted=b"\x7e", stop=-1):
     name, content, layout = c3d()
     return name, content[:-700] + inserted + content[-700:stop], layout
@@ -61,7 +46,6 @@ def corrupt():
     return name, content.replace(b"UNITS", b"UN\x01TS"), layout
 
 
-CORNERS = PLATE["FORCE_PLATFORM:CORNERS"]
 FILES = {
     "not a C3D file": ("lift.c3d", b"<html>" * 400, None),
     "frames of": c3d(cut=100),
@@ -91,13 +75,7 @@ FILES = {
     "the clock is not even": trc(rate=60),
     "no column of times": table(TABLE.replace("time_s", "frame")),
     "C7: has the columns": table(TABLE.replace("C7_z", "height")),
-    "no markers (": matlab(force=np.zeros((50, 6))),
-    "label the trajectories": matlab(FrameRate=100.0, Trajectories={"Unidentified": 1}),
-    "neither time nor rate": matlab(C7=POINTS[:, 0], SACRUM=POINTS[:, 1], unit="mm"),
     "Frames: 21;": ("lift.bvh", BVH + b"0\n" * 20, None),
-    "force plate 1: the corners": plate(CORNERS=CORNERS[:6] + CORNERS[9:] + CORNERS[6:9]),
-    "z of the plate,": plate(CORNERS=[*CORNERS[9:], *CORNERS[6:9], *CORNERS[3:6], *CORNERS[:3]]),
-    "channel 1 is in": c3d(analog=np.zeros((40, 6)), extra={**PLATE, "ANALOG:UNITS": ["V"] * 6}),
     "unpacks to more than": ("bomb.csv.gz", gzip.compress(b"0" * 1_000_000) * 201, None),
 }
 """A file with the fault, by the beginning of the page's message: name, content, layout."""
@@ -127,4 +105,3 @@ def test_a_file_with_the_fault_ends_in_the_message(project, tmp_path, start):
             lumbar.read(path)
         else:
             read_markers(path, layout)
-            read_force_plates(path, layout)

@@ -312,7 +312,6 @@ def test_what_the_twin_cannot_lift_is_refused_with_file_and_line(config, folder)
     people = folder / "config" / "subjects"
     text = (people / "expert.yaml").read_text(encoding="utf-8")
     third = text.replace("name: expert", "name: third").replace("experience: expert", "experience: nurse")
-    third = third.replace("hip_moment: lifting/expert_15kg_hip_moment.csv", "forces: plates.mot")
     (people / "third.yaml").write_text(third + "  static: standing.c3d\n", encoding="utf-8")
     config["lifting"]["subjects"] = ["expert", "novice", "third"]
     twin = config["twin"]["lifting"]
@@ -327,7 +326,6 @@ def test_what_the_twin_cannot_lift_is_refused_with_file_and_line(config, folder)
         "improvement.record_sets.2.records.0.name: 'paced'; twin.lifting.hip_moment.trials: fast,",
         f"{file} 10: subject.trials.0.markers: 'lifting/expert_23kg.c3d'; the twin records it as lifting/third_23kg.c3d",
         f"{file} 10: subject.trials.0.hip_moment: 'lifting/expert_23kg_hip_moment.csv'; the twin records it as lifting/third_",
-        f"{file} 11: subject.trials.1.forces: 'plates.mot'; the twin records none",
         f"{file} 12: subject.static: 'standing.c3d'; the twin records none",
         f"{file} 8: subject.experience: 'nurse'; the twin moves third_23kg, third_15kg as people of a label do",
         "it knows expert, novice: add nurse to twin.lifting.groups in config/twin.yaml, or these lifts to twin.lifting.lifts",

@@ -98,7 +98,7 @@ def test_the_file_holds_the_movement_with_noise_and_short_gaps(twin, movements, 
     assert max(gap.length_s for gap in gaps) <= twin.gaps.longest_s + 1e-9
     assert missing_share(filled) == 0
     assert not recording.derived
-    # Joints that the lifter does not mark: they serve the comparison with force plates alone.
+    # Joints that the lifter does not mark.
     assert set(recording.absent) - set(REFINING) == {
         f"{side}_{joint}" for side in "LR" for joint in ("ELBOW", "KNEE")
     }

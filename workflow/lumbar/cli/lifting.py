@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.errors import NumericalError
 from lumbar.base.files import read_json
 from lumbar.cli.options import given_settings
 
@@ -24,24 +24,19 @@ def run_new_study(options) -> None:
 
 
 def run_lift(options) -> None:
-    """Analyse the lifts, write their pendulums, print their events and, of one, measures and checks of its centres of mass."""
+    """Analyse a lift, write its pendulums, print its events, its measures and the checks of its centres of mass."""
     study = given_settings(options)
-    settings = study.lifting
-    if len(options.markers) > 1 or options.markers[0].is_dir():
-        _run_all(options, study)
-        return
     from lumbar.interface.lift import lift
     from lumbar.interface.movement import measure_movement
 
     found = lift(
-        options.markers[0],
+        options.markers,
         options.subject,
         options.box_mass,
         trial=options.trial,
-        settings=settings,
+        settings=study.lifting,
         static=options.static,
-        forces=options.forces,
-        data=options.data or options.markers[0].name,
+        data=options.data or options.markers.name,
     )
     found.save(options.output)
     measures = measure_movement(found, settings=study.stability)
@@ -50,10 +45,6 @@ def run_lift(options) -> None:
     print(measures)
     print("\n".join(found.checks))
     print("\n".join(_closing(found, options.output)))
-    if options.opensim:
-        from lumbar.interface.opensim_export import export_opensim
-
-        print("\n".join(export_opensim(found, options.opensim, study.stability.pendulum.gravity_m_s2)))
     if options.page:
         from lumbar.interface.lift_page import lift_page
 
@@ -77,39 +68,6 @@ def _closing(found: Lift, output: Path) -> list[str]:
         "events that the markers do not show are set in the trial: events: {deposit_start_s: …, release_s: …}"
     )
     return [f"no pendulum: pendulum.csv in {output} has no rows", *found.without_pendulum, remedy]
-
-
-def _run_all(options, study) -> None:
-    """Analyse several lifts; end with an error that names those without a result, after the others are written."""
-    from lumbar.interface.lift import subject_of
-    from lumbar.interface.lift_batch import lift_all, planned_lifts
-
-    if options.trial or options.forces or options.page or options.opensim:
-        raise InputError(
-            "--trial, --forces, --page and --opensim are those of one lift of one file: give that file alone"
-        )
-    subject = subject_of(options.subject)
-    lifts = planned_lifts(options.markers, subject)
-    table, failed = lift_all(
-        lifts,
-        subject,
-        options.box_mass,
-        study.lifting,
-        options.output,
-        options.data,
-        options.static,
-        study.stability,
-    )
-    for row in table.itertuples():
-        print(f"{row.lift}: {row.pendulums} pendulums" + (f"; {row.remark}" if row.remark else ""))
-    print(f"{len(lifts) - len(failed)} lifts, lifts.csv and movement_measures.csv are in {options.output}")
-    empty = [row.lift for row in table.itertuples() if not row.pendulums and row.lift not in failed]
-    if empty:
-        print(f"no pendulum at all: {', '.join(empty)}; why stands above and in lifts.csv")
-    if failed:
-        raise InputError(
-            f"{len(failed)} of {len(lifts)} lifts have no result: {', '.join(failed)}; lifts.csv says why"
-        )
 
 
 def run_basin(options) -> None:

@@ -114,21 +114,16 @@ def run_inspect(options) -> None:
     import json
 
     from lumbar.interface.inspecting import check_picture, inspect
-    from lumbar.lifting.quality.other_trials import of_same_person, other_trials
-    from lumbar.settings.lifting import LiftingSettings
 
     if options.picture and len(options.files) > 1:
         raise InputError(f"--picture draws one file; {len(options.files)} are given")
     if options.picture:
         check_picture(options.picture)
     settings = given_settings(options).lifting if options.config else None
-    layout = (settings or LiftingSettings()).markers
-    trials = other_trials(options.files, layout, options.height, own=True)
     problems, found = Problems("files"), []
     for file in options.files:
         try:
-            others = of_same_person(trials, file)
-            found.append(inspect(file, settings=settings, height_m=options.height, others=others))
+            found.append(inspect(file, settings=settings, height_m=options.height))
         except InputError as error:
             problems.add("", str(error))
     if options.json:

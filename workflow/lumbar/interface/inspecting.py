@@ -17,11 +17,8 @@ from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.body import axes_found
 from lumbar.lifting.quality.gate import usable_markers
 from lumbar.lifting.quality.landmarks import THIGH, landmarks
-from lumbar.lifting.quality.other_trials import Trials, beside
 from lumbar.lifting.quality.screening import Screening, meant_labels, naming, sheet_of
 from lumbar.lifting.quality.sheet import QualitySheet, quality_sheet
-from lumbar.records.force_plates import read_force_plates
-from lumbar.records.ground_forces import ForcePlate
 from lumbar.records.marker_axes import check_axes, rotation_to_standard
 from lumbar.records.markers import read_markers
 from lumbar.records.unpacking import ending_of
@@ -41,7 +38,6 @@ def inspect(
     *,
     settings: LiftingSettings | None = None,
     height_m: float | None = None,
-    others: Trials | None = None,
 ) -> "Inspected":
     """Look into a marker file without computing anything from it.
 
@@ -50,13 +46,11 @@ def inspect(
     Parameters
     ----------
     path : path
-        C3D, TRC, CSV, MAT or BVH file with markers, also packed (``.gz``).
+        C3D, TRC, CSV or BVH file with markers, also packed (``.gz``).
     settings : LiftingSettings, optional
         How markers are read and gaps filled.
     height_m : float, optional
         Stature of the person: lengths of the body are compared with it.
-    others : dict, optional
-        As of `lumbar.lift`.
 
     Raises
     ------
@@ -79,8 +73,7 @@ def inspect(
         raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
     chosen = settings or LiftingSettings()
     layout = chosen.markers
-    others = beside(others or {}, path)
-    recording, screening, bodies = _look(path, chosen, height_m, others)
+    recording, screening, bodies = _look(path, chosen, height_m)
     sound = usable_markers(screening.points, screening.findings)
     found = _axes(sound, meant_labels(layout.aliases, sound), layout)
     up, forward = found or (layout.up, layout.forward)
@@ -91,15 +84,14 @@ def inspect(
         turned = replace(chosen, markers=replace(layout, up=up, forward=forward))
     if turned is not None and settings is None:
         chosen = turned
-        recording, screening, bodies = _look(path, turned, height_m, others)
+        recording, screening, bodies = _look(path, turned, height_m)
     pipeline = _pipeline(path, recording, screening, bodies, chosen)
     if turned is not None and settings is not None:
         axes += f" by the body, but up {layout.up} and forward {layout.forward} in the settings"
-        recording, screening, _ = _look(path, turned, height_m, others)
+        recording, screening, _ = _look(path, turned, height_m)
     return Inspected(
-        quality_sheet(recording, screening.points, screening.findings, screening.unchecked, others),
+        quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
         axes,
-        _plates(path, (turned or chosen).markers),
         pipeline,
         screening.points,
         recording.time,
@@ -108,10 +100,10 @@ def inspect(
     )
 
 
-def _look(path: Path, settings: LiftingSettings, height_m: float | None, others: Trials) -> tuple:
+def _look(path: Path, settings: LiftingSettings, height_m: float | None) -> tuple:
     """A file's recording, the screening and the rigid bodies it was read with: once, for the sheet and for the pipeline."""
     aliases = settings.markers.aliases
-    screening, bodies = Screening(height_m, aliases, refuse=False, others=others), BodyFilling(settings)
+    screening, bodies = Screening(height_m, aliases, refuse=False), BodyFilling(settings)
     layout = replace(settings.markers, required=(), check_axes=False)
     try:
         recording = read_markers(path, layout, screen=screening, mend=bodies)
@@ -145,21 +137,13 @@ def _axes(
     return axes_found({label: points[label][::every] @ rotation for label in named}, named)
 
 
-def _plates(path: Path, layout) -> list[ForcePlate] | str:
-    """Force plates of the file, or why they cannot be read."""
-    try:
-        return read_force_plates(path, layout)
-    except InputError as error:
-        return str(error)
-
-
 def _pipeline(path: Path, recording, screening, bodies, settings: LiftingSettings) -> tuple[bool, str]:
     """Whether a lift is analysed from what was read with these settings, and what is found or why not."""
     layout, trial = settings.markers, TrialSettings(box_mass_kg=0.0, markers=path.name)
     subject = replace(_STAND_IN, height_m=screening.height_m or _STAND_IN.height_m)
     try:
         if layout.required != ():
-            return True, str(lift(path, subject, 0.0, settings=settings, others=dict(screening.others)))
+            return True, str(lift(path, subject, 0.0, settings=settings))
         with naming(path):
             screening.raise_errors()
             if layout.check_axes:
@@ -186,8 +170,6 @@ class Inspected:
     """What is in the file, what is wrong with it, what became of its markers."""
     axes: str
     """Which axes point up and forward."""
-    plates: list[ForcePlate] | str
-    """Or why they cannot be read."""
     pipeline: tuple[bool, str]
     """Whether the pipeline analyses it as a lift; the events it finds, or why not."""
     points: dict[str, np.ndarray]
@@ -202,14 +184,11 @@ class Inspected:
     def as_dict(self) -> dict:
         """Return all but the trajectories as data for JSON."""
         runs, words = self.pipeline
-        plates = self.plates if isinstance(self.plates, str) else [plate.name for plate in self.plates]
         return {
             "schema": "lumbar.inspected/1",
             **self.sheet.as_dict(),
             "prefixes": list(self.prefixes),
             "axes": self.axes,
-            "force_plates": plates,
-            "force_plate_notes": self._plate_notes(),
             "filled": dict(self.meant),
             "analysed": runs,
             "pipeline": words,
@@ -218,7 +197,6 @@ class Inspected:
     def lines(self) -> list[str]:
         """Return all but the trajectories in sentences."""
         sheet, (runs, words) = self.sheet, self.pipeline
-        plates = self.plates if isinstance(self.plates, str) else ", ".join(map(repr, self.plates))
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
         recognised = self._suggested()
         suggested = ", ".join(f"{name} = {label}" for name, label in recognised.items())
@@ -228,8 +206,6 @@ class Inspected:
         lists = {
             "subjects' prefixes taken off": ", ".join(self.prefixes),
             "axes": self.axes,
-            "force plates": plates or "none",
-            "their notes": "; ".join(self._plate_notes()),
             "standard markers": ", ".join(filled) or "none",
             "recognised, but no alias names it": suggested,
             "estimated": "; ".join(f"{name} ({rule})" for name, rule in sheet.estimated.items()),
@@ -241,10 +217,6 @@ class Inspected:
         }
         lines = [*sheet.lines(), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
         return [*lines, *(f"  {line}" for line in words.splitlines())]
-
-    def _plate_notes(self) -> list[str]:
-        plates = () if isinstance(self.plates, str) else self.plates
-        return [f"{plate.name}: {note}" for plate in plates for note in plate.notes]
 
     def _suggested(self) -> dict[str, str]:
         """Landmarks whose usual labels the file has, which no alias of the settings takes."""

@@ -10,19 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
-from lumbar.interface.reading import MARKER_ENDINGS
 from lumbar.interface.verb import Result, data_label
 from lumbar.lifting.movement import lift as lifting
 from lumbar.lifting.movement import lift_tables
 from lumbar.lifting.movement.event_detection import several_lifts
 from lumbar.lifting.movement.events import comparison, event_sources
-from lumbar.lifting.movement.plate_check import PlateCheck, plate_check
 from lumbar.lifting.movement.rigid_filling import BodyFilling
-from lumbar.lifting.quality.other_trials import Trials, beside
 from lumbar.lifting.quality.screening import Screening, naming, read_screened
 from lumbar.lifting.quality.sheet import QualitySheet
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
-from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
@@ -30,9 +26,6 @@ from lumbar.settings.subject import SubjectSettings, TrialSettings
 
 if TYPE_CHECKING:
     import pandas as pd
-
-TABLES = (".csv", ".tsv", ".mat")
-"""Endings of files that may hold markers or anything else: in a folder they count where a trial names them."""
 
 
 def lift(
@@ -44,8 +37,6 @@ def lift(
     name: str | None = None,
     settings: LiftingSettings | None = None,
     static: str | os.PathLike | None = None,
-    forces: str | os.PathLike | None = None,
-    others: Trials | None = None,
     data: str = "",
 ) -> Lift:
     """Find the events, centres of mass and pendulum states of one lift.
@@ -53,7 +44,7 @@ def lift(
     Parameters
     ----------
     markers : path
-        C3D, TRC, CSV, MAT or BVH file, also packed (``.gz``).
+        C3D, TRC, CSV or BVH file, also packed (``.gz``).
     subject : SubjectSettings or path
         The person: settings, or a file as in ``config/subjects``.
     box_mass_kg : float, optional
@@ -65,12 +56,6 @@ def lift(
         Name of the lift; default that of the trial, as in a study.
     static : path, optional
         Marker file of a static trial; default the subject's, looked for below the folder that the trial's file lies below.
-    forces : path, optional
-        File of the ground reaction forces (``.mot`` or C3D); default the trial's, and without one the plates of the marker
-        file itself.
-    others : dict, optional
-        Other trials of the person, as of `lumbar.lifting.quality.other_trials.other_trials`: they tell a marker that drifts from
-        what posture does.
     data : str
         Words for the source of the data; default the folder or file they were read from.
 
@@ -96,17 +81,15 @@ def lift(
     name = name or found
     settings = settings.of_trial(trial)
     static = static or static_of(subject, trial, Path(markers))
-    forces = forces or forces_of(subject, trial, Path(markers))
     standing = (
         None if static is None else labelled_markers(static, settings.markers, subject.height_m).positions
     )
     bodies = BodyFilling(settings, standing)
-    others = beside(others or {}, markers)
-    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies, others)
+    recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     analysed = lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings)
     data = data_label(data, [recording.source])
-    return Lift(analysed, subject, trial, settings, data, sheet, None if forces is None else Path(forces))
+    return Lift(analysed, subject, trial, settings, data, sheet)
 
 
 def labelled_markers(
@@ -141,8 +124,6 @@ class Lift(Result):
     data: str
     quality: QualitySheet
     """What is in the recording and what in it cannot be a body: such stretches were left out."""
-    forces: Path | None = None
-    """File of the ground reaction forces, where it is not the recording's own."""
 
     @property
     def name(self) -> str:
@@ -176,7 +157,7 @@ class Lift(Result):
 
     @cached_property
     def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
-        return lift_tables.body_frame(self.analysed, self.plates.ground if self.plates else None)
+        return lift_tables.body_frame(self.analysed)
 
     @property
     def body(self) -> pd.DataFrame:
@@ -190,25 +171,14 @@ class Lift(Result):
 
         return model_spread(self.analysed, self.subject, self.settings)
 
-    @cached_property
-    def plates(self) -> PlateCheck | None:
-        """What the force plates of the recording, or of the trial's file of forces, say of the centre of mass; None without."""
-        return plate_check(self.analysed, self.subject, self.trial, self.settings, self.forces)
-
-    @property
-    def sheet(self) -> QualitySheet:
-        """The quality sheet, after what the force plates tell of the rate."""
-        return self.quality.with_rate_from_plates(self.plates.rate_factor if self.plates else None)
-
     @property
     def checks(self) -> list[str]:
-        """Lines on ends that are the skin's, on other choices and on force plates."""
+        """Lines on segment ends on the skin and on other choices."""
         from lumbar.lifting.movement.model_spread import spread_lines
 
         points, ends = self.analysed.points, self.analysed.table.ends
         inner = self.settings.segment_ends == "inner"
-        plates = str(self.plates).splitlines() if self.plates else ["force plates: none in the file"]
-        return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread), *plates]
+        return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread)]
 
     @property
     def without_pendulum(self) -> list[str]:
@@ -252,10 +222,9 @@ class Lift(Result):
         rules = plain(self.settings.events)
         in_file = {"file": self.file_events} if self.file_events else {}
         yield "events.json", {"lift": self.name, "events": events, **in_file, "rules": rules, **label}
-        checked = {"force_plates": self.plates.as_dict() if self.plates else None}
-        file = Path(self.sheet.file).name  # the same wherever recordings lie
-        yield "quality.json", {"lift": self.name, **self.sheet.as_dict(), "file": file, **label}
-        yield "pendulum.json", {**self.facts, **checked, **label}
+        file = Path(self.quality.file).name  # the same wherever recordings lie
+        yield "quality.json", {"lift": self.name, **self.quality.as_dict(), "file": file, **label}
+        yield "pendulum.json", {**self.facts, **label}
 
     def __str__(self) -> str:
         return "\n".join([self.seen, *without_pendulum(self.analysed.missing)])
@@ -292,23 +261,6 @@ def without_pendulum(missing: Mapping[str, str]) -> list[str]:
     for com, reason in missing.items():
         coms.setdefault(reason, []).append(com)
     return [f"no pendulum of {', '.join(names)}: {reason}" for reason, names in coms.items()]
-
-
-def marker_files(folder: Path, tables: bool = False) -> list[Path]:
-    """Marker files in a folder and the folders below it, in order of their paths.
-
-    With `tables` CSV and MAT files count too.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    endings = (*MARKER_ENDINGS, *(TABLES if tables else ()))
-    files = sorted(path for path in folder.rglob("*") if ending_of(path) in endings and path.is_file())
-    if not files:
-        raise InputError(f"{folder}: no marker file ({', '.join(endings)}) in this folder")
-    return files
 
 
 def trial_of(
@@ -397,11 +349,6 @@ def static_of(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> 
         Naming the places where it was looked for.
     """
     return _beside(f"subject.static of {subject.name}", subject.static, trial, markers)
-
-
-def forces_of(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
-    """Return the file of the trial's ground reaction forces; otherwise as `static_of`."""
-    return _beside(f"forces of a trial of {subject.name}", trial.forces, trial, markers)
 
 
 def _beside(key: str, named: str | None, trial: TrialSettings, markers: Path) -> Path | None:

@@ -43,7 +43,7 @@ class MarkerSet:
 
     aliases: dict[str, Alias]
     """Standard name to the label or rule that fills it."""
-    axes: tuple[str, str, float] | None
+    axes: tuple[str, str] | None
     """Of `lumbar.records.marker_axes.find_axes`."""
     joints: bool = False
     """Whether the file holds joint centres, and no markers on the skin."""

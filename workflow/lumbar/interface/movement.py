@@ -19,7 +19,6 @@ from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.lifting.measures.course import Course, Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import values_of_lift
 from lumbar.lifting.measures.registry import MEASURES, WINDOWS
-from lumbar.lifting.quality.other_trials import other_trials
 from lumbar.settings.lifting import ALIASES, LiftingSettings
 from lumbar.settings.stability import StabilitySettings
 from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -172,7 +171,6 @@ def measure_person(
     """
     found: dict[str, Lift] = {}
     frames: dict[str, pd.DataFrame] = {}
-    others = other_trials([static, *markers.values()], lifting.markers, subject.height_m, own=True)
     for name, path in markers.items():
         try:
             one = lift(
@@ -182,7 +180,6 @@ def measure_person(
                 name=name,
                 settings=lifting,
                 static=static,
-                others=others,
                 data=data,
             )
             frames[name] = measure_movement(one, settings=stability).values

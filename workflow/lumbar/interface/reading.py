@@ -77,7 +77,7 @@ def read(
         A folder with one file per record, a file, or several files: CSV, TXT, MAT, C3D, TRC, BVH (also gzip).
     kind : str, optional
         What was recorded: ``tissue`` (position, force), ``pendulum`` (angle, moment), ``surgeon`` (position),
-        ``markers`` (also of CSV and MAT) or ``survey``. Default: ``markers`` for C3D, TRC and BVH files, else ``tissue``.
+        ``markers`` (also of CSV) or ``survey``. Default: ``markers`` for C3D, TRC and BVH files, else ``tissue``.
     layout : layout of `lumbar.settings.layout`, optional
         Columns with their units, or labels and axes of markers; default that of the kind.
     rate : float, optional
@@ -203,5 +203,5 @@ def is_column_file(path: Path, endings: tuple[str, ...] = COLUMN_ENDINGS) -> boo
 
 
 def is_marker_file(path: Path) -> bool:
-    """Whether the name is that of a marker file, which a table or a MATLAB file may be but need not."""
+    """Whether the name is that of a marker file, which a table may be but need not."""
     return ending_of(path) in MARKER_ENDINGS

@@ -7,65 +7,12 @@ in the byte order and the format of reals of the processor that the file names (
 
 import itertools
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.errors import InputError
 from lumbar.records.c3d_structure import C3dStructure, check_structure, integers, reals
 from lumbar.records.marker_file import MarkerFile, RecordedEvent, mark_missing, split_points
-
-
-@dataclass(frozen=True)
-class AnalogChannels:
-    """What the analog channels of a C3D file are, and how their samples become physical values."""
-
-    path: Path
-    structure: C3dStructure
-    """`path`, `structure`: of the file."""
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    """`labels`, `units`: one per channel; empty where the file states none."""
-    rate: float
-    """Samples per second."""
-    per_frame: int
-    """Samples per frame of points."""
-    scale: np.ndarray
-    offset: np.ndarray
-    """`scale`, `offset`: shape (n_channels,): value = (sample - offset) * scale; NaN where the file states none."""
-    unsigned: bool
-    """Whether 2-byte samples count from 0 to 65535."""
-
-    def __len__(self) -> int:
-        return len(self.labels)
-
-    def read(self, numbers: Sequence[int]) -> np.ndarray:
-        """Physical values of some channels, counted from 0; shape (n_frames * per_frame, len(numbers)).
-
-        Raises
-        ------
-        InputError
-            A channel that the file does not have, or for which it states no scale or offset.
-        """
-        numbers, structure = list(numbers), self.structure
-        absent = [number + 1 for number in numbers if not 0 <= number < len(self)]
-        if absent:
-            raise InputError(f"{self.path}: no analog channel {absent[0]}; the file has {len(self)}")
-        unscaled = [n for n in numbers if not np.isfinite(self.scale[n] + self.offset[n])]
-        if unscaled:
-            raise InputError(
-                f"{self.path}: analog channel {unscaled[0] + 1} ({self.labels[unscaled[0]]}) has no ANALOG:SCALE or "
-                "no ANALOG:OFFSET; export the recording again"
-            )
-        raw = _frames(self.path, structure, 4 * structure.n_points, structure.n_analog)
-        raw = raw.reshape(structure.n_frames * self.per_frame, len(self), structure.word_bytes)
-        raw = np.ascontiguousarray(raw[:, numbers]).reshape(len(raw), -1)
-        samples = (reals if structure.scale < 0 else integers)(raw, structure.processor).astype(float)
-        if self.unsigned and structure.scale > 0:
-            samples %= 65536
-        return (samples - self.offset[numbers]) * self.scale[numbers]
 
 
 def read_coordinates(path: Path, structure: C3dStructure) -> np.ndarray:
@@ -82,54 +29,11 @@ def read_coordinates(path: Path, structure: C3dStructure) -> np.ndarray:
     return points
 
 
-def analog_channels(path: Path, structure: C3dStructure) -> AnalogChannels:
-    """Describe the analog channels of a file; none where it has none.
-
-    Raises
-    ------
-    InputError
-        The number of channels does not divide the samples of a frame.
-    """
-    parameters = structure.parameters
-    used = parameters.get("ANALOG:USED") or [structure.n_analog // max(structure.analog_per_frame, 1)]
-    n_channels = int(used[0]) % 65536
-    if not structure.n_analog or not n_channels:
-        n_channels, per_frame = 0, 0
-    elif structure.n_analog % n_channels:
-        raise InputError(
-            f"{path}: {structure.n_analog} analog samples per frame; a multiple of the {n_channels} channels "
-            "is needed"
-        )
-    else:
-        per_frame = structure.n_analog // n_channels
-    general = float((parameters.get("ANALOG:GEN_SCALE") or [1.0])[0])
-    unsigned = "UNSIGNED" in map(str.upper, map(str, parameters.get("ANALOG:FORMAT", [])))
-    offset = _per_channel(parameters, "OFFSET", n_channels, np.nan)
-    return AnalogChannels(
-        path,
-        structure,
-        labels=tuple(map(str, _per_channel(parameters, "LABELS", n_channels, ""))),
-        units=tuple(map(str, _per_channel(parameters, "UNITS", n_channels, ""))),
-        rate=structure.rate * per_frame,
-        per_frame=per_frame,
-        scale=np.array(_per_channel(parameters, "SCALE", n_channels, np.nan), dtype=float) * general,
-        offset=np.array([value % 65536 if unsigned else value for value in offset], dtype=float),
-        unsigned=unsigned,
-    )
-
-
 def parameter_list(parameters: dict[str, list], name: str) -> list:
     """Values of a parameter; lists of more than 255 continue in NAME2, NAME3 and so on."""
     names = [name, *(f"{name}{number}" for number in range(2, 256))]
     lists = [parameters[name] for name in itertools.takewhile(parameters.__contains__, names)]
     return list(itertools.chain.from_iterable(lists))
-
-
-def _per_channel(parameters: dict[str, list], name: str, n_channels: int, missing) -> list:
-    values = parameter_list(parameters, f"ANALOG:{name}")[:n_channels]
-    kind = str if isinstance(missing, str) else (int, float)
-    values = [value if isinstance(value, kind) else missing for value in values]
-    return values + [missing] * (n_channels - len(values))
 
 
 def _frames(path: Path, structure: C3dStructure, first_word: int, n_words: int) -> np.ndarray:

@@ -209,13 +209,8 @@ class C3dStructure:
         return (4 * self.n_points + self.n_analog) * self.word_bytes
 
 
-def check_structure(path: Path, points_needed: bool = True) -> C3dStructure:
+def check_structure(path: Path) -> C3dStructure:
     """Read header and parameters of a C3D file and check that they fit each other and the file.
-
-    Parameters
-    ----------
-    points_needed : bool
-        False accepts a file of analog channels alone, as force plates write it.
 
     Raises
     ------
@@ -226,10 +221,10 @@ def check_structure(path: Path, points_needed: bool = True) -> C3dStructure:
     if size < 2 * BLOCK:
         raise InputError(f"{path}: {size} bytes; a C3D file has a header of 512 bytes, parameters and data")
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        return _structure(path, content, points_needed)
+        return _structure(path, content)
 
 
-def _structure(path: Path, content: mmap.mmap, points_needed: bool) -> C3dStructure:
+def _structure(path: Path, content: mmap.mmap) -> C3dStructure:
     if content[1] != _MAGIC or not content[0]:
         raise InputError(f"{path}: not a C3D file (its second byte is {content[1]:#04x}, not 0x50)")
     start = (content[0] - 1) * BLOCK
@@ -239,20 +234,18 @@ def _structure(path: Path, content: mmap.mmap, points_needed: bool) -> C3dStruct
         )
     stated = content[start + 3]
     try:
-        return _of_processor(path, content, start, stated, points_needed)
+        return _of_processor(path, content, start, stated)
     except InputError:
         for processor in _PROCESSORS.keys() - {stated}:
             with contextlib.suppress(InputError):
-                found = _of_processor(path, content, start, processor, points_needed)
+                found = _of_processor(path, content, start, processor)
                 if _fits(len(content), found.data_start, found.n_frames * found.frame_bytes):
                     note = f"processor type {stated}; it is {processor} ({_PROCESSORS[processor]}) that fits the file's size"
                     return replace(found, notes=(*found.notes, note))
         raise
 
 
-def _of_processor(
-    path: Path, content: mmap.mmap, start: int, processor: int, points_needed: bool
-) -> C3dStructure:
+def _of_processor(path: Path, content: mmap.mmap, start: int, processor: int) -> C3dStructure:
     if processor not in _PROCESSORS:
         known = ", ".join(f"{number} ({name})" for number, name in _PROCESSORS.items())
         raise InputError(f"{path}: processor type {processor}; allowed are {known}")
@@ -272,13 +265,12 @@ def _of_processor(
             f"{path}: the data should start at byte {header.data_start}, after the parameters at {start} and before "
             f"the end of the file at {len(content)}; the file is cut short or its header is corrupt"
         )
-    if points_needed and not header.n_points and analog:
+    if not header.n_points and analog:
         raise InputError(
             f"{path}: no points, only analog channels, as a force plate writes them; give the recording of the markers"
         )
-    if points_needed or header.n_points:
-        _check_agreement(path, header)
-    _check_header(path, header, points_needed)
+    _check_agreement(path, header)
+    _check_header(path, header)
     frames, field = _frame_count(path, header, len(content), notes), "TRIAL:ACTUAL_START_FIELD"
     first = long_integer(parameters[field]) if parameters.get(field) else first
     structure = replace(header, n_frames=frames, first_frame=first)
@@ -405,11 +397,12 @@ def _check_agreement(path: Path, header: C3dStructure) -> None:
     problems.raise_if_any()
 
 
-def _check_header(path: Path, header: C3dStructure, points_needed: bool) -> None:
+def _check_header(path: Path, header: C3dStructure) -> None:
     """Numbers without which no frame can be found."""
     problems = Problems(str(path))
-    needed = header.n_points if points_needed else header.n_points + header.n_analog
-    if not needed or not RATES_HZ[0] <= header.rate <= RATES_HZ[1]:  # of another processor's it is 1e-42
+    if (
+        not header.n_points or not RATES_HZ[0] <= header.rate <= RATES_HZ[1]
+    ):  # of another processor's it is 1e-42
         allowed = f"both must be positive, the rate {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz"
         problems.add("header", f"{header.n_points} points at {header.rate:g} Hz", allowed)
     if not np.isfinite(header.scale) or header.scale == 0:

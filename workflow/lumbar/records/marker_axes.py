@@ -150,21 +150,15 @@ def _pointing_forward(positions: dict[str, np.ndarray]) -> list[np.ndarray]:
     return [vector for vector in found if vector is not None]
 
 
-def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str, float] | None:
-    """Axes of a file as the body tells them: up, forward, and by how many degrees the person faces away from forward.
+def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str] | None:
+    """Return the signed axes of a file along which the body stands and faces, up and forward; None if the markers do not tell.
 
     Parameters
     ----------
     positions : dict of str to ndarray, shape (n_frames, 3)
         Under standard names, in the axes of the file.
 
-    Returns
-    -------
-    up, forward : str
-        Signed axes of the file.
-    away_deg : float
-        Or None in place of all where the markers do not tell: neither feet nor trunk, or nothing of left and right, heel
-        and toe, back and front.
+    The markers tell if there are feet or a trunk, and left and right, heel and toe, or back and front.
     """
     upward = upright(positions)
     if upward is None:
@@ -176,10 +170,7 @@ def find_axes(positions: dict[str, np.ndarray]) -> tuple[str, str, float] | None
     facing += _pointing_forward(positions)
     if not facing:
         return None
-    level = np.sum(facing, axis=0) * (vertical == 0)
-    forward = file_axis(level, np.eye(3))
-    cosine = level @ axis_vector(forward) / np.linalg.norm(level)
-    return up, forward, float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return up, file_axis(np.sum(facing, axis=0) * (vertical == 0), np.eye(3))
 
 
 def _segment(

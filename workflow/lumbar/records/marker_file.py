@@ -15,7 +15,7 @@ from lumbar.base.errors import InputError
 
 
 class NoMarkers(InputError):
-    """A table or a MATLAB file that holds something else than markers."""
+    """A table that holds something else than markers."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Marker recordings: C3D, TRC, CSV, MAT and BVH files as positions in metres under standard names.
+"""Marker recordings: C3D, TRC, CSV and BVH files as positions in metres under standard names.
 
 Axes are those of the thesis's chapter 4: x lateral (to the right), y forward, z up; right-handed. The layout
 is plain data from a study's YAML::
@@ -33,9 +33,7 @@ from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.records.unpacking import ending_of, read_readable, stem_of
 from lumbar.settings.layout import MarkerLayout
 
-Screen = Callable[
-    [dict[str, np.ndarray], np.ndarray, float, bool], tuple[dict[str, np.ndarray], dict[str, str]]
-]
+Screen = Callable[[dict[str, np.ndarray], np.ndarray, float], tuple[dict[str, np.ndarray], dict[str, str]]]
 Mend = Callable[[dict[str, np.ndarray], np.ndarray], dict[str, np.ndarray]]
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 _UNIT_NAMES = {unit: unit for unit in METRES} | dict.fromkeys(("meter", "meters", "metres"), "m")
@@ -106,12 +104,12 @@ def read_markers(
     screen: Screen | None = None,
     mend: Mend | None = None,
 ) -> MarkerRecording:
-    """Read a C3D, TRC, CSV, MAT or BVH file.
+    """Read a C3D, TRC, CSV or BVH file.
 
     Parameters
     ----------
     path : path
-        The suffix decides: ``.c3d``, ``.trc``, ``.csv``, ``.mat`` or ``.bvh``, each also packed (``.gz``).
+        The suffix decides: ``.c3d``, ``.trc``, ``.csv`` or ``.bvh``, each also packed (``.gz``).
     layout : MarkerLayout, optional
         See the module's description. Without aliases every marker keeps its label.
     minimum_frames : int
@@ -120,8 +118,8 @@ def read_markers(
         Takes all markers by their labels in the file (metres, standard axes) and the time, and returns them mended:
         before rules derive further points from them.
     screen : callable, optional
-        Given the measured markers of the file, by label, in metres and standard axes, with time, rate and whether they are joints
-        of a skeleton, returns those to go on with, NaN where they are not to be used, and why: one is made by
+        Given the measured markers of the file, by label, in metres and standard axes, with time and rate,
+        returns those to go on with, NaN where they are not to be used, and why: one is made by
         `lumbar.lifting.quality.screening`.
 
     Raises
@@ -150,7 +148,7 @@ def read_markers(
     for values in (*points.values(), *model_points.values()):
         values[:] = values[:, order] * factors
     if screen is not None:
-        points, left_out = screen(points, file.time, file.rate, file.joints)
+        points, left_out = screen(points, file.time, file.rate)
         points = {label: values for label, values in points.items() if not np.isnan(values).all()}
         file = replace(file, dropped=file.dropped | left_out)
     _check_spread(points, file)
@@ -183,14 +181,12 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
         from lumbar.records.marker_table import read_marker_table as read
     elif ending == ".bvh":
         from lumbar.records.bvh_file import read_bvh as read
-    elif ending == ".mat":
-        from lumbar.records.mat_markers import read_mat_markers as read
     else:
         raise InputError(
-            f"{path}: markers are read from .c3d, .trc, .csv, .mat and .bvh files, also with .gz, not "
+            f"{path}: markers are read from .c3d, .trc, .csv and .bvh files, also with .gz, not "
             f"{ending or 'a file without suffix'!r}"
         )
-    options = (layout.rate_Hz,) if ending in (".csv", ".tsv", ".mat") else ()
+    options = (layout.rate_Hz,) if ending in (".csv", ".tsv") else ()
     parse = partial(read_readable, path, read, *options)
     return replace(confined(parse, path, size, (MarkerFile, RecordedEvent)), source=str(path))
 

@@ -111,7 +111,7 @@ MarkerName = Annotated[str, Each(pattern="^[A-Z][A-Z0-9_]*$")]
 
 @settings
 class MarkerLayout:
-    """How marker files (C3D, TRC, CSV, MAT, BVH; also .gz) are read."""
+    """How marker files (C3D, TRC, CSV, BVH; also .gz) are read."""
 
     unit: Literal["file", "m", "cm", "mm"] = key(default="file")
     scale: float = key(default=1.0, within="(0, 10000]")

@@ -51,7 +51,7 @@ class FilterSettings:
 
 @settings
 class EventLabels:
-    """Labels of events in the file (C3D, MAT) that stand for those of a lift, without regard to case and spaces."""
+    """Labels of events in the file (C3D) that stand for those of a lift, without regard to case and spaces."""
 
     lift_off: tuple[str, ...] = key(default=("lift off", "box off", "pick up"))
     toe_off: tuple[str, ...] = key(default=("foot off", "toe off", "LTO", "RTO"))

@@ -24,7 +24,6 @@ class TrialSettings:
     box_mass_kg: float = required(within="[0, 100]")
     markers: str = required()
     hip_moment: str | None = key(default=None)
-    forces: str | None = key(default=None)
     forward: Axis | None = key(default=None)
     window_s: tuple[float, float] | None = key(default=None)
     events: DeclaredEvents | Literal["file"] | None = key(default=None)

@@ -165,11 +165,10 @@ def _check_twin_lifts(study: Study, sources: Mapping[str, Origins]) -> None:
                 "markers": TWIN_MARKERS.format(lift=name),
                 "hip_moment": TWIN_HIP_MOMENT.format(lift=name),
             }
-            for key in ("markers", "hip_moment", "forces"):
+            for key, recorded in made.items():
                 found, place = getattr(lift.trial, key), ("subject", "trials", number, key)
-                if found not in (None, made.get(key)):
-                    words = f"the twin records it as {made[key]}" if key in made else "the twin records none"
-                    sources[person].add(place, repr(found), words)
+                if found not in (None, recorded):
+                    sources[person].add(place, repr(found), f"the twin records it as {recorded}")
         if study.subjects[person].static:
             sources[person].add(
                 "subject.static", repr(study.subjects[person].static), "the twin records none"

@@ -71,13 +71,6 @@ class Study:
         """The subject of a lift by itself: another trial, another label or the static trial's name do not change this lift."""
         return replace(self.subjects[self.lifts[lift].subject], trials=(), experience="", static=None)
 
-    def others_of(self, lift: str) -> list[str]:
-        """Other recordings of the person in a lift, which tell what posture does to markers; none where it is one alone."""
-        own = self.lifts[lift]
-        files = [own.static, *(other.trial.markers for other in self.lifts_by_person[own.subject].values())]
-        others = [file for file in dict.fromkeys(files) if file is not None and file != own.trial.markers]
-        return others if len(others) > 1 else []
-
     @property
     def labels(self) -> dict[str, str]:
         """Label of every subject by which Table 4.1 compares people."""
@@ -114,7 +107,7 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
         "lifting": [
             file
             for lift in study.lifts.values()
-            for file in (lift.trial.markers, lift.trial.hip_moment, lift.trial.forces, lift.static)
+            for file in (lift.trial.markers, lift.trial.hip_moment, lift.static)
             if file is not None
         ],
     }

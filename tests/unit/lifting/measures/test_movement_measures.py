@@ -159,22 +159,14 @@ def test_without_a_deposit_there_is_what_the_lift_so_far_carried_and_a_hidden_he
     assert rows.loc["lumbar_flexion_peak", "reason"] == ""
 
 
-def test_the_moment_from_above_is_the_one_from_the_force_plates_below(shared):
-    """Athlete who stands with spread arms: 6 N·m apart in extension, as 10 mm of the weight are, and together in her sway."""
+def test_joint_angles_and_margin_of_an_athlete_who_stands_with_spread_arms(shared):
     path = shared / "real" / "lifting" / "athlete_static_full_spine" / "c3dfile1.c3d"
     settings = changed(LiftingSettings(), markers={"aliases": ATHLETE, "check_axes": False})
     weighed = SubjectSettings(name="x", sex="female", mass_kg=62.0, height_m=1.6, experience="unknown")
     item = lift_of(read_markers(path, settings.markers), weighed, settings=settings)
-    found = course_of_lift(Lifter(item.body, item.facts, MeasureSettings(), G))
-    balance = found.frame
-    extension = [balance[f"l5s1_extension_{way}N_m"][100:-100] for way in ("", "from_below_")]
-    assert np.mean(extension[0] - extension[1]) == pytest.approx(0, abs=15)
-    assert np.corrcoef(*extension)[0, 1] > 0.85
-    assert np.std(extension[0] - extension[1]) < 0.5
-    assert "from the hands down +6 N·m more than from the plates up on average" in found.notes[-1]
-    assert (balance["l_knee_flexion_deg"] < 15).all() and balance["r_shoulder_elevation_deg"].between(
-        60, 110
-    ).all()
+    balance = course_of_lift(Lifter(item.body, item.facts, MeasureSettings(), G)).frame
+    assert (balance["l_knee_flexion_deg"] < 15).all()
+    assert balance["r_shoulder_elevation_deg"].between(60, 110).all()
     assert balance["margin_of_stability_m"].between(0.03, 0.09).all()
 
 

@@ -128,14 +128,13 @@ def test_a_choice_without_its_markers_says_why(study, recording):
     assert any("de_leva_male, inner: not possible" in line for line in spread_lines(rows.reset_index()))
 
 
-def test_the_table_of_all_lifts_says_what_plates_and_skin_do(spread):
+def test_the_table_of_all_lifts_says_which_ends_are_on_the_skin(spread):
     facts = {
         "lift": "x_15kg",
-        "force_plates": None,
         "segments": {
             "points": {"C7T1": "C7T1 is the marker C7 on the skin, about 75 mm from the joint's centre"}
         },
     }
     table = spread_table([spread.reset_index()], [facts], "test")
     assert list(table.frame.columns) == ["lift", "choice", *spread.columns]
-    assert table.notes[0].startswith("x_15kg: no force plates in the file; C7T1 is the marker C7 on the skin")
+    assert table.notes[0].startswith("x_15kg: C7T1 is the marker C7 on the skin")

@@ -2,8 +2,7 @@
 
 The moment is computed top-down from movement and inertia (Winter 2009, section 5): M = Σ (c − p) × m·(a + g·ẑ) + dH/dt, over
 segments with centre c, mass m, acceleration a and angular momentum H about the centre; p is the joint. It is the moment that
-muscles and ligaments bring up; what the weight does to the joint is opposite. Where the ground's force is measured, the same
-moment follows bottom-up: that of the ground about the joint less the sum over legs and pelvis.
+muscles and ligaments bring up; what the weight does to the joint is opposite.
 """
 
 from collections.abc import Iterable

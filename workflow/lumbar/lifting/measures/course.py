@@ -38,7 +38,7 @@ from lumbar.lifting.movement.centre_of_mass import HEAD as WINTER_HEAD
 from lumbar.lifting.movement.centre_of_mass import limb_parts
 from lumbar.lifting.movement.cleaning import derivative
 from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, typical_distance
-from lumbar.lifting.movement.lift_tables import GROUND_COLUMNS, HEAD, LOAD, WHOLE_BODY, com_of, points_of
+from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.settings.stability import MeasureSettings
 
@@ -128,7 +128,6 @@ def course_of_lift(lifter: Lifter) -> Course:
         (_inclination, ("L5S1", "C7T1"), ("trunk_inclination_deg",)),
         (_lumbar_flexion, ("L5S1", "C7T1", "T12L1", MID_HIP), ("lumbar_flexion_deg",)),
         (_moment, _moment_points(lifter), MOMENT_COLUMNS),
-        (_moment_from_below, _LOWER_POINTS, FROM_BELOW_COLUMNS),
         *(
             (
                 partial(_joint_angle, joint=joint, side=side),
@@ -147,19 +146,7 @@ def course_of_lift(lifter: Lifter) -> Course:
     _combine(columns, missing, unseen)
     notes = [] if BALANCE_COLUMNS[0] in missing else _guessed_ends(lifter)
     frame = pd.DataFrame(columns)
-    return Course(frame, missing, unseen, (*notes, *_moments_compared(frame)))
-
-
-def _moments_compared(course: pd.DataFrame) -> list[str]:
-    """Say how far both ways to the moment about L5/S1 lie apart, where force plates give the second."""
-    apart = course.get("l5s1_extension_difference_N_m", pd.Series(dtype=float)).dropna()
-    if apart.empty:
-        return []
-    both = course.loc[apart.index, ["l5s1_extension_N_m", FROM_BELOW_COLUMNS[1]]]
-    return [
-        f"extension moment about L5/S1: from the hands down {apart.mean():+.0f} N·m more than from the plates up on average, "
-        f"{apart.std():.0f} N·m about that, r = {both.corr().iloc[0, 1]:.2f}, over {len(apart)} instants"
-    ]
+    return Course(frame, missing, unseen, tuple(notes))
 
 
 BALANCE_COLUMNS = (
@@ -176,10 +163,6 @@ MOMENT_COLUMNS = (
     "l5s1_moment_per_kg_N_m_kg",
     "l5s1_strength_share",
 )
-
-
-FROM_BELOW_COLUMNS = ("l5s1_moment_from_below_N_m", "l5s1_extension_from_below_N_m")
-_LOWER_POINTS = ("L5S1", MID_HIP, com_of("pelvis"), *(f"{side}_ANKLE" for side in SIDES))
 
 
 def _balance_points(lifter: Lifter) -> tuple[str, ...]:
@@ -347,7 +330,7 @@ def _joint_points(joint: str, side: str) -> tuple[str, ...]:
 
 
 def _combine(columns: dict, missing: dict[str, str], unseen: dict[str, tuple[str, ...]]) -> None:
-    """Add the larger angle of both sides, or that of the known one, and the difference of both extension moments."""
+    """Add the larger angle of both sides, or that of the known one."""
     for joint in JOINT_ANGLES:
         name, sides = f"{joint}_deg", [_column(joint, side) for side in SIDES]
         known = [column for column in sides if column in columns]
@@ -356,9 +339,6 @@ def _combine(columns: dict, missing: dict[str, str], unseen: dict[str, tuple[str
             unseen[name] = tuple(dict.fromkeys(point for column in known for point in unseen[column]))
         else:
             missing[name] = "; ".join(dict.fromkeys(missing[column] for column in sides))
-    above, below = "l5s1_extension_N_m", FROM_BELOW_COLUMNS[1]
-    if above in columns and below in columns:
-        columns["l5s1_extension_difference_N_m"] = columns[above] - columns[below]
 
 
 def _moment_points(lifter: Lifter) -> tuple[str, ...]:
@@ -391,12 +371,6 @@ def links_above_l5s1(lifter: Lifter) -> list[Link]:
     return links
 
 
-def links_below_l5s1(lifter: Lifter) -> list[Link]:
-    """Pelvis and legs (with feet): what lies between L5/S1 and the ground."""
-    pelvis = Link(lifter.facts["mass_kg"]["pelvis"]["without_box"], lifter.points[com_of("pelvis")])
-    return [pelvis, *_limb_links(lifter, "LEG")]
-
-
 def _limb_links(lifter: Lifter, whole: str) -> list[Link]:
     parts = [part for side in SIDES for part in limb_parts(lifter.points, side, whole)]
     return [
@@ -408,16 +382,6 @@ def _limb_links(lifter: Lifter, whole: str) -> list[Link]:
         )
         for segment, first, last in parts
     ]
-
-
-def _moment_from_below(lifter: Lifter) -> dict[str, np.ndarray]:
-    if GROUND_COLUMNS[0] not in lifter.body:
-        raise InputError("no force plates that the person stands on")
-    ground, joint = lifter.body[list(GROUND_COLUMNS)].to_numpy(float), lifter.points["L5S1"]
-    moment = ground[:, 3:] - np.cross(joint, ground[:, :3])
-    moment = moment - net_moment(joint, links_below_l5s1(lifter), lifter.rate, lifter.gravity)
-    extension = np.einsum("nj,nj->n", moment, lifter.axes[0])
-    return dict(zip(FROM_BELOW_COLUMNS, (np.linalg.norm(moment, axis=1), extension), strict=True))
 
 
 def _moment(lifter: Lifter) -> dict[str, np.ndarray]:

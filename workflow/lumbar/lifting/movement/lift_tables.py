@@ -41,10 +41,6 @@ LIMBS = tuple(
 )
 TRUNK = ("C7T1", "T12L1", "L4L5", "L5S1", MID_HIP)
 WHOLE_BODY, HEAD, LOAD = "WHOLE_BODY", "HEAD", "LOAD"
-GROUND_COLUMNS = tuple(
-    f"GROUND_{part}" for part in (*(f"{x}_N" for x in "xyz"), *(f"about_{x}_N_m" for x in "xyz"))
-)
-"""Force of the ground on the person, and its moment about the origin, while both feet are on the plates."""
 DECIMALS = 7
 """Of metres in the file: second differences of what is rounded off stay below 0.01 m/s² at 200 frames per second."""
 CENTRES_COLUMNS = (
@@ -62,7 +58,7 @@ _STATES = {
 STATES_COLUMNS = ("com", "plane", *_STATES.values())
 
 
-def body_frame(lift: AnalysedLift, ground: np.ndarray | None = None) -> tuple[pd.DataFrame, dict[str, str]]:
+def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
     """Trajectories of the body's points over the whole recording, and which are missing, each with its reason.
 
     Returns
@@ -71,7 +67,7 @@ def body_frame(lift: AnalysedLift, ground: np.ndarray | None = None) -> tuple[pd
         ``time_s``, ``phase``, ``load_held`` (0 or 1), ``RIGHT_x`` … (unit vector to the person's right), and for every point
         ``<POINT>_x_m``, ``_y_m``, ``_z_m``: x to the right, y forward, z up; empty where a marker was not seen. Points are
         joints and markers of `LIMBS`, hips, joint centres of `TRUNK`, the centres of mass of its segments (``THORAX_COM`` …), of
-        ``HEAD`` and ``WHOLE_BODY`` without the load, and the ``LOAD`` in the hands. With `ground` also `GROUND_COLUMNS`.
+        ``HEAD`` and ``WHOLE_BODY`` without the load, and the ``LOAD`` in the hands.
     missing : dict of str to str
         Points that the recording does not hold.
     """
@@ -106,8 +102,6 @@ def body_frame(lift: AnalysedLift, ground: np.ndarray | None = None) -> tuple[pd
     columns.update({f"RIGHT_{axis}": values for axis, values in zip("xyz", points.right.T, strict=True)})
     for name, values in found.items():
         columns.update({f"{name}_{axis}_m": part for axis, part in zip("xyz", values.T, strict=True)})
-    if ground is not None:
-        columns.update(zip(GROUND_COLUMNS, ground.T, strict=True))
     frame = pd.DataFrame(columns)
     exact = ["time_s", "phase", "load_held"]
     return pd.concat([frame[exact], frame.drop(columns=exact).round(DECIMALS)], axis=1), missing

@@ -194,20 +194,15 @@ def _shown(number: float | None, digits: str) -> str:
 
 
 def spread_table(spreads: Sequence[pd.DataFrame], facts: Sequence[Mapping], data: str) -> Table:
-    """Return the choices of all lifts as a published table, with what their force plates say below it.
+    """Return the choices of all lifts as a published table, with the segment ends on the skin below it.
 
     There is one table of `model_spread` per lift, and beside it the facts of its ``pendulum.json``.
     """
-    from lumbar.lifting.movement.plate_check import PlateCheck
-
     rows = [frame.assign(lift=fact["lift"]) for frame, fact in zip(spreads, facts, strict=True)]
     frame = pd.concat(rows, ignore_index=True)[columns_of(__file__, "spread")]
     notes = []
     for fact in facts:
-        found = fact["force_plates"]
-        said = (
-            "no force plates in the file" if found is None else str(PlateCheck(**found)).replace("\n", "; ")
-        )
         skin = [text for text in fact["segments"]["points"].values() if "mm from the joint's centre" in text]
-        notes.append("; ".join([f"{fact['lift']}: {said}", *skin]))
+        if skin:
+            notes.append(f"{fact['lift']}: {'; '.join(skin)}")
     return described(__file__, "spread", frame, data, notes=tuple(notes))

@@ -1,4 +1,4 @@
-"""Labels against the body: its axes, order along the trunk, left and right, front and back, size against stature.
+"""Labels against the body: its axes, left and right, front and back, size against stature.
 
 `points` are positions in metres by label, shape (n_frames, 3), NaN where not seen; `named` says which landmarks labels mean.
 """
@@ -31,13 +31,9 @@ def _part(landmark: str) -> str:
     return landmark[2:] if landmark[:2] in ("L_", "R_") else landmark
 
 
-def _centre(points, named, parts: Collection[str], without: Collection[str] = ()) -> np.ndarray | None:
+def _centre(points, named, parts: Collection[str]) -> np.ndarray | None:
     """Mean over those markers of some landmarks that are seen, NaN where none is, shape (n_frames, 3)."""
-    chosen = [
-        points[label]
-        for label, landmark in named.items()
-        if _part(landmark) in parts and label not in without
-    ]
+    chosen = [points[label] for label, landmark in named.items() if _part(landmark) in parts]
     if not chosen:
         return None
     stacked = np.stack(chosen)
@@ -47,16 +43,16 @@ def _centre(points, named, parts: Collection[str], without: Collection[str] = ()
 
 
 def trunk_axis(
-    points: dict[str, np.ndarray], named: dict[str, str], without: Collection[str] = ()
+    points: dict[str, np.ndarray], named: dict[str, str]
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
     """Middle of the pelvis, unit vector from it to the shoulders, both shape (n_frames, 3), and their median distance.
 
     The hips stand for a pelvis without markers. None where the labels name no marker of one of them.
     """
-    pelvis = _centre(points, named, _PELVIS, without)
+    pelvis = _centre(points, named, _PELVIS)
     if pelvis is None:
-        pelvis = _centre(points, named, ("HIP",), without)
-    top = _centre(points, named, _TOP, without)
+        pelvis = _centre(points, named, ("HIP",))
+    top = _centre(points, named, _TOP)
     if pelvis is None or top is None:
         return None
     axis = top - pelvis
@@ -65,91 +61,8 @@ def trunk_axis(
         return pelvis, axis / length, float(np.nanmedian(length)) if np.isfinite(length).any() else np.nan
 
 
-def levels_found(
-    points: dict[str, np.ndarray], named: dict[str, str], without: Collection[str] = ()
-) -> dict[str, float]:
-    """Median height along the trunk of every label whose level is known: 0 pelvis, 1 shoulders."""
-    trunk = trunk_axis(points, named, without)
-    if trunk is None or not trunk[2] > 0:
-        return {}
-    pelvis, axis, length = trunk
-    found = {}
-    for label, landmark in named.items():
-        if level(landmark) is None:
-            continue
-        height = ((points[label] - pelvis) * axis).sum(axis=1) / length
-        if np.isfinite(height).any():
-            found[label] = float(np.nanmedian(height))
-    return found
-
-
-def order_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> list[tuple[str, str, str]]:
-    """Pairs of labels on the trunk that stand in the wrong order, with what was seen.
-
-    Heights along the trunk are compared with nominal ones. The pair whose exchange brings the labels nearest to them goes
-    first; then the rest is looked at as if exchanged. Neighbours on the spine are compared by their order alone.
-    """
-    pairs: list[tuple[str, str, str]] = []
-    while len(pairs) < _AT.most_exchanges:
-        found, trunk = levels_found(points, named), trunk_axis(points, named)
-        inverted = _inverted(found, named, trunk[2]) if trunk else []
-        mended = {pair: _off_levels(_exchanged(points, pair), named) for pair in inverted}
-        best = min(mended, key=mended.__getitem__, default=None)
-        if best is None or mended[best] > _off_levels(points, named):
-            break
-        low, high = best
-        evidence = (
-            f"{high} lies {(found[low] - found[high]) * trunk[2] * 1e3:.0f} mm below {low} along the trunk, where a body has "
-            "it above"
-        )
-        pairs.append((low, high, evidence))
-        points = _exchanged(points, best)
-    return pairs
-
-
-def _off_levels(points: dict[str, np.ndarray], named: dict[str, str]) -> float:
-    """Sum of the squared differences between heights along the trunk and nominal ones."""
-    return sum((height - level(named[label])) ** 2 for label, height in levels_found(points, named).items())
-
-
-def _inverted(found: dict[str, float], named: dict[str, str], length_m: float) -> list[tuple[str, str]]:
-    """Pairs (too high, too low) that clearly stand in the wrong order."""
-    pairs = []
-    for low in found:
-        for high in found:
-            nominal = level(named[high]) - level(named[low])
-            inversion = found[low] - found[high]
-            on_spine = _on_spine(named[low]) and _on_spine(named[high])
-            neighbours = on_spine and nominal > 0 and inversion * length_m > _AT.clear_spine_m
-            if neighbours or (nominal >= _AT.clear_levels and inversion > _AT.least_order):
-                pairs.append((low, high))
-    return pairs
-
-
 def _on_spine(landmark: str) -> bool:
     return landmark in ("C7", "SACRUM") or landmark[1:].isdigit()
-
-
-def leg_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> list[tuple[str, str, str]]:
-    """Pairs of knee and ankle in the wrong order down a leg, with what was seen.
-
-    From pelvis or hip by knee and ankle to the foot is a shorter way than by ankle and knee, also of a folded leg.
-    """
-    labels = {landmark: label for label, landmark in named.items()}
-    pairs = []
-    for side in ("L_", "R_"):
-        knee, ankle = labels.get(f"{side}KNEE"), labels.get(f"{side}ANKLE")
-        tops = [labels[x] for x in (f"{side}HIP", f"{side}ASIS", f"{side}PSIS", "SACRUM") if x in labels]
-        feet = [labels[x] for x in (f"{side}TOE", f"{side}HEEL") if x in labels]
-        if not knee or not ankle or not tops + feet:
-            continue
-        ends = [(knee, ankle, top) for top in tops[:1]] + [(ankle, knee, foot) for foot in feet[:1]]
-        ways = [_distance(points[a], points[x]) - _distance(points[b], points[x]) for a, b, x in ends]
-        detour = np.sum(ways, axis=0)
-        if np.isfinite(detour).any() and np.nanpercentile(detour, 5) > 0:
-            shorter = f"exchanged, the way from pelvis to foot is {np.nanmedian(detour) * 1e3:.0f} mm shorter"
-            pairs.append((knee, ankle, f"down the leg {knee} comes after {ankle}: {shorter}"))
-    return pairs
 
 
 def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:

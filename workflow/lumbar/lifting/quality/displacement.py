@@ -306,6 +306,18 @@ def percentiles(values: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
     return np.where(count >= min(10, values.shape[1]), found, np.nan)
 
 
+def steadiest_mate(sample: dict[str, np.ndarray], label: str) -> str | None:
+    """Return the marker at the most constant distance from one; None if fewer than three are at a nearly constant distance."""
+    labels = list(sample)
+    distance = np.linalg.norm(np.stack([sample[other] for other in labels]) - sample[label], axis=2)
+    low, middle, high = percentiles(distance, (0.05, 0.5, 0.95))
+    spread = np.hypot(high - low, _AT.bends * middle)
+    usable = (middle > _AT.apart_m) & (np.isfinite(distance).mean(axis=1) > _AT.seen) & (spread < _AT.loose_m)
+    if usable.sum() < _AT.fewest_mates:
+        return None
+    return labels[int(np.argmin(np.where(usable, spread, np.inf)))]
+
+
 def length(points: dict[str, np.ndarray], one: str, other: str, frames: slice | np.ndarray) -> float:
     """Median distance of two markers over some frames, metres; NaN where they were not seen together."""
     distance = np.linalg.norm(points[one][frames] - points[other][frames], axis=1)

@@ -1,22 +1,18 @@
 """The gate before anything is computed from a marker recording: whether its points can be a person's body."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.yaml_file import shipped_names
-from lumbar.lifting.quality.body import (
-    leg_exchanges,
-    levels_found,
-    order_exchanges,
-    rightward,
-    side_exchanges,
-    stature_found,
+from lumbar.lifting.quality.body import rightward, side_exchanges, stature_found
+from lumbar.lifting.quality.displacement import (
+    Displacement,
+    displacements,
+    length,
+    off_its_part,
+    steadiest_mate,
 )
-from lumbar.lifting.quality.displacement import Displacement, displacements, length, off_its_part
-from lumbar.lifting.quality.drift import drifts, mates_of, smallest_seen
-from lumbar.lifting.quality.flight import flight_findings
 from lumbar.lifting.quality.landmarks import landmarks, side_pairs
 from lumbar.lifting.quality.leaps import (
     Exchange,
@@ -27,21 +23,13 @@ from lumbar.lifting.quality.leaps import (
     step_sizes,
     take_exchanges,
 )
-from lumbar.lifting.quality.sheet import ERROR, FINE_RATE, LEFT_OUT, NOTED, PROPOSED, Finding, Legend
+from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, NOTED, PROPOSED, Finding, Legend
 from lumbar.lifting.quality.trajectories import (
-    HIGHEST_HZ,
     LABORATORY_M,
-    LOWEST_HZ,
-    USUAL_HZ,
     beyond_laboratory,
-    clipped_stretches,
-    copied_stretches,
-    frequency_scale,
     frozen_stretches,
     held_samples,
-    tells_tempo,
 )
-from lumbar.lifting.quality.walking import walk, walking_findings
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "gate")
 
@@ -57,14 +45,12 @@ def examine(
     rate: float,
     height_m: float | None = None,
     meant: dict[str, str] | None = None,
-    joints: bool = False,
-    others: Sequence[dict[str, np.ndarray]] = (),
 ) -> list[Finding]:
     """Find what in a recording cannot be a body that moves, by marker and time.
 
-    Single trajectories come first (outside any laboratory, frozen, copied), then leaps and exchanged labels, then the whole:
-    order along the trunk, sides, rigid parts, stature, tempo. What one check finds is hidden from the next.
-    Findings stand in the order of what they lead to, then of time; a sound recording has none.
+    Single trajectories come first (outside any laboratory, frozen), then leaps and exchanged labels, then the whole: sides,
+    rigid parts, stature. What one check finds is hidden from the next. Findings are sorted by what they lead to, then by
+    time; a valid recording has none.
 
     Parameters
     ----------
@@ -74,10 +60,6 @@ def examine(
         Stature of the person; without it any from 0.6 to 2.6 m is accepted.
     meant : dict of str to str, optional
         Landmark to label, where labels mean something else than usual.
-    joints : bool
-        Whether points are joints of a skeleton, which coincide where a segment has no length.
-    others : sequence of dict
-        Points of other trials of the person, in some of their frames: they tell what posture does.
     """
     if not points:
         return []
@@ -86,8 +68,7 @@ def examine(
     if wrong:
         return wrong
     findings, stepping = held_samples(points, legend)
-    alone = (beyond_laboratory, frozen_stretches, clipped_stretches)
-    for check in alone if joints else (*alone, copied_stretches):
+    for check in (beyond_laboratory, frozen_stretches):
         found = check(points, legend)
         findings += found
         points = mask_findings(points, found)
@@ -96,28 +77,15 @@ def examine(
     for label, stretch, evidence in off_its_part(points, legend.rate):
         findings.append(legend.finding("off its part", (label,), stretch, evidence=evidence))
     noisy = _jitter({label: points[label] for label in points if label not in stepping}, legend)
-    partly = {label for finding in findings if finding.outcome != NOTED for label in finding.markers}
-    found = drifts({label: points[label] for label in points if label not in partly}, legend, others)
-    findings += found
-    points = mask_findings(points, found)
     findings += _stature(points, legend, height_m) + noisy
-    if not any(finding.outcome == ERROR for finding in findings):
-        found = flight_findings(points, legend)
-        findings += found or (found is None and _tempo(points, legend)) or walking_findings(points, legend)
     order = (ERROR, PROPOSED, LEFT_OUT, NOTED)
     return sorted(findings, key=lambda finding: (order.index(finding.outcome), finding.first_frame))
 
 
 def unchecked_properties(
-    points: dict[str, np.ndarray],
-    time: np.ndarray,
-    rate: float,
-    height_m: float | None = None,
-    meant: dict[str, str] | None = None,
-    findings: Sequence[Finding] = (),
-    others: Sequence[dict[str, np.ndarray]] = (),
+    points: dict[str, np.ndarray], height_m: float | None = None, meant: dict[str, str] | None = None
 ) -> dict[str, str]:
-    """Return what `examine` cannot compare with a body in a recording, with the reason; parameters as there, and its findings."""
+    """Return what `examine` cannot compare with a body in a recording, with the reason; parameters as there."""
     if not points:
         return {}
     named = {label: landmark for landmark, label in landmarks(points, meant).items()}
@@ -135,36 +103,7 @@ def unchecked_properties(
         found["stature"] = "height_m is not given"
     if len(sides) + len(depths) < 3:
         found["left and right"] = "the labels name fewer than three pairs of sides"
-    if len(levels_found(sampled, named)) < 2:
-        found["order along the trunk"] = "the labels name no trunk"
-    kept, legend = usable_markers(points, findings), Legend(time, rate, named)
-    flown = flight_findings(kept, legend) is not None
-    if not flown and not tells_tempo(points):
-        found["rate"] = "too short, or the person hardly moves"
-    if not any(finding.outcome == ERROR for finding in findings):
-        found |= _unseen_drifts(smallest_seen(kept, legend, others), time)
-    walked = walk(sampled, named)
-    if not flown and (walked is None or not np.isfinite(walked.steps)):
-        found[FINE_RATE] = (
-            "only a walk, a jump, or force plates under a person who moves, tell it: lumbar lift compares them"
-        )
-    if walked is None or not np.isfinite(walked.facing):
-        found["order of the frames"] = "only a walk tells whether they stand in reverse"
     return found
-
-
-def _unseen_drifts(smallest: dict[str, tuple[float, slice]], time: np.ndarray) -> dict[str, str]:
-    """Markers that may drift by more than is usual without being seen, or in frames in which it is not looked for."""
-    grouped: dict[str, list[str]] = {}
-    for label, (size, seen) in smallest.items():
-        if size > _AT.unseen_drift_m:
-            much = f"up to {np.ceil(size * 100) * 10:.0f} mm" if np.isfinite(size) else "of any size"
-            grouped.setdefault(much, []).append(label)
-        if np.isfinite(size) and seen.stop - seen.start < _AT.most_frames * len(time):
-            when = f"before {time[seen.start]:.2f} and after {time[seen.stop - 1]:.2f} s"
-            grouped.setdefault(when, []).append(label)
-    told = "; ".join(f"{what} of {', '.join(labels)}" for what, labels in grouped.items())
-    return {"slow drift": f"{told}: movement or too few steady neighbours may hide it"} if told else {}
 
 
 def mask_findings(points: dict[str, np.ndarray], findings: list[Finding]) -> dict[str, np.ndarray]:
@@ -280,12 +219,8 @@ def _whole_exchanges(
     points: dict[str, np.ndarray], named: dict[str, str]
 ) -> tuple[list[tuple[tuple[str, str], str]], str]:
     """Labels exchanged over the whole recording."""
-    sampled = _sampled(points)
-    ordered = order_exchanges(sampled, named) + leg_exchanges(sampled, named)
-    for low, high, _ in ordered:
-        sampled[low], sampled[high] = sampled[high], sampled[low]
-    sided, mirrored = side_exchanges(sampled, named)
-    return [((low, high), evidence) for low, high, evidence in (*ordered, *sided)], mirrored
+    sided, mirrored = side_exchanges(_sampled(points), named)
+    return [((one, other), evidence) for one, other, evidence in sided], mirrored
 
 
 def _flipped(
@@ -317,12 +252,11 @@ def _exchange_findings(
     """One finding per stretch, with the lengths to a third marker, which changes no place, as they are and as they would be."""
     pair = (exchange.first, exchange.second)
     others = {one: points for one, points in _sampled(straight).items() if one not in changing - {pair[0]}}
-    partner, _ = mates_of(others, exchange.first, near=False)
+    mate = steadiest_mate(others, exchange.first)
     findings = []
     for stretch in stretches:
         evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to where the other was"
-        if partner:
-            mate = partner[0]
+        if mate:
             usual = length(straight, exchange.first, mate, slice(None)) * 1e3
             there = length(points, exchange.first, mate, stretch) * 1e3
             mended = length(points, exchange.second, mate, stretch) * 1e3
@@ -373,15 +307,6 @@ def _stature(points: dict[str, np.ndarray], legend: Legend, height_m: float | No
     if not height_m or count < 2 or 1 / _AT.other_stature < stature / height_m < _AT.other_stature:
         return []
     return [legend.finding("stature", count=count, stature=stature, height_m=height_m)]
-
-
-def _tempo(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:
-    found = frequency_scale(points, legend.rate)
-    if found is None or LOWEST_HZ <= found <= HIGHEST_HZ:
-        return []
-    outcome = ERROR if max(found / HIGHEST_HZ, LOWEST_HZ / found) > _AT.impossible_tempo else NOTED
-    words = {"rate": legend.rate, "factor": found / USUAL_HZ, "seconds": len(legend.time) / legend.rate}
-    return [legend.finding("rate", outcome=outcome, found=found, **words)]
 
 
 def _jitter(points: dict[str, np.ndarray], legend: Legend) -> list[Finding]:

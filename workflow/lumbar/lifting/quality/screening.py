@@ -1,28 +1,23 @@
 """Reading a marker file through the gate: what cannot be a body becomes a gap, and the reader of the results is told.
 
-A label that alone fills a standard name says what it means. One inside a rule does not; but ``T12: {between: [T1, SACRUM],
-share: 0.26}`` can only be meant of a marker at T10: the rule's level along the trunk, and its side, tell. So labels that
-somebody has let change places in the layout's aliases are not called exchanged again.
+A label that alone fills a standard name says what it means; in a rule such as ``L_WRIST: {mean: [RWRA, RWRB]}`` the side
+does. So labels that the user has exchanged in the layout's aliases are not reported as exchanged again.
 """
 
 import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.body import check_unaliased_axes
 from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties, usable_markers
-from lumbar.lifting.quality.landmarks import landmarks, level
+from lumbar.lifting.quality.landmarks import landmarks
 from lumbar.lifting.quality.sheet import ERROR, LEFT_OUT, PROPOSED, Finding, QualitySheet, quality_sheet
 from lumbar.records.markers import MarkerRecording, Mend, read_markers
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint, PointBetween
-
-_AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "screening")
 
 
 @dataclass
@@ -35,8 +30,6 @@ class Screening:
     """Of the layout: what the laboratory's labels mean."""
     refuse: bool = True
     """Raise for findings that are errors; otherwise they are only kept."""
-    others: Mapping[str, dict[str, np.ndarray]] = field(default_factory=dict)
-    """Other trials of the person, as of `lumbar.lifting.quality.other_trials.other_trials`."""
     findings: list[Finding] = field(default_factory=list)
     """Of the file read last."""
     points: dict[str, np.ndarray] = field(default_factory=dict)
@@ -45,14 +38,13 @@ class Screening:
     """What could not be compared with a body, with the reason."""
 
     def __call__(
-        self, points: dict[str, np.ndarray], time: np.ndarray, rate: float, joints: bool = False
+        self, points: dict[str, np.ndarray], time: np.ndarray, rate: float
     ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
         """Return the points without what the findings leave out, and why a marker is left out altogether."""
         meant = meant_labels(self.aliases, points)
         meant = meant_in_rules(self.aliases, points, meant) | meant
-        others = tuple(self.others.values())
-        self.points, self.findings = points, examine(points, time, rate, self.height_m, meant, joints, others)
-        self.unchecked = unchecked_properties(points, time, rate, self.height_m, meant, self.findings, others)
+        self.points, self.findings = points, examine(points, time, rate, self.height_m, meant)
+        self.unchecked = unchecked_properties(points, self.height_m, meant)
         if self.refuse:
             self.raise_errors()
         screened = mask_findings(points, self.findings)
@@ -77,20 +69,18 @@ def read_screened(
     name: str | None = None,
     height_m: float | None = None,
     mend: Mend | None = None,
-    others: Mapping[str, dict[str, np.ndarray]] | None = None,
 ) -> tuple[MarkerRecording, QualitySheet]:
     """Read a marker file, leaving out what cannot be a body; with the sheet that says so.
 
-    There are gaps where a marker was left out; one left out altogether is among `MarkerRecording.dropped`. `others` are other
-    trials of the person, as of `lumbar.lifting.quality.other_trials.other_trials`.
+    There are gaps where a marker was left out; one left out altogether is among `MarkerRecording.dropped`.
 
     Raises
     ------
     InputError
-        As `read_markers`; and where the unit, the rate or the sides of the whole recording are impossible.
+        As `read_markers`; and where the unit or the sides of the whole recording are impossible.
     """
     layout = layout or MarkerLayout()
-    screening = Screening(height_m, layout.aliases, others=others or {})
+    screening = Screening(height_m, layout.aliases)
     with naming(path):
         recording = read_markers(path, layout, name=name, screen=screening, mend=mend)
         return recording, sheet_of(recording, screening, layout)
@@ -115,9 +105,7 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
         For axes that are not those of the body.
     """
     check_unaliased_axes(usable_markers(screening.points, screening.findings), recording, layout)
-    return quality_sheet(
-        recording, screening.points, _concerning(screening), screening.unchecked, screening.others
-    )
+    return quality_sheet(recording, screening.points, _concerning(screening), screening.unchecked)
 
 
 def _concerning(screening: Screening) -> list[Finding]:
@@ -162,62 +150,28 @@ def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -
 def meant_in_rules(
     aliases: Mapping[str, Alias | None], labels: Collection[str], meant: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return, by landmark, the labels inside rules that stand for another landmark than usual; `meant` as of `meant_labels`."""
+    """Return, by landmark, the labels in rules of the other side; `meant` is the result of `meant_labels`."""
     usual = {label: landmark for landmark, label in landmarks(labels).items()}
-    alone = {label: name for name, label in meant.items()}
-    means = {**usual, **alone}
-    parts = {label for alias in aliases.values() for label in _labels(alias, aliases, inside=False)}
-    inside = sorted(label for label in parts if label in usual and label not in alone)
-    others = sorted({*inside, *(label for label in alone if label in usual and alone[label] != usual[label])})
     found: dict[str, str] = {}
-    while True:
-        trials = [
-            {one: usual[other]} | ({other: usual[one]} if other in inside else {})
-            for one in inside
-            for other in others
-            if one != other and not {one, other} & found.keys()
-        ]
-        best = min(trials, key=lambda trial: _misfit(aliases, means | trial), default={})
-        if not best or _misfit(aliases, means | best) > _misfit(aliases, means) - _AT.clear:
-            return {landmark: label for label, landmark in found.items()}
-        means |= best
-        found |= best
-
-
-def _labels(alias: Alias | None, aliases: Mapping[str, Alias | None], inside: bool) -> list[str]:
-    """Labels inside the rules of an alias; names of other aliases are none."""
-    if isinstance(alias, str):
-        return [alias] if inside and alias not in aliases else []
-    if isinstance(alias, tuple):
-        return [label for part in alias for label in _labels(part, aliases, inside)]
-    return [label for part, _ in _parts(alias) for label in _labels(part, aliases, True)]
-
-
-def _parts(rule) -> list[tuple[Alias, float]]:
-    """Parts of a rule with their shares in its level."""
-    if isinstance(rule, MeanOfMarkers):
-        return [(part, 1 / len(rule.mean)) for part in rule.mean]
-    if isinstance(rule, PointBetween):
-        return [(rule.between[0], 1 - rule.share), (rule.between[1], rule.share)]
-    return [(rule.start, 1.0)] if isinstance(rule, OffsetPoint) else []
-
-
-def _misfit(aliases: Mapping[str, Alias | None], means: Mapping[str, str]) -> float:
-    """Sum over the rules of the distance between the level of the name and that of its parts, and of parts of the other side."""
-    total = 0.0
     for name, alias in aliases.items():
         for rule in alias if isinstance(alias, tuple) else (alias,):
-            parts = [(_landmark(part, aliases, means), share) for part, share in _parts(rule)]
-            total += sum({name[:2], landmark[:2]} == {"L_", "R_"} for landmark, _ in parts)
-            levels = [level(landmark) for landmark, _ in parts]
-            if parts and level(name) is not None and None not in levels and not isinstance(rule, OffsetPoint):
-                found = sum(height * share for height, (_, share) in zip(levels, parts, strict=True))
-                total += abs(found - level(name))
-    return total
+            sided = {part: usual[part] for part in _parts(rule) if usual.get(part, "")[:2] in ("L_", "R_")}
+            if sided and {name[:2], *(landmark[:2] for landmark in sided.values())} == {"L_", "R_"}:
+                mirrored = {part: name[:2] + landmark[2:] for part, landmark in sided.items()}
+                found |= {
+                    landmark: part
+                    for part, landmark in mirrored.items()
+                    if landmark != usual[part] and part not in meant.values()
+                }
+    return found
 
 
-def _landmark(part: Alias, aliases: Mapping[str, Alias | None], means: Mapping[str, str]) -> str:
-    """Landmark of a part of a rule; empty where it is a rule itself, or a label that is not known."""
-    if not isinstance(part, str):
-        return ""
-    return part if part in aliases else means.get(part, "")
+def _parts(rule: Alias | None) -> list[str]:
+    """Labels that a rule names directly."""
+    if isinstance(rule, MeanOfMarkers):
+        parts = rule.mean
+    elif isinstance(rule, PointBetween):
+        parts = rule.between
+    else:
+        parts = (rule.start,) if isinstance(rule, OffsetPoint) else ()
+    return [part for part in parts if isinstance(part, str)]

@@ -4,10 +4,9 @@ A finding says which markers, when, what was seen, the likely cause, and what is
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -22,8 +21,6 @@ ERROR, LEFT_OUT, PROPOSED, NOTED = "error", "left out", "proposed", "noted"
 """What a finding leads to: the trial stops; the stretch becomes a gap; an exchange of labels is proposed, and until somebody
 exchanges them the stretch is a gap; nothing, it is said."""
 _SAID: dict[str, dict[str, str]] = shipped_yaml(Path(__file__).with_name("findings.yaml"))
-FINE_RATE = "rate off by less than four times"
-"""What the tempo of a movement does not tell."""
 _SHOWN = 5
 
 
@@ -129,25 +126,15 @@ class QualitySheet:
     """What the file contradicts itself in."""
     unchecked: dict[str, str] = field(default_factory=dict)
     """What could not be compared with a body, with the reason."""
-    others: tuple[str, ...] = ()
-    """Files of other trials of the person, which told what posture does to markers."""
 
     @property
     def missing_share(self) -> float:
         """Share of all samples of all markers that were not seen."""
         return sum(gap.missing_share for gap in self.gaps) / max(1, len(self.markers))
 
-    def with_rate_from_plates(self, rate_factor: float | None) -> Self:
-        """The sheet after a comparison with force plates: by them the rate is known, where they tell it."""
-        if rate_factor is None:
-            return self
-        told = {what: reason for what, reason in self.unchecked.items() if what not in ("rate", FINE_RATE)}
-        return replace(self, unchecked=told)
-
     def as_dict(self) -> dict:
         """Return the sheet as data for JSON."""
-        told = asdict(self) | {"missing_share": self.missing_share}
-        return told if self.others else {name: value for name, value in told.items() if name != "others"}
+        return asdict(self) | {"missing_share": self.missing_share}
 
     def lines(self) -> list[str]:
         """Return the sheet in sentences."""
@@ -168,8 +155,6 @@ class QualitySheet:
         lines += [f"{finding.outcome}: {finding}" for finding in self.findings] or [
             "findings: none" + (" in what could be checked" if self.unchecked else "")
         ]
-        if self.others:
-            lines.append(f"what posture does to markers: also by {', '.join(self.others)}")
         if self.unchecked:
             reasons = "; ".join(f"{what} ({reason})" for what, reason in self.unchecked.items())
             lines.append(f"not checked: {reasons}")
@@ -196,12 +181,11 @@ def quality_sheet(
     points: dict[str, np.ndarray],
     findings: Sequence[Finding],
     unchecked: dict[str, str] | None = None,
-    others: Iterable[str] = (),
 ) -> QualitySheet:
     """Return the sheet of a recording.
 
     The points are its measured markers by the file's labels, before anything was left out; `unchecked` is as of
-    `lumbar.lifting.quality.gate.unchecked_properties`, `others` are paths of other trials of the person.
+    `lumbar.lifting.quality.gate.unchecked_properties`.
     """
     return QualitySheet(
         file=recording.source,
@@ -219,7 +203,6 @@ def quality_sheet(
         events=recording.events,
         notes=recording.notes,
         unchecked=dict(unchecked or {}),
-        others=tuple(Path(path).name for path in others),
     )
 
 
