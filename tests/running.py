@@ -5,12 +5,10 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-import forking_snakemake
 from lumbar.tissue.fmu.build.compiler import cache_folder
 
 PROJECT = Path(__file__).resolve().parent.parent
@@ -19,11 +17,6 @@ ZIG_CACHE = cache_folder(None)
 """The cache that the workflow uses too, the user's; a cold one costs seconds and has a test of its own."""
 NOT_INHERITED = ("PYTHONPATH", "LUMBAR_DATA", "PYTHONDONTWRITEBYTECODE")
 """Without bytecode, as in many containers, every job would compile the library again; a copy of the project may hold it."""
-
-
-PLAIN, FORKING = "plain", "forking"
-"""Snakemake and a Python for each job started as users do; or all forked from a process that has imported their libraries, with
-pictures that are `pictures.sketched`."""
 
 
 def python(*arguments: str | Path) -> str:
@@ -67,20 +60,17 @@ def copy_project(folder: Path) -> Path:
     return folder
 
 
-def snakemake(
-    folder: Path, *arguments: str, env: dict[str, str] | None = None, program: str = FORKING
-) -> Run:
-    """Call Snakemake in a project folder, with variables beside the inherited ones; `program` is `PLAIN` or `FORKING`."""
+def snakemake(folder: Path, *arguments: str, env: dict[str, str] | None = None) -> Run:
+    """Call Snakemake in a project folder, as users do, with variables added to the inherited ones."""
     environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED} | (env or {})
-    with tempfile.TemporaryDirectory() as name:
-        output = Path(name) / "output"
-        if program == PLAIN:
-            with output.open("wb") as stream:
-                command = [sys.executable, "-m", "snakemake", "--nocolor", *arguments]
-                done = subprocess.run(
-                    command, cwd=folder, env=environment, stdout=stream, stderr=stream, check=False
-                )
-            status = done.returncode
-        else:
-            status = forking_snakemake.run(folder, ["--nocolor", *arguments], environment, output)
-        return Run(status, output.read_text(encoding="utf-8"))
+    command = [sys.executable, "-m", "snakemake", "--nocolor", *arguments]
+    run = subprocess.run(
+        command,
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        check=False,
+        encoding="utf-8",
+    )
+    return Run(run.returncode, run.stdout)

@@ -14,7 +14,7 @@ from accessibility import WIDTHS, fits, serious
 from explorer_steps import CASE, add, errors_of
 
 from lumbar.page_server.recording_preview import OF_SEVERAL_AXES
-from running import FORKING, copy_project, snakemake
+from running import copy_project, snakemake
 from space_records import TABLE
 
 pytestmark = pytest.mark.nightly
@@ -68,7 +68,7 @@ def made(project, *targets: str) -> list[dict]:
     """Run the workflow; return the last model of every file."""
     files = [f"results/blind/{target}" for target in targets]
     given = ("--cores", "1", *files, "--configfile", "config/studies/blind.yaml")
-    snakemake(project, *given, program=FORKING).whole()
+    snakemake(project, *given).whole()
     return [json.loads(Path(project, file).read_text(encoding="utf-8"))["models"] for file in files]
 
 

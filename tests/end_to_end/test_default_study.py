@@ -12,7 +12,7 @@ import yaml
 
 from coarse_study import coarse_project
 from lumbar.study.load_study import load_study
-from running import PLAIN, copy_project, snakemake
+from running import copy_project, snakemake
 
 # Wall-clock readings differ between runs; everything else is compared byte for byte.
 VOLATILE = ("logs", "benchmarks")
@@ -39,7 +39,7 @@ def coarse_run(tmp_path_factory):
 def whole_run(tmp_path_factory):
     """Folder of a project copy in which the default study was run as users run it."""
     folder = copy_project(tmp_path_factory.mktemp("default"))
-    done(folder, "--cores", "2", program=PLAIN)
+    done(folder, "--cores", "2")
     return folder
 
 

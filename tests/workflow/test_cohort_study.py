@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from running import FORKING, copy_project, snakemake
+from running import copy_project, snakemake
 
 pytestmark = pytest.mark.nightly
 SMALL = """
@@ -18,7 +18,7 @@ twin:
 def run_study(folder, novices: int, *arguments: str):
     (folder / "config" / "small.yaml").write_text(SMALL % novices, encoding="utf-8")
     files = ("--configfile", "config/studies/cohort.yaml", "config/small.yaml")
-    return snakemake(folder, "--cores", "1", *arguments, *files, program=FORKING)
+    return snakemake(folder, "--cores", "1", *arguments, *files)
 
 
 @pytest.fixture(scope="module")

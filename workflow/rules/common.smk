@@ -10,14 +10,11 @@ WORKFLOW = Path(workflow.basedir) / "workflow"
 sys.path.insert(0, str(WORKFLOW))
 
 from run.dependencies import library_code
-from run.jobs import end_when_told, job_size, lift_limit, remove_half_written, set_job_environment
-from run.job_forks import fork_scripts
-from run.run_log import watch
+from run.jobs import job_size, remove_half_written, set_job_environment, warnings_in
 from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import load_study
 from lumbar.base.errors import LumbarError
 from lumbar.settings.plain import part, plain
-from lumbar.lifting.stability.model.failures import announcement
 
 set_job_environment(WORKFLOW)
 
@@ -46,11 +43,15 @@ CATEGORIES = {
     "population": "8 People compared",
     "claims": "9 Claims",
 }
+<<<<<<< HEAD
 STAGES = CATEGORIES | {
     "records": CATEGORIES["twin"],
     "report": "Report",
 }
 RUN = {}  # what is told of the run under way
+=======
+QUALITY = ("quality", "quality_of_trials")
+>>>>>>> 5d5883d5 (Run jobs with stock Snakemake)
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 
 
@@ -88,7 +89,6 @@ def address(path):
 
 EFFECT_FILES = [source(path) for path in settings.improvement.effect_files]
 BASE_FILES = [source(path) for path in sorted(set(settings.improvement.base_files.values()))]
-BENCHMARKS = Path(at_hand(f"results/{STUDY}/benchmarks"))
 
 
 def made(artefacts):

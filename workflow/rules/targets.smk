@@ -24,11 +24,7 @@ for artefact in ARTEFACTS:
 
 
 onstart:
-    remove_half_written(workflow)
-    lift_limit(workflow.scheduler)
-    end_when_told(workflow)
-    fork_scripts(workflow)
-    RUN["log"] = watch(workflow, STAGES, BENCHMARKS)
+    remove_half_written(workflow.dag.needrun_jobs())
     if study.has("tissue") and settings.tissue.layout.axes:
         print(
             "Records of several axes: Table 3.1 and what is made of its models take one axis and are left out."
@@ -36,15 +32,12 @@ onstart:
 
 
 onsuccess:
-    closing = RUN["log"].closing(BENCHMARKS)
-    missing = Path(at_hand(f"results/{STUDY}/stability/failures.csv"))
-    failed = announcement(missing) if study.has("stability") and missing.is_file() else ""
-    print(closing if failed in closing else f"{closing}\n{failed}")
+    warnings = warnings_in(at_hand(path) for job in workflow.dag.jobs for path in job.log)
+    print(*dict.fromkeys(warnings), sep="\n")
     print(f"Results of the study {STUDY!r} ({study.data_label}): {address(f'results/{STUDY}')}")
     if Path(at_hand(f"results/{STUDY}/report.html")).is_file():
         print(f"All of it on one page: {address(f'results/{STUDY}/report.html')}")
 
 
 onerror:
-    print(RUN["log"].closing(BENCHMARKS))
-    print("Mend what is said above and give the same command again: what is done stays.")
+    print("Fix the error above and give the same command again: finished results are kept.")

@@ -62,7 +62,7 @@ def run(main, snakemake) -> None:
     end_with_parent()
     signal.signal(
         signal.SIGTERM, signal.default_int_handler
-    )  # Snakemake ends jobs so; see run.jobs.end_when_told
+    )  # which is how Snakemake ends a job
     terminal = sys.stderr
     try:
         sys.stderr = _Tee(terminal, snakemake.log[0])
