@@ -43,15 +43,6 @@ CATEGORIES = {
     "population": "8 People compared",
     "claims": "9 Claims",
 }
-<<<<<<< HEAD
-STAGES = CATEGORIES | {
-    "records": CATEGORIES["twin"],
-    "report": "Report",
-}
-RUN = {}  # what is told of the run under way
-=======
-QUALITY = ("quality", "quality_of_trials")
->>>>>>> 5d5883d5 (Run jobs with stock Snakemake)
 CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
 
 

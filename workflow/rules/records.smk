@@ -1,28 +1,30 @@
-# Every recording is read and checked before an analysis uses it. Recordings that are given are all checked by one
-# job, so that nothing runs before all of them are sound; the twin's are checked chapter by chapter, since its tissue
-# tests are made from signals that are designed from its surgeon's motion.
+# Every recording is read and checked before an analysis uses it. Recordings that are given are all checked by one job, so
+# that nothing runs before all of them are valid. Those of the twin are checked by two jobs, lifts and the rest, so that one
+# person's lifts can be analysed alone. Its tissue tests are made from signals that are designed from its surgeons' motion,
+# which therefore does not wait for the check.
 
 
 from lumbar.study.study import reading_plan, recordings_of
 
 RECORDED_CHAPTERS = sorted(recordings_of(study))
-# What rules without recordings of their own wait for: nothing is made from a study whose recordings are not sound.
+# Rules without recordings of their own wait for these: nothing is made from a study whose recordings are not valid.
 ALL_CHECKED = (
     [] if study.synthetic else [f"<results>/checked/{chapter}.json" for chapter in RECORDED_CHAPTERS]
 )
-CHECKS = (
-    {chapter: [chapter] for chapter in RECORDED_CHAPTERS} if study.synthetic else {"all": RECORDED_CHAPTERS}
-)
-# With what else the checks of a chapter are submitted to a cluster.
-CHECK_GROUPS = {
-    "surgeon": "excitation",
-    "tissue": "excitation",
-    "lifting": "lifts",
-    "improvement": "improvement_records",
-}
+SURGEON_CHECKED = [] if study.synthetic else "<results>/checked/surgeon.json"
 
 
-for group, checked in CHECKS.items():
+def check_groups():
+    """Chapters whose recordings are checked by one job, by the name of the job."""
+    if not study.synthetic:
+        return {"all": RECORDED_CHAPTERS}
+    groups = {"lifting": [], "tissue": []}
+    for chapter in RECORDED_CHAPTERS:
+        groups["lifting" if chapter == "lifting" else "tissue"].append(chapter)
+    return {name: chapters for name, chapters in groups.items() if chapters}
+
+
+for group, checked in check_groups().items():
 
     rule:
         name:
@@ -38,7 +40,7 @@ for group, checked in CHECKS.items():
         benchmark:
             f"<benchmarks>/check_{group}_recordings.tsv"
         group:
-            CHECK_GROUPS.get(group, group)
+            "checks"
         conda:
             CONDA
         resources:

@@ -1,17 +1,19 @@
 # The participants' survey: Table 3.2 as published, the within-subject analysis, and what they picked as the best.
 
 
-rule survey_tables:
+rule analyse_survey:
     input:
         ratings=recording(settings.survey.file),
         checked="<results>/checked/survey.json",
     output:
-        **published("table_3_2", "survey_paired", "survey_best_picks"),
+        **published(
+            "table_3_2", "survey_paired", "survey_best_picks", "survey_likert", "survey_best_picks_figure"
+        ),
         results="<results>/survey/survey.json",
     log:
-        "<logs>/survey_tables.log",
+        "<logs>/analyse_survey.log",
     benchmark:
-        "<benchmarks>/survey_tables.tsv"
+        "<benchmarks>/analyse_survey.tsv"
     group:
         "survey"
     conda:
@@ -19,40 +21,14 @@ rule survey_tables:
     resources:
         **job_size(peak_mb=155, seconds=4),
     params:
-        code=library_code("survey_tables.py"),
+        code=library_code("analyse_survey.py"),
         settings=plain(settings.survey),
         seed=settings.seed,
         data=DATA,
     message:
         "Table 3.2: ratings of the models, as published and within participants"
     script:
-        "../scripts/survey_tables.py"
-
-
-rule survey_figures:
-    input:
-        results="<results>/survey/survey.json",
-    output:
-        **published("survey_likert", "survey_best_picks_figure"),
-    log:
-        "<logs>/survey_figures.log",
-    benchmark:
-        "<benchmarks>/survey_figures.tsv"
-    group:
-        "survey"
-    conda:
-        CONDA
-    resources:
-        **job_size(peak_mb=95, seconds=3),
-    params:
-        code=library_code("survey_figures.py"),
-        scale_labels=lambda wildcards: plain(settings.survey.scale_labels),
-        statement=lambda wildcards: settings.survey.statement,
-        confidence=settings.survey.confidence,
-    message:
-        "Ratings and best picks of the models as pictures"
-    script:
-        "../scripts/survey_figures.py"
+        "../scripts/analyse_survey.py"
 
 
 if "survey_felt" in {artefact.id for artefact in ARTEFACTS}:

@@ -1,21 +1,19 @@
-# System identification: tissue models from tissue tests, by ridge ARX as in the thesis and by output error beside it.
+# System identification: tissue models from tissue tests, by ridge ARX as in the thesis and by output error.
 # Reads the recordings of chapter tissue; makes Tables 2.1 and 3.1, Figures 2.4, 3.2, 3.4 and 3.5 and models.json.
-
-import re
+# Figures 1.1 and 3.1 are drawn from definitions, as Table 2.1 and Figures 2.4 and 3.2 are, by the same job.
 
 TISSUE_RECORDINGS = [recording(record.file) for record in settings.tissue.records]
-TRAINING = settings.tissue.training
 
 
-rule viscoelastic_models:
+rule definition_figures:
     input:
         checked=ALL_CHECKED,
     output:
-        **published("table_2_1", "figure_2_4", "figure_3_2"),
+        **published("table_2_1", "figure_1_1", "figure_2_4", "figure_3_1", "figure_3_2"),
     log:
-        "<logs>/viscoelastic_models.log",
+        "<logs>/definition_figures.log",
     benchmark:
-        "<benchmarks>/viscoelastic_models.tsv"
+        "<benchmarks>/definition_figures.tsv"
     group:
         "tissue"
     conda:
@@ -23,12 +21,12 @@ rule viscoelastic_models:
     resources:
         **job_size(peak_mb=130, seconds=3),
     params:
-        code=library_code("viscoelastic_models.py"),
+        code=library_code("definition_figures.py"),
         data="definitions, no data",
     message:
-        "Table 2.1, Figures 2.4 and 3.2: the models and their mechanical analogues"
+        "Table 2.1, Figures 1.1, 2.4, 3.1 and 3.2: the models and the steps of the thesis"
     script:
-        "../scripts/viscoelastic_models.py"
+        "../scripts/definition_figures.py"
 
 
 rule identify_tissue:
@@ -38,23 +36,21 @@ rule identify_tissue:
         bases=BASE_FILES,
         checked="<results>/checked/tissue.json",
     output:
-        fits="<results>/tissue/identified/{training}.json",
-        grid="<results>/tissue/identified/{training}.csv",
+        **published("table_3_1", "physical_parameters", "static_or_dynamic", "figure_3_4", "figure_3_5"),
+        models="<results>/tissue/models.json",
+        search="<results>/tissue/search.csv",
     log:
-        "<logs>/identify_tissue/{training}.log",
+        "<logs>/identify_tissue.log",
     benchmark:
-        "<benchmarks>/identify_tissue/{training}.tsv"
-    wildcard_constraints:
-        training="|".join(map(re.escape, TRAINING)) or "none",
+        "<benchmarks>/identify_tissue.tsv"
     group:
         "tissue"
     conda:
         CONDA
     resources:
-        **job_size(peak_mb=155, seconds=5),
+        **job_size(peak_mb=205, seconds=10),
     params:
         code=library_code("identify_tissue.py"),
-        training=lambda wildcards: wildcards.training,
         settings=part(
             settings,
             "tissue",
@@ -66,39 +62,6 @@ rule identify_tissue:
         ),
         data=DATA,
     message:
-        "Identification of the tissue models on {wildcards.training}"
-    script:
-        "../scripts/identify_tissue.py"
-
-
-rule tissue_models:
-    input:
-        fits=expand("<results>/tissue/identified/{training}.json", training=TRAINING),
-        grids=expand("<results>/tissue/identified/{training}.csv", training=TRAINING),
-        recordings=TISSUE_RECORDINGS,
-        effects=EFFECT_FILES,
-        bases=BASE_FILES,
-        checked="<results>/checked/tissue.json",
-    output:
-        **published("table_3_1", "physical_parameters", "static_or_dynamic", "figure_3_4", "figure_3_5"),
-        models="<results>/tissue/models.json",
-        search="<results>/tissue/search.csv",
-    log:
-        "<logs>/tissue_models.log",
-    benchmark:
-        "<benchmarks>/tissue_models.tsv"
-    group:
-        "tissue"
-    conda:
-        CONDA
-    resources:
-        **job_size(peak_mb=205, seconds=7),
-    params:
-        code=library_code("tissue_models.py"),
-        tissue=plain(settings.tissue),
-        perception=plain(settings.perception),
-        data=DATA,
-    message:
         "Table 3.1, Figures 3.4 and 3.5: the identified tissue models"
     script:
-        "../scripts/tissue_models.py"
+        "../scripts/identify_tissue.py"

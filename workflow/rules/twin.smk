@@ -3,51 +3,35 @@
 from lumbar.study.study import HIP_MOMENTS, TWIN_HIP_MOMENT, TWIN_MARKERS
 
 
-rule twin_survey:
+rule twin_recordings:
     input:
         answers=source(Path(workflow.basedir) / "resources" / "survey" / "survey_reconstructed.csv"),
     output:
+        surgeon=[f"<results>/twin/{record.file}" for record in settings.surgeon.records],
+        two_hidden_effects=expand(
+            "<results>/twin/two_hidden_effects/{name}.csv", name=["multisine", "noise", "chirp"]
+        ),
         answers=f"<results>/twin/{settings.survey.file}",
     log:
-        "<logs>/twin_survey.log",
+        "<logs>/twin_recordings.log",
     benchmark:
-        "<benchmarks>/twin_survey.tsv"
-    group:
-        "survey"
-    conda:
-        CONDA
-    resources:
-        **job_size(peak_mb=10, seconds=1),
-    params:
-        code=library_code("twin_survey.py"),
-    message:
-        "Survey answers that fit the published margins"
-    script:
-        "../scripts/twin_survey.py"
-
-
-rule twin_surgeon:
-    output:
-        recordings=[f"<results>/twin/{record.file}" for record in settings.surgeon.records],
-    log:
-        "<logs>/twin_surgeon.log",
-    benchmark:
-        "<benchmarks>/twin_surgeon.tsv"
+        "<benchmarks>/twin_recordings.tsv"
     group:
         "excitation"
     conda:
         CONDA
     resources:
-        **job_size(peak_mb=80, seconds=2),
+        **job_size(peak_mb=125, seconds=4),
     params:
-        code=library_code("twin_surgeon.py"),
+        code=library_code("twin_recordings.py"),
         records=[part(record, "name", "surgeon") for record in settings.surgeon.records],
-        settings=plain(settings.twin.surgeon),
+        surgeon=plain(settings.twin.surgeon),
+        two_hidden=plain(settings.twin.two_hidden_effects),
         seed=settings.twin.seed,
     message:
-        "Synthetic motion of the surgeons' tool"
+        "Synthetic motion of the surgeons' tool, tissue tests with two hidden effects, survey answers"
     script:
-        "../scripts/twin_surgeon.py"
+        "../scripts/twin_recordings.py"
 
 
 if study.cohort:
@@ -189,28 +173,3 @@ rule twin_tissue:
         "Synthetic tissue tests: the excitation signals played on a hardening Kelvin–Boltzmann tissue"
     script:
         "../scripts/twin_tissue.py"
-
-
-rule twin_two_hidden_effects:
-    output:
-        recordings=expand(
-            "<results>/twin/two_hidden_effects/{name}.csv", name=["multisine", "noise", "chirp"]
-        ),
-    log:
-        "<logs>/twin_two_hidden_effects.log",
-    benchmark:
-        "<benchmarks>/twin_two_hidden_effects.tsv"
-    group:
-        "improvement_records"
-    conda:
-        CONDA
-    resources:
-        **job_size(peak_mb=125, seconds=3),
-    params:
-        code=library_code("twin_two_hidden_effects.py"),
-        settings=plain(settings.twin.two_hidden_effects),
-        seed=settings.twin.seed,
-    message:
-        "Synthetic tissue tests with two hidden effects"
-    script:
-        "../scripts/twin_two_hidden_effects.py"

@@ -1,26 +1,31 @@
-"""Identification of every tissue model on one training record."""
+"""Identification of the tissue models: Table 3.1, physical parameters, models.json, search grid and Figures 3.4 and 3.5."""
 
-from job import run
+from job import run, stem
 
 from lumbar.settings.study_settings import StudySettings
 
 
-def main(input, output, training: str, settings: StudySettings, data: str):
-    """Read the records, identify the models, write fits and search grid."""
+def main(input, output, settings: StudySettings, data: str):
+    """Read the records, identify every model on every training record and publish the models."""
     from lumbar.base.files import write_csv, write_json
     from lumbar.interface.identification import identify
     from lumbar.interface.reading import read_listed
+    from lumbar.publishing.figures.style import save
+    from lumbar.publishing.figures.tissue_figures import excitation_figure
+    from lumbar.tissue.identification.identify_tissue import distinct
     from lumbar.tissue.models.fitted_model import models_document
 
     tissue = settings.tissue
-    found = identify(
-        read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz),
-        training,
-        settings=settings,
-        data=data,
-    )
-    write_csv(output.grid, found.search)
-    write_json(output.fits, models_document(found.models, data))
+    records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
+    found = identify(records, tissue.training, settings=settings, data=data)
+    write_json(output.models, models_document(distinct(found.models), data))
+    write_csv(output.search, found.search)
+    found.table_3_1.write(stem(output.table_3_1))
+    found.physical_parameters.write(stem(output.physical_parameters))
+    found.static_or_dynamic.write(stem(output.static_or_dynamic))
+    trained = sorted((records[name] for name in tissue.training), key=lambda item: (item.duration, item.name))
+    save(excitation_figure(trained, tissue.segment_s), stem(output.figure_3_4), data)
+    save(found.comparison_figure(records[tissue.training[0]]), stem(output.figure_3_5), data)
 
 
 run(main, snakemake)

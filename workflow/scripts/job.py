@@ -60,9 +60,7 @@ def run(main, snakemake) -> None:
     from run.jobs import end_with_parent
 
     end_with_parent()
-    signal.signal(
-        signal.SIGTERM, signal.default_int_handler
-    )  # which is how Snakemake ends a job
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # which is how Snakemake ends a job
     terminal = sys.stderr
     try:
         sys.stderr = _Tee(terminal, snakemake.log[0])

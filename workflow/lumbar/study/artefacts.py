@@ -20,7 +20,7 @@ OF_TISSUE = {"survey_felt", "survey_power"}
 """Artefacts of another chapter that are made where the study has tissue models."""
 
 
-OF_ONE_AXIS = {"tissue_models", "felt_ratings"}
+OF_ONE_AXIS = {"identify_tissue", "felt_ratings"}
 """Rules whose artefacts take tissue tests along one axis: not made of records of several."""
 OF_SEVERAL_AXES = {"principal_axes"}
 """Artefacts of tissue tests along several axes."""

@@ -1,10 +1,11 @@
-"""Table 2.1, Figure 2.4 and Figure 3.2: the models, drawn and tabulated from their definitions."""
+"""Table 2.1 and Figures 1.1, 2.4, 3.1 and 3.2: models and steps, drawn and tabulated from their definitions."""
 
 from job import run, stem
 
 
 def main(input, output, data: str):
-    """Write the table and both drawings."""
+    """Write the table and all drawings."""
+    from lumbar.publishing.figures.outline_figures import article_figure, outline_figure
     from lumbar.publishing.figures.style import save
     from lumbar.publishing.figures.tissue_figures import analogue_picture, analogues_figure, arx_figure
     from lumbar.tissue.identification.model_tables import table_2_1
@@ -12,8 +13,10 @@ def main(input, output, data: str):
 
     pictures = [analogue_picture(model) for model in TABLE_2_1]
     table_2_1(data, pictures).write(stem(output.table_2_1))
-    save(arx_figure(), stem(output.figure_2_4), "")
-    save(analogues_figure((MW, KB, HO, IL)), stem(output.figure_3_2), "")
+    save(outline_figure(), stem(output.figure_1_1), data="")
+    save(arx_figure(), stem(output.figure_2_4), data="")
+    save(article_figure(), stem(output.figure_3_1), data="")
+    save(analogues_figure((MW, KB, HO, IL)), stem(output.figure_3_2), data="")
 
 
 run(main, snakemake)
