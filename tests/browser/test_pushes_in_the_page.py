@@ -7,12 +7,11 @@ import pytest
 from accessibility import WIDTHS, fits, serious
 
 from lumbar.interface.lift_page import lift_page
-from lumbar.lifting.stability.extended_basins import torque_limit
 from lumbar.lifting.stability.funnel import monte_carlo_check
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage, simulate
-from lumbar.lifting.stability.funnel.saturation import extra_acceleration, reference_of
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
+from lumbar.lifting.stability.model.torque_limits import reference_of, torque_range
 from lumbar.lifting.stability.model.trajectories import LiftStates, headline
 from lumbar.settings.stability import StabilitySettings
 
@@ -42,17 +41,34 @@ def trajectories(saved_lift):
     return states.trajectories(headline(SETTINGS, lift.facts))[0]
 
 
+def simulate_limited(loops, lowest, highest):
+    """Yield the errors of all pushes at every knot with the torque limited: Eq. 4.1 less its reference, Runge–Kutta."""
+    pendulums, reference = loops.pendulums, reference_of(loops.pendulums).torque[:, 0]
+    inertia, gravity = pendulums.inertia[0], pendulums.gravity_torque[0]
+    path, gains, step = pendulums.angle[:, 0], loops.gains[:, 0], loops.step[0]
+
+    def rate(point, state):
+        torque = np.clip(reference[point] - gains[point] @ state, lowest, highest)
+        weight = gravity * (np.sin(path[point] + state[0]) - np.sin(path[point]))
+        drag = pendulums.damping * state[1]
+        return np.stack([state[1], (torque - reference[point] - weight - drag) / inertia])
+
+    state = PUSHES
+    yield state
+    for point in range(0, len(path) - 1, 2):
+        first = rate(point, state)
+        second = rate(point + 1, state + step / 2 * first)
+        third = rate(point + 1, state + step / 2 * second)
+        fourth = rate(point + 2, state + step * third)
+        state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
+        yield state
+
+
 def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch):
     monkeypatch.setattr(monte_carlo_check, "LONGEST_STRIDE", 1)  # a step from knot to knot, as in the page
     assert len(trajectories) == 6
     for item, limited in product(trajectories, (False, True)):
         loops = close_loops([item], SETTINGS.pendulum.sign, SETTINGS)
-        limit = torque_limit([item], SETTINGS)
-        reference = reference_of(loops.pendulums, limit.bias)
-
-        def limits(point, state, loops=loops, reference=reference, torque=limit.torque):
-            return extra_acceleration(loops, reference, torque, 1.0, point, state)
-
         found = np.array(
             [
                 page.evaluate(
@@ -63,8 +79,12 @@ def test_a_push_goes_as_the_library_simulates_it(page, trajectories, monkeypatch
             ]
         )
         assert found.shape == (4, SETTINGS.knots, 2)
-        for knot, state in simulate(loops, PUSHES[:, None, :], limits if limited else None):
-            assert pytest.approx(state[:, 0], rel=1e-7, abs=1e-7) == found[:, knot].T
+        if limited:
+            followed = enumerate(simulate_limited(loops, *torque_range(item, SETTINGS)))
+        else:
+            followed = ((knot, state[:, 0]) for knot, state in simulate(loops, PUSHES[:, None, :]))
+        for knot, state in followed:
+            assert pytest.approx(state, rel=1e-7, abs=1e-7) == found[:, knot].T
 
 
 def test_simulated_outline_is_the_goal_set_followed_backward(page, trajectories):

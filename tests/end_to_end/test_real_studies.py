@@ -31,7 +31,7 @@ stability:
   attack: {starts: 20}
   checks: []
   lyapunov_shares: [0.0, 1.0]
-  limits: {knots: 200}
+  fewer_knots: 200
 """
 
 

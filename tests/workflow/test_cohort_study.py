@@ -7,7 +7,7 @@ from running import copy_project, snakemake
 
 pytestmark = pytest.mark.nightly
 SMALL = """
-stability: {limits: {knots: 84}}
+stability: {fewer_knots: 84}
 twin:
   lifting:
     rate_Hz: 50

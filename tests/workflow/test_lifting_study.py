@@ -19,8 +19,7 @@ stability:
   attack: {starts: 2}
   checks: []
   lyapunov_shares: [1.0]
-  limits: {knots: 50}
-  grid: {knots: 51, mid_ankle_control_weight: 10.0, hip_control_weight: 100.0}
+  fewer_knots: 50
 """
 NAMED = "  compare: {groups: [trained, untrained]}\n"
 

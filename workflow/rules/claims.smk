@@ -36,7 +36,7 @@ EVIDENCE = {
     "survey": "survey/survey.json",
     "table_3_2": "tables/table_3_2.csv",
     "table_4_1": "tables/table_4_1.csv",
-    "table_4_1_grid": "tables/table_4_1_grid.csv",
+    "table_4_1_controls": "tables/table_4_1_controls.csv",
     "boa": "stability/boa.csv",
 }
 MADE = {path for artefact in ARTEFACTS for path in artefact.paths()}

@@ -18,10 +18,9 @@ rule lift:
         body="<results>/lifting/{lift}/body.csv",
         states="<results>/lifting/{lift}/pendulum.csv",
         summary="<results>/lifting/{lift}/pendulum.json",
-        other_states="<results>/lifting/{lift}/other_pendulums.csv",
+        thesis_states="<results>/lifting/{lift}/thesis_pendulum.csv",
         events="<results>/lifting/{lift}/events.json",
         gaps="<results>/lifting/{lift}/gaps.csv",
-        spread="<results>/lifting/{lift}/spread.csv",
         motion="<results>/lifting/{lift}/motion.csv",
         landmarks="<results>/lifting/{lift}/landmarks.csv",
         quality="<results>/lifting/{lift}/quality.json",
@@ -59,10 +58,9 @@ if study.has("lifting"):
             motion=[f"<results>/lifting/{lift}/motion.csv" for lift in study.lifts],
             landmarks=[f"<results>/lifting/{lift}/landmarks.csv" for lift in study.lifts],
             body=[f"<results>/lifting/{lift}/body.csv" for lift in study.lifts],
-            spread=[f"<results>/lifting/{lift}/spread.csv" for lift in study.lifts],
             quality=[f"<results>/lifting/{lift}/quality.json" for lift in study.lifts],
         output:
-            **published("quality", "lifting_events", "figure_4_1", "figure_4_2", "centre_of_mass_checks"),
+            **published("quality", "lifting_events", "figure_4_1", "figure_4_2"),
         log:
             "<logs>/lifting_figures.log",
         benchmark:
@@ -78,6 +76,6 @@ if study.has("lifting"):
             pendulum=plain(settings.stability.pendulum),
             data=DATA,
         message:
-            "Quality of the recordings, Figures 4.1 and 4.2, events and centres of mass of every lift"
+            "Quality of the recordings, Figures 4.1 and 4.2, events of every lift"
         script:
             "../scripts/lifting_figures.py"

@@ -1,21 +1,18 @@
 # From the pendulums of the deposit to basins of attraction: one job per lift, one for the tables, one for the figures.
 
-# What of the chapter's settings makes the basins of a lift, and what its measures need.
-BASINS = ("pendulum", "regulator", "goal_level", "knots", "checks", "proof", "sum_of_squares")
-BASINS += ("thesis_method", "attack", "limits", "grid", "lyapunov_shares")
-MEASURED = ("pendulum", "regulator", "goal_level", "limits", "measures")
+# Settings of the chapter that make the basins of a lift, and those that its measures need.
+BASINS = ("pendulum", "regulator", "goal_level", "knots", "checks", "proof", "thesis_method", "attack")
+MEASURED = ("pendulum", "regulator", "goal_level", "fewer_knots", "measures")
 
 
 rule basins_of_lift:
     input:
         states="<results>/lifting/{lift}/pendulum.csv",
         facts="<results>/lifting/{lift}/pendulum.json",
-        others="<results>/lifting/{lift}/other_pendulums.csv",
+        thesis="<results>/lifting/{lift}/thesis_pendulum.csv",
     output:
         boa="<results>/stability/{lift}/boa.csv",
         funnel="<results>/stability/{lift}/funnel.csv",
-        grid="<results>/stability/{lift}/grid.csv",
-        extended="<results>/stability/{lift}/extended.csv",
         failures="<results>/stability/{lift}/failures.csv",
     log:
         "<logs>/basins_of_lift/{lift}.log",
@@ -42,17 +39,15 @@ if study.has("stability"):
     rule stability_tables:
         input:
             boa=[f"<results>/stability/{lift}/boa.csv" for lift in study.lifts],
-            grid=[f"<results>/stability/{lift}/grid.csv" for lift in study.lifts],
-            extended=[f"<results>/stability/{lift}/extended.csv" for lift in study.lifts],
             failures=[f"<results>/stability/{lift}/failures.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
-            others=[f"<results>/lifting/{lift}/other_pendulums.csv" for lift in study.lifts],
+            thesis=[f"<results>/lifting/{lift}/thesis_pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
             published=source("resources/thesis/table_4_1.csv"),
         output:
             **published(
-                *("table_4_1", "table_4_1_controls", "table_4_1_parts", "table_4_1_grid", "grid_figure"),
-                *("table_4_1_alternations", "basin_areas", "extended_basins", "missing_basins"),
+                *("table_4_1", "table_4_1_controls", "table_4_1_parts", "table_4_1_alternations"),
+                *("basin_areas", "missing_basins"),
             ),
             boa="<results>/stability/boa.csv",
             failures="<results>/stability/failures.csv",
@@ -72,7 +67,7 @@ if study.has("stability"):
             labels=study.labels,
             data=DATA,
         message:
-            "Table 4.1, its grid and the areas of all basins"
+            "Table 4.1, its controls and parts, and the areas of all basins"
         script:
             "../scripts/stability_tables.py"
 
@@ -152,7 +147,7 @@ if study.has("stability"):
             **job_size(peak_mb=222, seconds=15),
         params:
             code=library_code("show_lifts.py"),
-            settings=part(settings.stability, *MEASURED, "knots"),
+            settings=part(settings.stability, *MEASURED, "limits", "knots"),
             data=DATA,
         message:
             "A page of every lift to look around in, with pushes against the funnel"

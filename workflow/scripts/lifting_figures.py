@@ -1,4 +1,4 @@
-"""Quality of the recordings, events of every lift, Figure 4.1, Figure 4.2, and the checks of the centres of mass."""
+"""Quality of the recordings, events of every lift, Figure 4.1 and Figure 4.2."""
 
 from job import run, stem
 
@@ -10,7 +10,6 @@ def main(input, output, pendulum: PendulumSettings, data: str):
     import pandas as pd
 
     from lumbar.base.files import read_json
-    from lumbar.lifting.movement.model_spread import spread_table
     from lumbar.lifting.quality.sheet import quality_table
     from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
     from lumbar.publishing.figures.style import person_and_box, save
@@ -43,8 +42,6 @@ def main(input, output, pendulum: PendulumSettings, data: str):
     who = person_and_box(shown["summary"])
     save(pendulum_figure(shown, pendulum), stem(output.figure_4_1), data, who=who)
     save(segments_figure(shown), stem(output.figure_4_2), data, who=who)
-    spreads = [pd.read_csv(path) for path in input.spread]
-    spread_table(spreads, [lift["summary"] for lift in lifts], data).write(stem(output.centre_of_mass_checks))
 
 
 run(main, snakemake)

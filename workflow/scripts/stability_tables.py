@@ -1,4 +1,4 @@
-"""Table 4.1, its controls and its grid, and the areas of all basins of attraction."""
+"""Table 4.1, its controls and parts, and the areas of all basins of attraction."""
 
 from job import run, stem
 
@@ -16,39 +16,33 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     from lumbar.lifting.stability.comparison.decomposition import decomposition_table
     from lumbar.lifting.stability.comparison.percent_differences import Study
     from lumbar.lifting.stability.comparison.table_4_1 import alternations_table, tables_4_1
-    from lumbar.lifting.stability.comparison.table_4_1_grid import grid_table
-    from lumbar.lifting.stability.extended_basins import COUNTS, extended_table
     from lumbar.lifting.stability.model.failures import (
         announcement,
         failures_frame,
         failures_table,
         join_rows,
     )
-    from lumbar.lifting.stability.model.trajectories import LiftStates
+    from lumbar.lifting.stability.model.trajectories import THESIS, LiftStates
     from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_in_cvxpy import cross_check
-    from lumbar.publishing.figures.people_figures import grid_figure
-    from lumbar.publishing.figures.style import save
 
     facts = [read_json(path) for path in input.facts]
     lifts = [
         LiftStates(
-            pd.read_csv(states), {**known, "experience": labels[known["subject"]]}, pd.read_csv(others)
+            pd.read_csv(states), {**known, "experience": labels[known["subject"]]}, pd.read_csv(thesis)
         )
-        for states, others, known in zip(input.states, input.others, facts, strict=True)
+        for states, thesis, known in zip(input.states, input.thesis, facts, strict=True)
     ]
-    boa, failures, grid = (
+    boa, failures = (
         join_rows([pd.read_csv(path, dtype=DTYPES if name == "boa" else None) for path in input[name]])
-        for name in ("boa", "failures", "grid")
+        for name in ("boa", "failures")
     )
-    boa, failures, grid = (
-        frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures, grid)
-    )
-    study = Study(lifts, boa, grid, settings, pd.read_csv(input.published), data)
-    boa, disagreements = cross_check(boa, study.trajectories(), settings)
+    boa, failures = (frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures))
+    study = Study(lifts, boa, settings, pd.read_csv(input.published), data)
+    boa, disagreements = cross_check(boa, study.trajectories(convention=THESIS), settings)
     failures = join_rows([failures, failures_frame(disagreements)])
     parts, without = decomposition_table(study)
     failures = join_rows([failures, failures_frame(without)])
-    table, controls, differences, failures = tables_4_1(study, parts.frame, failures)
+    table, controls, failures = tables_4_1(study, parts.frame, failures)
     if "thesis_method" in settings.checks:
         alternations_table(study).write(stem(output.table_4_1_alternations))
     write_csv(output.boa, boa)
@@ -56,11 +50,6 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     table.write(stem(output.table_4_1))
     controls.write(stem(output.table_4_1_controls))
     parts.write(stem(output.table_4_1_parts))
-    grid_table(differences, settings, data).write(stem(output.table_4_1_grid))
-    save(grid_figure(differences), stem(output.grid_figure), data)
-    if "extended" in settings.checks:
-        extended = join_rows([pd.read_csv(path, dtype=COUNTS) for path in input.extended])
-        extended_table(extended, settings, data).write(stem(output.extended_basins))
     areas_table(boa, settings, data).write(stem(output.basin_areas))
     failures_table(failures, data).write(stem(output.missing_basins))
     if len(failures):

@@ -182,9 +182,7 @@ def test_lift_and_basin_follow_each_other(run, project, twin_lift, tmp_path):
     facts = json.loads((output / "pendulum.json").read_text())
     assert facts["box_mass_kg"] == 23
     study = tmp_path / "fewer.yaml"
-    study.write_text(
-        "stability: {checks: [simulation, extended], knots: 253, attack: {starts: 20}, grid: {knots: 101}}\n"
-    )
+    study.write_text("stability: {checks: [simulation], knots: 253, attack: {starts: 20}}\n")
     run.done("basin", output / "pendulum.csv", "--output", output, "--config", study)
     assert (output / "boa.csv").read_text().count("\n") > 6
     status, _, err = run(

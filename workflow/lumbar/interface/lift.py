@@ -140,20 +140,20 @@ class Lift(Result):
         """What the pendulums are made of: masses, lengths, pivots, rules, assumptions; and what measures need beside."""
         return {
             **lift_tables.summary(self.analysed, self.subject, self.trial, self.settings),
-            "other_pendulums": [other.facts for other in self._other_pendulums],
+            "thesis_pendulum": self._in_thesis and self._in_thesis.facts,
             "height_m": self.subject.height_m,
             "no_deposit": lifting.no_deposit(self.analysed.events),
             "missing_points": self._body[1],
         }
 
     @cached_property
-    def _other_pendulums(self) -> list[lifting.OtherPendulums]:
-        return lifting.other_pendulums(self.analysed, self.subject, self.trial, self.settings)
+    def _in_thesis(self) -> lifting.ThesisPendulums | None:
+        return lifting.thesis_pendulums(self.analysed, self.subject, self.trial, self.settings)
 
     @cached_property
-    def other_states(self) -> pd.DataFrame:
-        """Pendulum states by other choices of pivot, segment ends and start of the deposit, the thesis's among them."""
-        return lift_tables.other_states_frame(self._other_pendulums)
+    def thesis_states(self) -> pd.DataFrame:
+        """Pendulum states by the thesis's pivot, segment ends and start of the deposit; no rows if the study's are these."""
+        return lift_tables.states_frame(self._in_thesis.states if self._in_thesis else {})
 
     @cached_property
     def _body(self) -> tuple[pd.DataFrame, dict[str, str]]:
@@ -164,21 +164,11 @@ class Lift(Result):
         """Trajectories of joints, feet, hands, load and centres of mass: ``lumbar.lifting.movement.lift_tables.body_frame``."""
         return self._body[0]
 
-    @cached_property
-    def spread(self) -> pd.DataFrame:
-        """How far other segment tables and ends, hip regressions and cut-offs move the trunk's centre of mass."""
-        from lumbar.lifting.movement.model_spread import model_spread
-
-        return model_spread(self.analysed, self.subject, self.settings)
-
     @property
     def checks(self) -> list[str]:
-        """Lines on segment ends on the skin and on other choices."""
-        from lumbar.lifting.movement.model_spread import spread_lines
-
+        """Return lines on segment ends on the skin."""
         points, ends = self.analysed.points, self.analysed.table.ends
-        inner = self.settings.segment_ends == "inner"
-        return [*(points.on_skin(ends) if inner else []), *spread_lines(self.spread)]
+        return points.on_skin(ends) if self.settings.segment_ends == "inner" else []
 
     @property
     def without_pendulum(self) -> list[str]:
@@ -204,14 +194,13 @@ class Lift(Result):
         return [event.as_dict() for event in self.analysed.events.values()]
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``pendulum``, ``other_pendulums``, ``com``, ``body``, ``spread``, ``events``, ``gaps``, ``quality``, for figures."""
+        """``pendulum``, ``thesis_pendulum``, ``com``, ``body``, ``events``, ``gaps``, ``quality``, for figures."""
         label = {"data": self.data}
         tables = {
             "pendulum": self.states,
-            "other_pendulums": self.other_states,
+            "thesis_pendulum": self.thesis_states,
             "com": lift_tables.centres_frame(self.analysed),
             "body": self.body,
-            "spread": self.spread,
             "gaps": lift_tables.gaps_frame(self.analysed),
             "motion": lift_tables.motion_frame(self.analysed),
             "landmarks": lift_tables.landmarks_frame(self.analysed),

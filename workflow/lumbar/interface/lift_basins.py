@@ -14,8 +14,6 @@ from lumbar.base.files import read_json
 from lumbar.interface.lift import Lift
 from lumbar.interface.verb import NOT_SAID, Result, read_table
 from lumbar.lifting.stability.basins import LiftBasins, basins_of_lift
-from lumbar.lifting.stability.comparison.table_4_1_grid import grid_areas
-from lumbar.lifting.stability.extended_basins import extended_basins
 from lumbar.lifting.stability.model.failures import failures_frame
 from lumbar.lifting.stability.model.trajectories import THESIS, Failure, LiftStates, Trajectory, headline
 from lumbar.settings.key import SEED
@@ -67,7 +65,7 @@ def basins(
     """
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
-        states, data = LiftStates(lift.states, lift.facts, lift.other_states), data or lift.data
+        states, data = LiftStates(lift.states, lift.facts, lift.thesis_states), data or lift.data
     else:
         states = _read_states(Path(lift), facts)
         data = data or states.facts.get("data", "")
@@ -75,7 +73,7 @@ def basins(
 
 
 def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
-    """Read ``pendulum.csv``, the facts beside it unless they are given, and ``other_pendulums.csv`` where it is there."""
+    """Read ``pendulum.csv``, the facts beside it unless they are given, and ``thesis_pendulum.csv`` where it is there."""
     beside = path.with_suffix(".json")
     if facts is None and path.is_file() and not beside.is_file():
         raise InputError(
@@ -83,9 +81,9 @@ def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
             "is made of"
         )
     facts = read_json(beside) if facts is None else facts
-    others = path.with_name("other_pendulums.csv")
+    in_thesis = path.with_name("thesis_pendulum.csv")
     read = partial(read_table, what="pendulum states")
-    return LiftStates(read(path), facts, read(others) if others.is_file() else None)
+    return LiftStates(read(path), facts, read(in_thesis) if in_thesis.is_file() else None)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,11 +111,6 @@ class Basins(Result):
         as_in_thesis, _ = self.states.trajectories(THESIS)
         return basins_of_lift(self.trajectories, self.settings, self.seed, as_in_thesis)
 
-    @cached_property
-    def grid(self) -> pd.DataFrame:
-        """Average cross-sections under every convention, each with its null control (θ0 = 0)."""
-        return grid_areas(self.states, self.settings)
-
     @property
     def areas(self) -> pd.DataFrame:
         """One row per centre of mass, plane, method and sign of gravity, with the checks."""
@@ -128,26 +121,14 @@ class Basins(Result):
         """Every funnel, knot by knot: of the headline's pendulums (``wording`` study) and of the thesis's, by method."""
         return self._basins.funnels
 
-    @cached_property
-    def _extended(self) -> tuple[pd.DataFrame, list[Failure]]:
-        chosen = self.trajectories if "extended" in self.settings.checks else []
-        return extended_basins(chosen, self.settings, self.seed)
-
-    @property
-    def extended(self) -> pd.DataFrame:
-        """The same basins with limited torque, uncertain mass and a better V; empty unless among the checks."""
-        return self._extended[0]
-
     def failures(self) -> pd.DataFrame:
         """Basins that could not be computed, with their reasons."""
-        return failures_frame([*self._found[1], *self._basins.failures, *self._extended[1]])
+        return failures_frame([*self._found[1], *self._basins.failures])
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``boa.csv``, ``funnel.csv``, ``grid.csv``, ``extended.csv`` and ``failures.csv``."""
+        """``boa.csv``, ``funnel.csv`` and ``failures.csv``."""
         yield "boa.csv", self.areas
         yield "funnel.csv", self.funnels
-        yield "grid.csv", self.grid
-        yield "extended.csv", self.extended
         yield "failures.csv", self.failures()
 
     def __str__(self) -> str:

@@ -211,7 +211,7 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
         sound += [(name, item) for item in trajectories]
         rows += [(name, item, ABSENT, item.reason) for item in failures]
     computed: dict[int, np.ndarray] = {}
-    fewer = replace(settings, knots=settings.limits.knots)
+    fewer = replace(settings, knots=settings.fewer_knots)
     for attempt in attempts([item for _, item in sound], "exact, both signs", []):
         with attempt as items:
             loops = close_loops(items * len(SIGNS), [sign for sign in SIGNS for _ in items], fewer)

@@ -8,7 +8,7 @@ from lumbar.settings.key import UNIQUE, Each, Word, key, section, settings
 GROUPS = ("expert", "novice")
 """Whom the thesis compares."""
 Share = Annotated[float, Each(ge=0, le=10)]
-Check = Literal["simulation", "thesis_method", "sum_of_squares", "cvxpy", "proof", "extended"]
+Check = Literal["simulation", "thesis_method", "cvxpy", "proof"]
 
 
 @settings
@@ -65,15 +65,6 @@ class ProofSettings:
 
 
 @settings
-class SumOfSquaresSettings:
-    """Certificates by sum-of-squares programmes beside the exact basins (check ``sum_of_squares``)."""
-
-    degree: Literal[3, 5, 7] = key(default=5)
-    knots: int = key(default=1000, within="[2, 100000]")
-    margin_1_s: float = key(default=2e-05, within="(0, 1]")
-
-
-@settings
 class ThesisMethodSettings:
     """The thesis's bilinear alternation (Eqs 4.5–4.7) on the thesis's wording (check ``thesis_method``)."""
 
@@ -93,7 +84,7 @@ class AttackSettings:
 
 @settings
 class LimitSettings:
-    """What the real loop may add to the nominal one, for the table of extended basins (check ``extended``)."""
+    """The torque that foot or hips allow a pendulum, for the pushes on the page of a lift."""
 
     foot_ahead_m: float = key(default=0.2, within="(0, 0.5]")
     foot_behind_m: float = key(default=0.06, within="(0, 0.5]")
@@ -101,22 +92,6 @@ class LimitSettings:
     hip_extension_N_m: float = key(default=440.0, within="(0, 10000]")
     hip_flexion_N_m: float = key(default=310.0, within="(0, 10000]")
     hip_abduction_N_m: float = key(default=200.0, within="(0, 10000]")
-    mass_share: float = key(default=0.05, within="[0, 0.9]")
-    knots: int = key(default=334, within="[50, 100000]")
-    certified_knots: int = key(default=38, within="[2, 100000]")
-
-
-@settings
-class GridSettings:
-    """Control weights R about pivots other than the study's own, for the grid of Table 4.1.
-
-    About the hip a trunk segment has some tenth to hundredth of the inertia that it has about the ankles. With one R for
-    both, the regulator of one would be asleep or the other's violent.
-    """
-
-    mid_ankle_control_weight: float = key(default=0.003, gt=0)
-    hip_control_weight: float = key(default=2.0, gt=0)
-    knots: int = key(default=253, within="[50, 100000]")
 
 
 @settings
@@ -143,13 +118,12 @@ class StabilitySettings:
     regulator: RegulatorSettings = section(default_factory=RegulatorSettings)
     goal_level: float = key(default=1.0, within="(0, 1000000.0]")
     knots: int = key(default=1000, within="[50, 100000]")
+    fewer_knots: int = key(default=334, within="[50, 100000]")
     checks: Annotated[tuple[Check, ...], UNIQUE] = key(default=get_args(Check))
     proof: ProofSettings = section(default_factory=ProofSettings)
-    sum_of_squares: SumOfSquaresSettings = section(default_factory=SumOfSquaresSettings)
     thesis_method: ThesisMethodSettings = section(default_factory=ThesisMethodSettings)
     attack: AttackSettings = section(default_factory=AttackSettings)
     limits: LimitSettings = section(default_factory=LimitSettings)
-    grid: GridSettings = section(default_factory=GridSettings)
     compare: CompareSettings = section(default_factory=CompareSettings)
     measures: MeasureSettings = section(default_factory=MeasureSettings)
     lyapunov_shares: tuple[Share, ...] = key(default=(0.0, 0.1, 0.25, 0.5, 1.0), min_length=1)

@@ -230,11 +230,11 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
     if study.has("stability"):
         origins.problems.extend(weight_problems(**vars(settings.stability.regulator)))
         checks = settings.stability.checks
-        if "cvxpy" in checks and "sum_of_squares" not in checks:
+        if "cvxpy" in checks and "thesis_method" not in checks:
             add(
                 "stability.checks",
-                "cvxpy without sum_of_squares",
-                "it checks those certificates: choose both",
+                "cvxpy without thesis_method",
+                "it checks the programmes of that method: choose both",
             )
     if study.synthetic:
         _check_twin_movements(settings, add)

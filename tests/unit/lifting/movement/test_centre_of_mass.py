@@ -13,7 +13,6 @@ from lumbar.lifting.movement.centre_of_mass import (
     DUMAS,
     WINTER,
     absent_segments,
-    all_tables,
     centres_of_mass,
     segment_centres,
     segment_table,
@@ -66,11 +65,6 @@ def test_segments_form_a_chain_from_neck_to_hips(table):
     assert all(0 < segment.com_share < 1 for segment in table.segments)
     assert (table.ends[0], table.ends[-1]) == ("C7T1", "MID_HIP")
     assert table.source
-
-
-def test_all_tables_are_those_of_the_sex_and_of_both_where_it_is_not_known():
-    assert all_tables("male") == (WINTER, DE_LEVA["male"], DUMAS["male"])
-    assert len(all_tables("unknown")) == 5
 
 
 def test_a_table_that_differs_between_the_sexes_needs_the_sex():

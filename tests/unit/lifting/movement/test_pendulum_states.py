@@ -13,7 +13,6 @@ from lumbar.lifting.movement.lift import analyse_lift
 from lumbar.lifting.movement.lift_tables import states_frame, summary
 from lumbar.lifting.movement.pendulum_states import (
     THESIS_CHOICE,
-    PendulumChoice,
     pendulum_states,
     pivot_trajectory,
     turn,
@@ -183,25 +182,20 @@ def test_the_box_pulls_the_pendulum_forward_where_it_counts_in_the_position(stud
     assert (boxed.states[key].angle > alone.states[key].angle + 0.05).all()
 
 
-def test_other_choices_make_the_pendulums_of_a_study_that_makes_them(tmp_path):
-    """Each of the five has the states and lengths of a lift whose settings are these, analysed by itself."""
+def test_thesiss_pendulums_are_those_of_a_study_that_chooses_them(tmp_path):
+    """States and lengths are those of a lift with these settings; such a lift has no further ones."""
     person = example_lift(tmp_path / "lift.c3d")
-
-    def analysed(choice=None):
-        own = LiftingSettings()
-        if choice is not None:
-            events = replace(own.events, deposit_start=choice.deposit_start)
-            own = replace(own, pivot=choice.pivot, segment_ends=choice.segment_ends, events=events)
-        return lift(tmp_path / "lift.c3d", person, box_mass_kg=15, settings=own)
-
-    own = analysed()
-    others, facts = own.other_states, own.facts["other_pendulums"]
-    assert len(facts) == 5 and vars(THESIS_CHOICE) in [own_choice(item) for item in facts]
-    for item in facts:
-        choice = PendulumChoice(**own_choice(item))
-        alone = analysed(choice)
-        rows = others[(others[list(vars(choice))] == list(vars(choice).values())).all(axis=1)]
-        columns = list(others.columns[3:])
-        pd.testing.assert_frame_equal(rows[columns].reset_index(drop=True), alone.states[columns])
-        assert item["length_m"] == alone.facts["length_m"] and item["missing"] == alone.facts["missing"] == {}
-        assert own_choice(alone.facts) == vars(choice)
+    settings = LiftingSettings()
+    events = replace(settings.events, deposit_start=THESIS_CHOICE.deposit_start)
+    thesis = replace(
+        settings, pivot=THESIS_CHOICE.pivot, segment_ends=THESIS_CHOICE.segment_ends, events=events
+    )
+    own, alone = (
+        lift(tmp_path / "lift.c3d", person, box_mass_kg=15, settings=item) for item in (settings, thesis)
+    )
+    facts = own.facts["thesis_pendulum"]
+    pd.testing.assert_frame_equal(own.thesis_states, alone.states)
+    assert own_choice(facts) == own_choice(alone.facts) == vars(THESIS_CHOICE)
+    assert facts["length_m"] == alone.facts["length_m"] and facts["missing"] == {}
+    assert not own.thesis_states["angle_rad"].equals(own.states["angle_rad"])
+    assert alone.facts["thesis_pendulum"] is None and alone.thesis_states.empty

@@ -7,25 +7,22 @@ import numpy as np
 import pandas as pd
 import pytest
 from test_stability_areas import SETTINGS, lift
-from test_stability_grid import lift_states, study_of
+from test_stability_table import lift_states, study_of
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.lifting.stability import extended_basins as beyond
 from lumbar.lifting.stability.basins import basins_of_lift
 from lumbar.lifting.stability.comparison import table_4_1_controls
 from lumbar.lifting.stability.comparison.decomposition import decomposition_table
 from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
-from lumbar.lifting.stability.extended_basins import extended_basins, extended_table
 from lumbar.lifting.stability.model.failures import announcement, attempts, failures_frame, failures_table
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES
 from lumbar.publishing.figures.stability_figures import comparison_figure, figure_4_3, figure_4_4
-from lumbar.tables.described import columns_of
 from study_settings import changed
 
 FAST = changed(
     SETTINGS,
     knots=101,
-    checks=["simulation", "sum_of_squares"],
+    checks=["simulation"],
     attack={"starts": 50, "control_overstated": 0.3},
 )
 
@@ -86,12 +83,12 @@ def test_one_bad_basin_drops_only_its_row(broken):
     whole = basins_of_lift(lift(), FAST, seed=1).summary
     keys = ["com", "plane", "method", "sign"]
     left = broken.summary.set_index(keys)
-    assert len(left) == len(whole) - 2
+    assert len(left) == len(whole) - 1
     assert ("thorax", "lateral_bending", "exact", "hanging") not in left.index
     there = whole.set_index(keys).loc[left.index]
     assert left["mean_area"].to_numpy() == pytest.approx(there["mean_area"].to_numpy(), rel=1e-6)
     assert {(item.com, item.plane) for item in broken.failures} == {("thorax", "lateral_bending")}
-    assert [item.basin for item in broken.failures] == ["exact, hanging", "sum_of_squares, hanging"]
+    assert [item.basin for item in broken.failures] == ["exact, hanging"]
     assert "rad are allowed: raise stability.regulator.control_weight" in broken.failures[0].reason
     assert not broken.summary["mean_area"].isna().any()
 
@@ -109,7 +106,7 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, mon
     gone = (study.boa["subject"] == "novice") & (study.boa["com"] == "thorax") & (study.boa["time"] == "real")
     parts = decomposition_table(study)[0].frame
     monkeypatch.setattr(table_4_1_controls, "varied_areas", areas)
-    table, controls, _, missing = tables_4_1(replace(study, boa=study.boa[~gone]), parts)
+    table, controls, missing = tables_4_1(replace(study, boa=study.boa[~gone]), parts)
     rows = table.frame.set_index(["comparison", "com"])
     row = rows.loc["expert_vs_novice", "thorax"]
     assert row["status"].startswith("no basin: novice 23 kg thorax lateral_bending")
@@ -122,16 +119,15 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, mon
 
 
 def test_a_lift_without_any_basin_is_still_compared_by_name(published):
-    lost = lift_states(hips=False)
+    lost = lift_states(thesis=False)
     lost.facts["length_m"] = {com: dict.fromkeys(PLANES, 0.02) for com in COMS}
-    study = study_of([lost, lift_states(box=15.0, hips=False)], replace(FAST, checks=()), published)
-    table, _, grid, _ = tables_4_1(study, decomposition_table(study)[0].frame)
+    study = study_of([lost, lift_states(box=15.0, thesis=False)], replace(FAST, checks=()), published)
+    table, *_ = tables_4_1(study, decomposition_table(study)[0].frame)
     status = table.frame.set_index(["comparison", "com"])["status"]
     assert status["decrease_in_mass_expert", "pelvis"].startswith(
         "no basin: expert 23 kg pelvis lateral_bending"
     )
     assert table.frame["lateral_bending_headline_percent"].isna().all()
-    assert grid["status"].str.contains("length_m: 0.02").any()
     funnels = basins_of_lift([], FAST, seed=1).funnels
     assert funnels.empty
     for figure in (
@@ -146,51 +142,10 @@ def test_announcement_and_table_name_everything(tmp_path, broken):
     path = tmp_path / "failures.csv"
     failures_frame(broken.failures).to_csv(path, index=False)
     text = announcement(path)
-    assert text.startswith("WARNING: 2 basins of attraction could not be computed")
+    assert text.startswith("WARNING: 1 basin of attraction could not be computed")
     assert "expert 23 kg, thorax, lateral_bending: exact, hanging: " in text
     assert "in no other table" in failures_table(failures_frame(broken.failures), "test").to_html()
     failures_frame([]).to_csv(path, index=False)
     assert announcement(path) == ""
-    # That feet and hips hold no basin is no trouble of the computation.
-    limited = replace(broken.failures[0], basin="torque_limited, exact, hanging")
-    failures_frame([limited]).to_csv(path, index=False)
-    assert announcement(path) == ""
     none = failures_table(failures_frame([]), "test")
     assert none.frame["reason"].tolist() == ["every basin was computed"] and "Every basin" in none.to_html()
-
-
-FEET = {"foot_ahead_m": 0.6, "foot_behind_m": 0.45, "feet_half_width_m": 0.45}
-"""Feet so long that no feedforward of these lifts is beyond them."""
-
-
-def test_extended_basins_hold_every_loop_and_check():
-    """Limits that cannot bind leave the nominal basin, and the table says so; those that bind cost area and hold."""
-    settings = changed(SETTINGS, limits=FEET, checks=["simulation", "extended"])
-    frame, failures = extended_basins(lift()[:2], settings, seed=1)
-    assert not failures and list(frame.columns) == columns_of(beyond.__file__, "extended_basins")
-    counts = frame.groupby(["loop", "method", "sign"]).size()
-    assert (counts == 2).all() and len(counts) == 5
-    rows = frame.set_index(["loop", "sign", "plane"]).sort_index()
-    free = rows.loc[("torque_limited", "hanging", "lateral_bending")]
-    assert free["binds"] == "no" and free["area_ratio"] == 1
-    bound = rows.loc[("torque_limited", "inverted", "flexion_extension")]
-    assert bound["binds"] == "yes" and bound["area_ratio"] < 1 + 1e-6
-    assert frame.groupby("loop")["exits"].max().to_dict() == dict.fromkeys(set(frame["loop"]), 0)
-    assert bound["highest_torque_N_m"] == pytest.approx(0.45 * 33 * 9.81)
-    assert (rows.loc["uncertain_mass", "area_ratio"] < 1).all() and (
-        rows.loc["better_v", "area_ratio"] > 1.2
-    ).all()
-    table = extended_table(frame, settings, "test")
-    assert "in the others none does, and the basin is the nominal one" in table.to_html()
-    assert "exits" in table.frame and "sos_margin_difference" not in set(table.frame)
-
-
-def test_limits_beyond_any_basin_are_failures_not_zeros():
-    limits = {"mass_share": 0.5, **dict.fromkeys(FEET, 0.001)}
-    settings = changed(FAST, limits=limits, goal_level=1e-4)
-    frame, failures = extended_basins(lift()[:2], settings, seed=1)
-    assert set(frame["loop"]) == {"better_v"}
-    reasons = {item.basin: item.reason for item in failures}
-    assert "the feedforward torque reaches" in reasons["torque_limited, exact, inverted"]
-    assert "no basin of the goal set is left" in reasons["uncertain_mass, sum_of_squares, hanging"]
-    assert all(item.reason.startswith("expert 23 kg, thorax, ") for item in failures)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from test_stability_areas import lift
-from test_stability_grid import INVERTED, OWN, lift_states, study_of
+from test_stability_table import INVERTED, OWN, lift_states, study_of
 
 from lumbar.lifting.stability.comparison.decomposition import (
     EXCHANGED,

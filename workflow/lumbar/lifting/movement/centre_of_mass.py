@@ -131,17 +131,6 @@ def segment_table(name: str, sex: str) -> SegmentTable:
     return tables.get("both") or tables[sex]
 
 
-def all_tables(sex: str) -> tuple[SegmentTable, ...]:
-    """Return every table that suits a sex; both of each where it is not known."""
-    known = {"male", "female"} & {sex}
-    return tuple(
-        table
-        for tables in _TABLES.values()
-        for name, table in tables.items()
-        if name == "both" or not known or name in known
-    )
-
-
 @dataclass(frozen=True)
 class CentreOfMass:
     """Trajectory of one centre of mass."""

@@ -13,7 +13,7 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.lifting.movement.gaps import Gap, fill_gaps, without_islands
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
-from lumbar.settings.lifting import FilterSettings, LiftingSettings
+from lumbar.settings.lifting import LiftingSettings
 
 PASSES = 2
 EXTENSION_PERIODS = 3
@@ -30,16 +30,9 @@ def clean(
     the filter; and the gaps of every marker, with those frames last that were seen too briefly.
     """
     complete, gaps = fill_gaps(recording, settings.gaps.maximum_s)
-    smooth, complete, islands = filter_without_islands(complete, settings.filter)
-    return smooth, complete, [*gaps, *islands]
-
-
-def filter_without_islands(
-    complete: MarkerRecording, settings: FilterSettings
-) -> tuple[MarkerRecording, MarkerRecording, list[Gap]]:
-    """Filter a recording without the stretches too short for it; the recording without them, and which they are."""
-    complete, islands = without_islands(complete, shortest_stretch(settings.cutoff_Hz, complete.rate))
-    return filter_markers(complete, settings.cutoff_Hz, settings.order), complete, islands
+    cutoff, order = settings.filter.cutoff_Hz, settings.filter.order
+    complete, islands = without_islands(complete, shortest_stretch(cutoff, complete.rate))
+    return filter_markers(complete, cutoff, order), complete, [*gaps, *islands]
 
 
 def dual_pass_sections(cutoff_Hz: float, rate: float, order: int = 2) -> np.ndarray:

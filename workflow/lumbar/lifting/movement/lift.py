@@ -1,4 +1,4 @@
-"""One lift from its markers to the pendulums of the deposit: the study's, and those by other choices."""
+"""One lift from its markers to the pendulums of the deposit: the study's, and those of the thesis's choice."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +21,7 @@ from lumbar.lifting.movement.gaps import Gap, refuse_open_gaps, why_missing, wit
 from lumbar.lifting.movement.joint_centres import TrunkPoints, trunk_points
 from lumbar.lifting.movement.pendulum_states import (
     PIVOTS,
+    THESIS_CHOICE,
     PendulumChoice,
     PendulumStates,
     SamplesMissing,
@@ -147,10 +148,9 @@ def _pendulums(
 
 
 @dataclass(frozen=True)
-class OtherPendulums:
-    """Pendulums of a lift by another choice than the study's."""
+class ThesisPendulums:
+    """Pendulums of a lift by the thesis's choice (`THESIS_CHOICE`), if the study's is another."""
 
-    choice: PendulumChoice
     states: dict[tuple[str, str], PendulumStates]
     """By centre of mass and plane."""
     missing: dict[str, str]
@@ -162,32 +162,32 @@ class OtherPendulums:
         lengths: dict[str, dict[str, float]] = {}
         for (com, plane), states in self.states.items():
             lengths.setdefault(com, {})[plane] = float(states.length.mean())
-        return {**vars(self.choice), "length_m": lengths, "missing": self.missing}
+        return {**vars(THESIS_CHOICE), "length_m": lengths, "missing": self.missing}
 
 
-def other_pendulums(
+def thesis_pendulums(
     lift: AnalysedLift, subject: SubjectSettings, trial: TrialSettings, settings: LiftingSettings
-) -> list[OtherPendulums]:
-    """Return the pendulums of the deposit by every choice that the study's own is compared with, in the axes of its planes."""
-    own, box = PendulumChoice.of(settings), (trial.box_mass_kg, settings.box.share)
-    found, bodies = [], {own.segment_ends: (lift.points, lift.centres)}
-    for choice in own.others:
-        if choice.segment_ends not in bodies:
-            other = replace(settings, segment_ends=choice.segment_ends)
-            points = _points(lift.recording, subject, other)
-            centres = centres_of_mass(lift.recording, points, lift.table, subject.mass_kg, *box, lift.events)
-            bodies[choice.segment_ends] = points, centres
-        points, centres = bodies[choice.segment_ends]
-        pivot, without_pivot = _pivot(lift.recording, points, choice.pivot)
-        events = lift.events
-        if choice.deposit_start != own.deposit_start:
-            events = {**events, "deposit_start": started_by(events["deposit_start"], choice.deposit_start)}
-        reason = no_deposit(events) or without_pivot or ""
-        states, errors = _pendulums(lift.recording, centres, pivot, events, settings, reason)
-        absent = {com: reason for com, reason in lift.missing.items() if com not in lift.centres}
-        absent |= absent_segments(points, lift.table) | {com: str(error) for com, error in errors.items()}
-        found.append(OtherPendulums(choice, states, absent))
-    return found
+) -> ThesisPendulums | None:
+    """Return the pendulums of the deposit by the thesis's choice, in the axes of the study's planes.
+
+    None if the study's own choice is the thesis's.
+    """
+    own, points, centres, events = PendulumChoice.of(settings), lift.points, lift.centres, lift.events
+    if own == THESIS_CHOICE:
+        return None
+    if own.segment_ends != THESIS_CHOICE.segment_ends:
+        points = _points(lift.recording, subject, replace(settings, segment_ends=THESIS_CHOICE.segment_ends))
+        box = trial.box_mass_kg, settings.box.share
+        centres = centres_of_mass(lift.recording, points, lift.table, subject.mass_kg, *box, events)
+    pivot, without_pivot = _pivot(lift.recording, points, THESIS_CHOICE.pivot)
+    if own.deposit_start != THESIS_CHOICE.deposit_start:
+        start = started_by(events["deposit_start"], THESIS_CHOICE.deposit_start)
+        events = {**events, "deposit_start": start}
+    reason = no_deposit(events) or without_pivot or ""
+    states, errors = _pendulums(lift.recording, centres, pivot, events, settings, reason)
+    absent = {com: reason for com, reason in lift.missing.items() if com not in lift.centres}
+    absent |= absent_segments(points, lift.table) | {com: str(error) for com, error in errors.items()}
+    return ThesisPendulums(states, absent)
 
 
 def _points(recording: MarkerRecording, subject: SubjectSettings, settings: LiftingSettings) -> TrunkPoints:

@@ -29,7 +29,7 @@ from lumbar.settings.plain import plain
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lumbar.lifting.movement.lift import AnalysedLift, OtherPendulums
+    from lumbar.lifting.movement.lift import AnalysedLift
     from lumbar.lifting.movement.pendulum_states import PendulumStates
     from lumbar.settings.lifting import LiftingSettings
     from lumbar.settings.subject import SubjectSettings, TrialSettings
@@ -134,18 +134,6 @@ def states_frame(pendulums: dict[tuple[str, str], PendulumStates]) -> pd.DataFra
     """Pendulum states of the deposit, one row per centre of mass, plane and instant."""
     parts = [(*which, *(getattr(states, name) for name in _STATES)) for which, states in pendulums.items()]
     return _stacked(STATES_COLUMNS, parts)
-
-
-def other_states_frame(others: Sequence[OtherPendulums]) -> pd.DataFrame:
-    """Pendulum states by other choices: the choice, and of the columns of ``pendulum.csv`` those that basins are made of."""
-    names = list(_STATES)[:4]
-    parts = [
-        (*vars(other.choice).values(), *which, *(getattr(states, name) for name in names))
-        for other in others
-        for which, states in other.states.items()
-    ]
-    columns = ("pivot", "segment_ends", "deposit_start", *STATES_COLUMNS[: 2 + len(names)])
-    return _stacked(columns, parts)
 
 
 def _stacked(columns: Sequence[str], parts: Sequence[tuple]) -> pd.DataFrame:

@@ -6,9 +6,8 @@ relative to the pivot. Its rate is θ̇ = (ṙ z − r ż)/L² with L² = r² + 
 interpolated angle.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Self, TypeVar
+from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 
@@ -17,14 +16,6 @@ from lumbar.lifting.movement.joint_centres import MID_HIP, TrunkPoints
 from lumbar.records.markers import MarkerRecording
 from lumbar.records.stretches import runs
 from lumbar.settings.lifting import LiftingSettings
-
-Chosen = TypeVar("Chosen")
-OPTIONS = {
-    "pivot": ("mid_ankle", "hip"),
-    "segment_ends": ("inner", "skin"),
-    "deposit_start": ("descent", "wrist_minimum"),
-}
-"""What conclusions are compared under. Pivots: the body over its feet, the trunk over its hips."""
 
 
 @dataclass(frozen=True)
@@ -40,24 +31,12 @@ class PendulumChoice:
         """Return a study's own."""
         return cls(settings.pivot, settings.segment_ends, settings.events.deposit_start)
 
-    @property
-    def others(self) -> list[Self]:
-        """What a study's own is compared with: the thesis's way, and either with one choice changed."""
-        every = [item for item in (self, THESIS_CHOICE) for item in (item, *one_changed(item, OPTIONS))]
-        return [item for item in dict.fromkeys(every) if item != self]
 
-
+CHOICES = tuple(field.name for field in fields(PendulumChoice))
+"""Names of the attributes of `PendulumChoice`."""
 THESIS_CHOICE = PendulumChoice("mid_ankle", "skin", "wrist_minimum")
 """Of the pivot the thesis shows only Figure 4.1, a pendulum over the feet; its segments lie between markers, and its deposit
 starts at the least speed of the wrists (section 4.2.3.1)."""
-
-
-def one_changed(chosen: Chosen, options: Mapping[str, Sequence[str]]) -> Iterator[Chosen]:
-    """Yield what differs from a set of choices in one of them."""
-    for name in (field.name for field in fields(chosen)):
-        for other in options[name]:
-            if other != getattr(chosen, name):
-                yield replace(chosen, **{name: other})
 
 
 PLANES = {"lateral_bending": 0, "flexion_extension": 1}

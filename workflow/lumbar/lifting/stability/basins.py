@@ -13,11 +13,10 @@ import numpy as np
 import pandas as pd
 
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.lifting.movement.pendulum_states import OPTIONS as PENDULUM_OPTIONS
+from lumbar.lifting.movement.pendulum_states import CHOICES
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, reachable_area
 from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
-from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, disturbance_of
-from lumbar.lifting.stability.methods import METHODS, MethodResult, headline_methods, thesis_methods
+from lumbar.lifting.stability.methods import METHODS, MethodResult, thesis_methods
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, weights_of
 from lumbar.lifting.stability.model.failures import attempts
@@ -81,7 +80,7 @@ def basins_of_lift(
     frames: list[pd.DataFrame] = []
     failures: list[Failure] = []
     sign = settings.pendulum.sign
-    plans = [("study", trajectories, method, sign) for method in headline_methods(settings)]
+    plans = [("study", trajectories, "exact", sign)]
     methods = thesis_methods(settings)
     same = sign == THESIS.sign and [_identity(item) for item in trajectories] == [
         _identity(item) for item in as_in_thesis
@@ -107,12 +106,11 @@ def basin_rows(
     settings: StabilitySettings,
     seed: int,
     sign: str,
-    saturation: Saturation = UNSATURATED,
 ) -> list[dict]:
     """Check the basins of one method and return a row of ``boa.csv`` per trajectory."""
     first, funnels = trajectories[0], result.funnels
     name = f"{first.subject} {first.box_mass_kg:g} {sign} {funnels.method}"
-    stream = [seed, zlib.crc32((name if not saturation.active else f"{name} {saturation.of(0)}").encode())]
+    stream = [seed, zlib.crc32(name.encode())]
     starts = settings.attack.starts
     columns = {
         "mean_area": funnels.mean_area,
@@ -125,12 +123,11 @@ def basin_rows(
         **result.checks,
     }
     if "simulation" in settings.checks:
-        disturbance = disturbance_of(loops, saturation, starts, [*stream, 1]) if saturation.active else None
-        checked = monte_carlo_check(loops, funnels, starts, stream, disturbance)
+        checked = monte_carlo_check(loops, funnels, starts, stream)
         columns |= {"simulated_starts": np.full(len(trajectories), starts), "exits": checked.exits}
         columns["exits_high"] = checked.share_high
         if result.control is not None:
-            control = monte_carlo_check(loops, result.control, starts, stream, disturbance)
+            control = monte_carlo_check(loops, result.control, starts, stream)
             columns["control_exits"] = control.exits
     pendulum = settings.pendulum
     return [
@@ -161,7 +158,7 @@ def decimals(value: float, resolution: float) -> int:
 
 
 def _identity(item: Trajectory) -> dict:
-    names = ("subject", "experience", "box_mass_kg", "com", "plane", *PENDULUM_OPTIONS, "mass_kg", "length_m")
+    names = ("subject", "experience", "box_mass_kg", "com", "plane", *CHOICES, "mass_kg", "length_m")
     convention = {"time": item.clock, "mass": item.mass_counted}
     return {**{name: getattr(item, name) for name in names}, **convention, "duration_s": item.duration}
 
@@ -222,7 +219,7 @@ def _shares(boa: pd.DataFrame) -> list[str]:
 
 def checks_note(settings: StabilitySettings) -> str:
     """Say which checks were made; what belongs to another has no column."""
-    others = [check for check in (*CHECK_COLUMNS, "extended") if check not in settings.checks]
+    others = [check for check in CHECK_COLUMNS if check not in settings.checks]
     return f"Checks made (stability.checks): {', '.join(settings.checks) or 'none'}; not chosen: {', '.join(others) or 'none'}"
 
 

@@ -1,17 +1,13 @@
-"""The three methods behind one interface: closed loops and settings in, funnels and their checks out.
+"""Both methods behind one interface: closed loops and settings in, funnels and their checks out.
 
 ========================= ======================================================================================
 `exact`                   largest funnel of the given V, with the true sine (`exact_funnel`); proved between its knots
                           (`interval_proof`) with a small margin
-`sum_of_squares`          certificates of the sine's Taylor polynomial, ρ̇ a variable, ρ(T) fixed
-                          (`certified_funnel`)
 `thesis`                  Eqs 4.5–4.7 to the letter, ρ̇ frozen: no certificate (`eqs_4_5_to_4_7_alternation`)
 ========================= ======================================================================================
 
-All read the same keys of the section ``stability``, take the same loops (either sign of gravity, any Q, R, Qf,
-b, mass) and, but for the thesis's, which knows none, the same `Saturation` of torque and mass, and raise
-`NumericalError` naming subject, COM and plane rather
-than return what is not a result.
+Both read the same keys of the section ``stability``, take the same loops (either sign of gravity, any Q, R, Qf, b, mass),
+and raise `NumericalError` naming subject, COM and plane rather than return what is not a result.
 """
 
 from collections.abc import Callable
@@ -21,9 +17,7 @@ import numpy as np
 
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, funnel_variants
 from lumbar.lifting.stability.funnel.interval_proof import proved_share
-from lumbar.lifting.stability.funnel.saturation import UNSATURATED, Saturation, saturated_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
-from lumbar.lifting.stability.programme.certified_funnel import certified_funnels
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import (
     EVIDENCE,
     RESOLUTION,
@@ -45,45 +39,20 @@ class MethodResult:
     """How far an area may be trusted, relative, by column; an area without entry has all its digits."""
 
 
-def exact(
-    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
-) -> MethodResult:
-    """Compute the largest funnels and, without limits, prove those with a margin between the knots."""
-    simulated, proved = (
-        "simulation" in settings.checks,
-        "proof" in settings.checks and not saturation.active,
-    )
+def exact(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
+    """Compute the largest funnels and prove those with a margin between the knots."""
+    simulated, proved = "simulation" in settings.checks, "proof" in settings.checks
     overstated = settings.attack.control_overstated if simulated else 0.0
-    goal, checks = settings.goal_level, {}
-    if saturation.active:
-        found = saturated_funnels(loops, goal, saturation, overstated)
-    else:
-        found = funnel_variants(loops, goal, settings.proof.margin_1_s if proved else 0.0, overstated)
+    margin = settings.proof.margin_1_s if proved else 0.0
+    found, checks = funnel_variants(loops, settings.goal_level, margin, overstated), {}
     if proved:
         checks["proved_share"] = proved_share(loops, found.with_margin)
         checks["proved_area_ratio"] = found.with_margin.mean_area / found.exact.mean_area
     return MethodResult(found.exact, checks, found.negative_control if simulated else None)
 
 
-def sum_of_squares(
-    loops: ClosedLoops, settings: StabilitySettings, saturation: Saturation = UNSATURATED
-) -> MethodResult:
-    """Compute funnels by certificates at the knots."""
-    options = settings.sum_of_squares
-    funnels, agreement = certified_funnels(
-        loops,
-        settings.goal_level,
-        degree=options.degree,
-        knots=options.knots,
-        margin=options.margin_1_s,
-        saturation=saturation,
-    )
-    names = ("margin_difference", "taylor_difference", "taylor_optimism")
-    return MethodResult(funnels, {f"sos_{name}": getattr(agreement, name) for name in names})
-
-
 def thesis(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
-    """Run the thesis's procedure, which knows no limits, and say what its areas rest on."""
+    """Run the thesis's procedure and say what its areas rest on."""
     found = alternate(loops, **vars(settings.thesis_method))
     areas = {f"mean_area_after_{number}": found.after[number - 1].mean_area for number in EVIDENCE}
     checks = {name: getattr(found, name) for name in ("violation_share", "unsolved_share", "euler_error")}
@@ -98,17 +67,8 @@ def thesis(loops: ClosedLoops, settings: StabilitySettings) -> MethodResult:
     )
 
 
-METHODS: dict[str, Callable[..., MethodResult]] = {
-    "exact": exact,
-    "sum_of_squares": sum_of_squares,
-    "thesis": thesis,
-}
+METHODS: dict[str, Callable[..., MethodResult]] = {"exact": exact, "thesis": thesis}
 """By the name in the column ``method``."""
-
-
-def headline_methods(settings: StabilitySettings) -> list[str]:
-    """Names of the methods that a configuration asks for on the headline's pendulums; the exact one always."""
-    return ["exact", *(["sum_of_squares"] if "sum_of_squares" in settings.checks else [])]
 
 
 def thesis_methods(settings: StabilitySettings) -> list[str]:

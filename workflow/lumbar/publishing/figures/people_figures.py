@@ -1,81 +1,18 @@
-"""Differences between people: those of Table 4.1 under every convention, and all measures of a study at one glance."""
+"""Differences between groups of people: all measures of a study at one glance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
-from lumbar.base.yaml_file import shipped_yaml
 from lumbar.lifting.measures.registry import measure_in_words
-from lumbar.lifting.stability.comparison.table_4_1_grid import CHOICES, comparison_cells
-from lumbar.lifting.stability.model.trajectories import THESIS
-from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
-from lumbar.publishing.figures.stability_figures import shared_legend
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
     from lumbar.lifting.population.comparison import Comparison
-
-MARKERS = {"thorax": "o", "abdomen": "s", "pelvis": "^"}
-PLANES = {"lateral_bending": "lateral", "flexion_extension": "flexion"}
-_WORDS: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
-
-
-@house_style
-def grid_figure(grid: pd.DataFrame) -> Figure:
-    """Draw a panel per comparison, a row per convention; filled lateral bending, open flexion/extension.
-
-    Parameters
-    ----------
-    grid : pandas.DataFrame
-        Of `lumbar.lifting.stability.comparison.table_4_1_grid.grid_differences`. Without a comparison, the movements are drawn.
-    """
-    cells = comparison_cells(grid)
-    null = "null control ($\\theta_0$ = 0)"
-    if cells.empty:
-        cells = grid[grid["percent"].notna()]
-        null = "standing still"
-    names = list(dict.fromkeys(cells["comparison"])) or ["nothing to compare"]
-    conventions = list(dict.fromkeys(cells[list(CHOICES)].itertuples(index=False, name=None)))
-    figure, axes = new_figure(
-        DOUBLE_COLUMN, 0.9 + 0.24 * max(len(conventions), 6), ncols=len(names), sharey=True
-    )
-    axes = np.atleast_1d(axes)
-    for axis, name in zip(axes, names, strict=True):
-        _panel(axis, cells[cells["comparison"] == name], conventions, null)
-        axis.set(title=name.replace("_", " "), xlabel="Difference of area (%)")
-    axes[0].set_yticks(range(len(conventions)), [_words(item) for item in conventions])
-    axes[0].set_ylim(len(conventions) - 0.4, -0.6)
-    shared_legend(figure, axes[:1], ncols=4)
-    return figure
-
-
-def _words(convention: tuple) -> str:
-    words = ", ".join(filter(None, (_WORDS.get(part, part) for part in convention)))
-    return f"the thesis's: {words}" if convention == tuple(vars(THESIS).values()) else words
-
-
-def _panel(axis, cells: pd.DataFrame, conventions: list[tuple], null: str) -> None:
-    axis.axvline(0.0, color=MEASURED, linewidth=0.8)
-    for row in range(0, len(conventions), 2):
-        axis.axhspan(row - 0.5, row + 0.5, color="#00000008", linewidth=0)
-    places = {item: row for row, item in enumerate(conventions)}
-    for number, (com, marker) in enumerate(MARKERS.items()):
-        for index, (plane, words) in enumerate(PLANES.items()):
-            own = cells[(cells["com"] == com) & (cells["plane"] == plane)]
-            at = [places[item] for item in own[list(CHOICES)].itertuples(index=False, name=None)]
-            height = np.array(at, dtype=float) + 0.11 * (2 * number + index - 2.5)
-            colour, marks = SEGMENTS[com], {"linestyle": "", "markeredgewidth": 0.7}
-            look = {"color": colour, "markerfacecolor": colour if index == 0 else "white", **marks}
-            axis.plot(own["percent"], height, marker=marker, markersize=3.2, label=f"{com}, {words}", **look)
-            look = {"color": MEASURED, "zorder": 1.5, **marks}
-            axis.plot(own["null_percent"], height, marker="|", markersize=5, label=null, **look)
-
 
 FIRST, SECOND, UNDECIDED = "#0072B2", "#D55E00", "#8c8c8c"
 _MARKERS = ("o", "s", "D", "^", "v")

@@ -226,7 +226,6 @@ def _inset(axis, angle: pd.Series, velocity: pd.Series) -> None:
 
 STYLES = {
     "exact": ("exact", {"color": SEGMENTS["abdomen"], "linewidth": 1.8}),
-    "sum_of_squares": ("sum of squares", {"color": MEASURED, "linewidth": 0.9, "linestyle": (0, (2, 2))}),
     "thesis": ("thesis (no certificate)", {"color": "#b03030", "linewidth": 1.1, "linestyle": (0, (5, 2))}),
     "best": ("best V of the family", {"color": SEGMENTS["pelvis"], "linewidth": 1.4}),
 }
@@ -273,7 +272,7 @@ def _sections(
             found[plane] |= {"goal": last, "times": _times_the_range(rows)}
     sound = [item for item in shown if "exact" in found[item.plane]]
     # A picture needs no more knots than the other variants, and no proof.
-    fewer = replace(settings, knots=settings.limits.knots, checks=())
+    fewer = replace(settings, knots=settings.fewer_knots, checks=())
     for attempt in attempts(sound, "states that reach the goal", []):
         with attempt as items:
             loops = close_loops(items, settings.pendulum.sign, fewer)
@@ -328,5 +327,5 @@ def _enclosed(edge: np.ndarray) -> float:
 def _funnels(trajectories: list[Trajectory], name: str, settings: StabilitySettings) -> Funnels:
     loops = close_loops(trajectories, settings.pendulum.sign, settings)
     if name == "best":
-        return best_of_family(loops, settings.goal_level, settings.lyapunov_shares).exact
+        return best_of_family(loops, settings.goal_level, settings.lyapunov_shares)
     return METHODS[name](loops, settings).funnels

@@ -14,11 +14,10 @@ from lumbar.lifting.movement.centre_of_mass import COMS
 from lumbar.lifting.movement.joint_centres import MID_HIP
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
-from lumbar.lifting.stability.extended_basins import binds, torque_limit, torque_range
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
-from lumbar.lifting.stability.funnel.saturation import reference_of
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
 from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.torque_limits import exceeds, reference_of, torque_range
 from lumbar.lifting.stability.model.trajectories import Failure, LiftStates, Trajectory, headline
 from lumbar.settings.stability import StabilitySettings
 
@@ -210,5 +209,5 @@ def _pushed(
         {name: float(value) for name, value in constants.items()},
         {name: np.ascontiguousarray(values[:, index]) for name, values in columns.items()},
         np.ascontiguousarray(funnels.level[:, index]),
-        bool(binds(loops, funnels.level, torque_limit([item], settings))[index]),
+        bool(exceeds(loops, funnels.level, reference, lowest, highest)[index]),
     )

@@ -21,7 +21,7 @@ from lumbar.settings.stability import GROUPS, StabilitySettings
 
 _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_name("table_4_1.yaml"))
 LIGHTER_BOX = "decrease_in_mass_"
-"""What the comparisons of one lifter's lightest box with the heaviest begin with."""
+"""Start of the names of the comparisons of one lifter's lightest box with the heaviest."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,7 @@ class Study:
     lifts: Sequence[LiftStates]
     """With ``experience`` among their facts."""
     boa: pd.DataFrame
-    grid: pd.DataFrame
-    """`boa`, `grid`: ``boa.csv`` and ``grid.csv`` of all lifts, with a column ``experience``."""
+    """``boa.csv`` of all lifts, with a column ``experience``."""
     settings: StabilitySettings
     published: pd.DataFrame
     """The thesis's Table 4.1."""

@@ -23,12 +23,7 @@ from lumbar.lifting.stability.comparison.percent_differences import (
     regulator_sentence,
 )
 from lumbar.lifting.stability.comparison.table_4_1_controls import controls_table, variants
-from lumbar.lifting.stability.comparison.table_4_1_grid import (
-    grid_differences,
-    survival_sentence,
-)
-from lumbar.lifting.stability.comparison.tuning_criterion import tuned_weights
-from lumbar.lifting.stability.model.failures import TORQUE_LIMITED, failures_frame, join_rows
+from lumbar.lifting.stability.model.failures import failures_frame, join_rows
 from lumbar.lifting.stability.model.trajectories import PLANES, THESIS
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import EVIDENCE, RESOLUTION
 from lumbar.tables.described import columns_of, described
@@ -42,30 +37,21 @@ THESIS_DECIMALS = 1
 
 def tables_4_1(
     study: Study, parts: pd.DataFrame, failures: pd.DataFrame | None = None
-) -> tuple[Table, Table, pd.DataFrame, pd.DataFrame]:
-    """Return Table 4.1, the table of its controls, the differences of its grid, and all basins that are missing.
+) -> tuple[Table, Table, pd.DataFrame]:
+    """Return Table 4.1, the table of its controls, and all basins that are missing.
 
     `parts` is that of `decomposition_table`. `failures` are the basins of the lifts that could not be computed, columns
-    `failures.COLUMNS`; those returned are these and the controls'. The grid's differences are those of `grid_differences`.
+    `failures.COLUMNS`; those returned are these and the controls'.
     """
     groups = study.settings.compare.groups
     varied, failed = variants(study)
     missing = join_rows([*([] if failures is None else [failures]), failures_frame(failed)])
     own, thesis = (study.areas("exact", convention) for convention in (study.headline, THESIS))
-    tuned = {
-        "criterion": tuned_weights(study.trajectories(), study.headline.sign, own, study.settings),
-        "thesis_criterion": tuned_weights(
-            study.trajectories(convention=THESIS), THESIS.sign, thesis, study.settings
-        ),
-    }
-    found = [item for item in tuned.values() if item is not None]
-    missing = join_rows([missing, failures_frame([failure for item in found for failure in item.failures])])
     areas = {
         "thesis": (thesis, "mean_area"),
         "headline": (own, "mean_area"),
         "thesis_method": (study.areas("thesis", THESIS), "mean_area"),
         **{name: (frame, "mean_area") for name, frame in varied.items()},
-        **{name: (item.areas if item else own[:0], "mean_area") for name, item in tuned.items()},
         "initial": (own, "initial_area"),
         "minimum": (own, "minimum_area"),
     }
@@ -73,14 +59,11 @@ def tables_4_1(
         name: percent_differences(frame, column, study.people, groups)
         for name, (frame, column) in areas.items()
     }
-    grid = grid_differences(study.grid, groups)
-    table = _first_table(study, differences, grid, missing)
-    return table, controls_table(study, differences, own, grid, parts, tuned), grid, missing
+    table = _first_table(study, differences, missing)
+    return table, controls_table(study, differences, own, parts), missing
 
 
-def _first_table(
-    study: Study, differences: dict[str, list[dict]], grid: pd.DataFrame, missing: pd.DataFrame
-) -> Table:
+def _first_table(study: Study, differences: dict[str, list[dict]], missing: pd.DataFrame) -> Table:
     settings = study.settings
     printed, rows = study.printed, []
     for index, row in enumerate(differences["headline"]):
@@ -112,15 +95,9 @@ def _first_table(
         study.data,
         words,
         notes=(
-            survival_sentence(grid),
             published_sentence(study.published),
             regulator_sentence(settings),
-            # The basins with limited torque are none of this table's.
-            *(
-                _SAID["missing"].format(row=row)
-                for row in missing.itertuples()
-                if not row.basin.startswith(TORQUE_LIMITED)
-            ),
+            *(_SAID["missing"].format(row=row) for row in missing.itertuples()),
         ),
         first=tuple(name for name in shown if not name.endswith("thesis_method_percent")),
     )

@@ -1,7 +1,7 @@
 """The controls of Table 4.1: what its headline rests on, a row per difference.
 
-Share that comes from the movement, range when weights, damping, body mass and the sharing of the box are changed one at a
-time, range over the grid, and a sentence that says whether the difference survives this.
+Share that comes from the movement, the null control, the range when weights, damping, body mass and the sharing of the box are
+changed one at a time, and a sentence that says whether the difference survives this.
 """
 
 from collections.abc import Mapping
@@ -20,18 +20,11 @@ from lumbar.lifting.stability.comparison.percent_differences import (
     headline_words,
     regulator_sentence,
 )
-from lumbar.lifting.stability.comparison.table_4_1_grid import (
-    change_sentence,
-    comparison_cells,
-    expressing,
-    single_changes,
-)
-from lumbar.lifting.stability.comparison.tuning_criterion import TunedWeights
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels, integrate_backward
 from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops, regulate, weights_of
 from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, Failure, Trajectory
+from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, Failure, Trajectory, at_rest
 from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
 from lumbar.settings.stability import StabilitySettings
 from lumbar.tables.described import columns_of, described
@@ -54,8 +47,9 @@ CHANGES = {
     **{f"{name}/": f"{name} divided" for name in ("Q", "R", "b")},
     **{f"{name}*": f"{name} multiplied" for name in ("Q", "R", "b")},
     **{name: f"Taylor degree {degree}" for name, degree in TAYLOR.items()},
-    "criterion": "Q, R and Qf by the thesis's criterion",
 }
+NULL_CONTROL = "null"
+"""Name of the areas of the same pendulums standing still at θ0 = 0."""
 
 
 def _body_mass(facts: Mapping, factor: float) -> dict:
@@ -97,9 +91,10 @@ def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     cases = dict.fromkeys((*VARIANTS, *TAYLOR), trajectories) | {
         name: study.trajectories(mass) for name, mass in OTHER_MASSES.items()
     }
-    # All with the true sine at once are fastest; only where one has no basin is each computed by itself.
+    cases[NULL_CONTROL] = [at_rest(item) for item in trajectories]
+    # All changes with the true sine at once are fastest; only where one has no basin is each computed by itself.
     try:
-        true_sine = {name: items for name, items in cases.items() if name not in TAYLOR}
+        true_sine = {name: items for name, items in cases.items() if name not in (*TAYLOR, NULL_CONTROL)}
         at_once = varied_areas(true_sine, settings) if trajectories else {}
     except NumericalError:
         at_once = {}
@@ -108,7 +103,7 @@ def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     for name, items in cases.items():
         found = list(zip(items, at_once[name], strict=True)) if name in at_once else []
         left = [] if name in at_once else items
-        for attempt in attempts(left, f"Table 4.1, {CHANGES.get(name, 'exact')}", failures):
+        for attempt in attempts(left, f"Table 4.1, {CHANGES.get(name, 'null control')}", failures):
             with attempt as some:
                 if name in TAYLOR:
                     found += zip(some, taylor_areas(some, settings, TAYLOR[name]), strict=True)
@@ -141,7 +136,7 @@ def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySetti
     pendulum, base = settings.pendulum, weights_of(settings)
     weights = Weights(base.state * scale["Q"][:, None], base.control * scale["R"], base.terminal)
     damping = pendulum.damping_N_m_s * scale["b"]
-    pendulums = gather(items, pendulum.sign, damping, pendulum.gravity_m_s2, settings.limits.knots)
+    pendulums = gather(items, pendulum.sign, damping, pendulum.gravity_m_s2, settings.fewer_knots)
     areas = exact_funnels(regulate(pendulums, weights), settings.goal_level).mean_area
     return dict(zip(cases, np.split(areas, np.cumsum(counts)[:-1]), strict=True))
 
@@ -154,7 +149,7 @@ def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, de
     NumericalError
         The polynomial has no basin that is finite.
     """
-    fewer = replace(settings, knots=settings.limits.knots)
+    fewer = replace(settings, knots=settings.fewer_knots)
     loops = close_loops(trajectories, settings.pendulum.sign, fewer)
     goal = np.full(len(trajectories), np.log(settings.goal_level))
 
@@ -175,48 +170,35 @@ def controls_table(
     study: Study,
     differences: dict[str, list[dict]],
     areas: pd.DataFrame,
-    grid: pd.DataFrame,
     parts: pd.DataFrame,
-    tuned: Mapping[str, TunedWeights | None],
 ) -> Table:
     """Return what stands behind the headline: a row per comparison, centre of mass and plane.
 
     Parameters
     ----------
     differences : dict of str to list of dict
-        Of `percent_differences`, row by row alike: ``headline``, its sections ``initial`` and ``minimum``, and every change.
+        Of `percent_differences`, row by row alike: ``headline``, its sections ``initial`` and ``minimum``, its null control
+        and every change.
     areas : pandas.DataFrame
         Of the headline.
-    grid : pandas.DataFrame
-        Of `grid_differences`.
     parts : pandas.DataFrame
         Of `decomposition.decomposition_table`.
-    tuned : mapping of str to TunedWeights
-        Weights by the thesis's criterion: ``criterion`` of the headline, ``thesis_criterion`` of its own wording.
     """
     settings = study.settings
-    bases = {"headline": study.headline, "thesis": THESIS}
-    changes = {name: single_changes(grid, base) for name, base in bases.items()}
-    turned = {name: _turned_by(found) for name, found in changes.items()}
     sides = list(comparisons(study.people, settings.compare.groups))
-    of_grid = expressing(comparison_cells(grid))
-    cells_of = dict(iter(of_grid.groupby(["comparison", "com", "plane"])))
     own = parts.set_index(["comparison", "com", "plane"])
     shares = (own["start_percent"] + own["course_percent"]) / own["percent"]
     rows = []
     for plane in PLANES:
         for index, row in enumerate(differences["headline"]):
             key = row["comparison"], row["com"]
-            cells = cells_of.get((*key, plane), of_grid[:0])["percent"].to_numpy()
             found = {name: rows_of[index][plane] for name, rows_of in differences.items()}
             percents = {name: None if np.isnan(value) else value for name, value in found.items()}
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
             entry["movement_share"] = share = shares.get((*key, plane))
-            entry |= _controls(percents, cells)
-            for column, name in (("turned_by", "headline"), ("thesis_turned_by", "thesis")):
-                entry[column] = turned[name].get((*key, plane), "")
+            entry |= _controls(percents)
             interval = _interval(areas, sides, row, plane)
-            entry["verdict"] = _verdict(row["status"], share, percents, cells, interval)
+            entry["verdict"] = _verdict(row["status"], share, percents, interval)
             rows.append(entry)
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
@@ -228,47 +210,12 @@ def controls_table(
         "factor": settings.sensitivity_factor,
         "body": 100 * BODY_MASS_SHARE,
     }
-    notes = (
-        change_sentence("the headline", changes["headline"]),
-        change_sentence("the thesis's wording", changes["thesis"]),
-        *(_tuned_sentence(name, found, differences) for name, found in tuned.items() if found is not None),
-        regulator_sentence(settings),
-    )
+    notes = (regulator_sentence(settings),)
     return described(__file__, "table_4_1_controls", frame, study.data, words, notes=notes)
 
 
-def _turned_by(changes: pd.DataFrame) -> dict[tuple[str, ...], str]:
-    """Name, by difference, the choices that turn its sign."""
-    turned = changes[changes["percent"] * changes["changed"] < 0]
-    words: dict[tuple[str, ...], list[str]] = {}
-    for row in turned.itertuples():
-        words.setdefault((row.comparison, row.com, row.plane), []).append(row.choice)
-    return {where: ", ".join(dict.fromkeys(choices)) for where, choices in words.items()}
-
-
-def _tuned_sentence(name: str, tuned: TunedWeights, differences: Mapping[str, list[dict]]) -> str:
-    """Say what the thesis's criterion asks of Q, R and Qf, and what becomes of the differences."""
-    base, words = {
-        "criterion": ("headline", "the headline"),
-        "thesis_criterion": ("thesis", "the thesis's wording"),
-    }[name]
-    pairs = [
-        (row[plane], other[plane])
-        for row, other in zip(differences[base], differences[name], strict=True)
-        for plane in PLANES
-    ]
-    before, after = np.array(pairs, dtype=float)[np.isfinite(np.array(pairs, dtype=float)).all(axis=1)].T
-    text = f"The thesis's criterion, basins of the order of magnitude of the states, in {words}: {tuned}"
-    if not before.size:
-        return text
-    return (
-        f"{text}. With them {int((before * after < 0).sum())} of {before.size} differences turn their sign, and they move by at "
-        f"most {np.abs(after - before).max():.2f} points"
-    )
-
-
-def _controls(percents: dict[str, float | None], cells: np.ndarray) -> dict[str, float | None]:
-    """Numbers of one row: the headline's, and the ranges under all changes and over the grid."""
+def _controls(percents: dict[str, float | None]) -> dict[str, float | None]:
+    """Numbers of one row: the headline's, its null control, and the range under all changes."""
     percent = percents["headline"]
     under_changes = [percents[name] for name in percents if name in CHANGES]
     spread = [value for value in (percent, *under_changes) if value is not None]
@@ -276,24 +223,18 @@ def _controls(percents: dict[str, float | None], cells: np.ndarray) -> dict[str,
         "percent": percent,
         "initial_percent": percents["initial"],
         "minimum_percent": percents["minimum"],
-        **{f"{name}_percent": percents[name] for name in ("criterion", "thesis", "thesis_criterion")},
+        "null_percent": percents[NULL_CONTROL],
+        "thesis_percent": percents["thesis"],
         "lowest_percent": min(spread, default=None),
         "highest_percent": max(spread, default=None),
-        "grid_lowest_percent": cells.min() if cells.size else None,
-        "grid_highest_percent": cells.max() if cells.size else None,
     }
 
 
-def _verdict(
-    status: str, share: float | None, percents: dict[str, float | None], cells: np.ndarray, interval: Interval
-) -> str:
+def _verdict(status: str, share: float | None, percents: dict[str, float | None], interval: Interval) -> str:
     percent = percents["headline"]
     if status.startswith("no basin") and percent is None:
         return status
     changed = {words: percents[name] for name, words in CHANGES.items() if name in percents}
-    turned = int((cells * percent <= 0).sum()) if percent else 0
-    if turned:
-        changed[f"{turned} of the grid's {len(cells)} conventions"] = -percent
     return verdict(percent, share, changed, interval)
 
 
@@ -327,7 +268,7 @@ def verdict(
     )
     if reasons:
         return f"does not survive: {'; '.join(reasons)} ({certainty})"
-    return f"survives parts, sensitivity and sign ({certainty})"
+    return f"survives parts and sensitivity ({certainty})"
 
 
 def _interval(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane: str) -> Interval:

@@ -5,7 +5,7 @@ in the goal set solves, backward from ρ(T), the scalar equation
 
     d ln ρ/dt = max over V = ρ of V̇/ρ
 
-with the true sine. The other methods (`certified_funnel`, `eqs_4_5_to_4_7_alternation`) return the same `Funnels`.
+with the true sine. The thesis's method (`eqs_4_5_to_4_7_alternation`) returns the same `Funnels`.
 
 The ellipse V = ρ is the unit circle in normal coordinates z, chosen so that the first one is the angle:
 

@@ -9,25 +9,16 @@ the goal set under the linear loop: without gravity's nonlinearity no funnel is 
 best share lies between, and the exact method finds the largest funnel of each.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.stability.funnel.exact_funnel import Funnels, FunnelVariants, funnel_variants
+from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops
 
 RELATIVE_TOLERANCE = 1e-9
-
-
-@dataclass(frozen=True)
-class BestOfFamily(FunnelVariants):
-    """The family's largest basins: exact funnels of `loops`."""
-
-    share: np.ndarray
-    """Shape (pendulums,): λ of the largest average cross-section."""
-    loops: ClosedLoops
-    """With the V of that λ for each pendulum."""
 
 
 def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> ClosedLoops:
@@ -84,10 +75,9 @@ def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> Clo
 def best_of_family(
     loops: ClosedLoops,
     terminal_level: float,
-    shares: list[float],
-    negative_control: float = 0.0,
-) -> BestOfFamily:
-    """Search the family for the largest average cross-section of each pendulum.
+    shares: Sequence[float],
+) -> Funnels:
+    """Return the exact funnels of the largest average cross-section of each pendulum in the family.
 
     Parameters
     ----------
@@ -95,21 +85,12 @@ def best_of_family(
         With the Riccati solution.
     terminal_level : float
         ρ(T).
-    shares : list of float
+    shares : sequence of float
         λ to try.
-    negative_control : float
-        As for `funnel_variants`.
     """
     count = len(loops.pendulums.labels)
     every = loops.select(np.tile(np.arange(count), len(shares)))
     members = with_lyapunov_function(every, np.repeat(shares, count))
-    found = funnel_variants(members, terminal_level, negative_control=negative_control)
-    largest = found.exact.mean_area.reshape(len(shares), count).argmax(axis=0)
-    index = largest * count + np.arange(count)
-    best = members.select(index)
-    duration, cost = best.pendulums.duration, best.cost[::2]
-    funnels = [
-        Funnels("best of family", duration, cost, item.level[:, index])
-        for item in (found.exact, found.with_margin, found.negative_control)
-    ]
-    return BestOfFamily(*funnels, share=np.array(shares)[largest], loops=best)
+    found = exact_funnels(members, terminal_level)
+    largest = found.mean_area.reshape(len(shares), count).argmax(axis=0)
+    return replace(found.select(largest * count + np.arange(count)), method="best of family")

@@ -31,13 +31,10 @@ class MonteCarloCheck:
     """Shape (pendulums,): upper end of the exact (Clopper–Pearson) 95 % interval of the share that leaves."""
 
 
-def monte_carlo_check(
-    loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int], disturbance: Callable | None = None
-) -> MonteCarloCheck:
+def monte_carlo_check(loops: ClosedLoops, funnels: Funnels, starts: int, seed: list[int]) -> MonteCarloCheck:
     """Simulate `starts` of each pendulum's first cross-section, half of them on its boundary, half inside.
 
-    The funnels are of the same pendulums; their knots lie evenly among those of `loops`. `disturbance` is as for
-    `simulate`.
+    The funnels are of the same pendulums; their knots lie evenly among those of `loops`.
 
     Raises
     ------
@@ -60,7 +57,7 @@ def monte_carlo_check(
     if rest:
         raise NumericalError(f"{len(funnels.level)} levels do not lie evenly among {loops.knots} knots")
     inside = np.ones((count, starts), dtype=bool)
-    for knot, state in simulate(loops, start, disturbance):
+    for knot, state in simulate(loops, start):
         index, between = divmod(knot, stride)
         if not between:
             value = quadratic_form(funnels.cost[index], state)
@@ -69,16 +66,13 @@ def monte_carlo_check(
     return MonteCarloCheck(starts, exits, upper_share(exits, starts))
 
 
-def simulate(loops: ClosedLoops, start: np.ndarray, disturbance: Callable | None = None):
+def simulate(loops: ClosedLoops, start: np.ndarray):
     """Follow errors x̄ through the closed loop with the true sine.
 
     Parameters
     ----------
     start : numpy.ndarray, shape (2, pendulums, starts)
         Error of angle (rad) and angular velocity (rad/s) at t = 0.
-    disturbance : callable, optional
-        Angular acceleration in rad/s², shape (pendulums, starts), that is added to the loop's, of (point of
-        the grid, state).
 
     Yields
     ------
@@ -91,7 +85,7 @@ def simulate(loops: ClosedLoops, start: np.ndarray, disturbance: Callable | None
     NumericalError
         The knots are too far apart for the closed loop's fastest mode.
     """
-    rate, stiffness, damping = _dynamics(loops, disturbance)
+    rate, stiffness, damping = _dynamics(loops)
     stride = _stride(loops, stiffness, damping)
     state = start
     yield 0, state
@@ -107,7 +101,7 @@ def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
 
     `edge` holds errors x̄ at T, shape (2, pendulums, points).
     """
-    rate, stiffness, damping = _dynamics(loops, None)
+    rate, stiffness, damping = _dynamics(loops)
     _stride(loops, stiffness, damping)
     state = edge
     for point in range(len(loops.cost) - 1, 0, -2):
@@ -115,7 +109,7 @@ def preimage(loops: ClosedLoops, edge: np.ndarray) -> np.ndarray:
     return state
 
 
-def _dynamics(loops: ClosedLoops, disturbance: Callable | None):
+def _dynamics(loops: ClosedLoops):
     """Return the rate of the state, of (point, state), and stiffness and damping of the linear loop."""
     pendulums = loops.pendulums
     angle_gain, velocity_gain = np.moveaxis(loops.gains, -1, 0)
@@ -134,8 +128,6 @@ def _dynamics(loops: ClosedLoops, disturbance: Callable | None):
         np.sin(angle[point] + error, out=acceleration)
         acceleration *= -gravity
         acceleration += along[point] * error + fast[point] * velocity + still[point]
-        if disturbance is not None:
-            acceleration += disturbance(point, state)
         return found
 
     return rate, stiffness, damping
@@ -162,7 +154,7 @@ def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> i
     raise NumericalError(
         f"{loops.pendulums.labels[index]}: {loops.step[index]:.3g} s between knots is too long for a loop "
         f"with a rate of {rate[index]:.3g} 1/s; raise stability.regulator.control_weight (about the hips 2 suits), or "
-        "stability.knots, for the extended basins stability.limits.knots"
+        "stability.knots"
     )
 
 

@@ -1,1 +1,1 @@
-"""The closed loop of Eqs 4.1–4.3: trajectory, regulator, saturation."""
+"""The closed loop of Eqs 4.1–4.3: trajectory, regulator, limits of the torque."""

@@ -20,9 +20,6 @@ from lumbar.tables.table import Table
 if TYPE_CHECKING:
     import pandas as pd
 
-TORQUE_LIMITED = "torque_limited"
-"""Loop whose torque is limited, in the column ``loop`` of extended basins; what is missing of it begins so."""
-
 
 @dataclass
 class Attempt:
@@ -89,12 +86,9 @@ def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
 
 
 def announcement(path: str | os.PathLike) -> str:
-    """Return a message that names every basin in a ``failures.csv``; empty where there is none.
-
-    That a person has no basin within the torque of feet or hips is found out and no trouble: the tables alone say it.
-    """
+    """Return a message that names every basin in a ``failures.csv``; empty where there is none."""
     with Path(path).open(encoding="utf-8", newline="") as stream:
-        rows = [row for row in csv.DictReader(stream) if not row["basin"].startswith(TORQUE_LIMITED)]
+        rows = list(csv.DictReader(stream))
     if not rows:
         return ""
     count = f"{len(rows)} basin{'s' if len(rows) > 1 else ''} of attraction could not be computed ({path})"

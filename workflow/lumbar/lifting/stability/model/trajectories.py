@@ -8,15 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lumbar.base.errors import Problems
-from lumbar.lifting.movement.pendulum_states import OPTIONS as PENDULUM_OPTIONS
-from lumbar.lifting.movement.pendulum_states import THESIS_CHOICE, PendulumChoice, one_changed
+from lumbar.lifting.movement.pendulum_states import CHOICES, THESIS_CHOICE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -179,16 +176,7 @@ class Failure:
         return cls(item.subject, item.experience, item.box_mass_kg, item.com, item.plane, basin, reason)
 
 
-OPTIONS = {
-    "sign": ("hanging", "inverted"),
-    "time": ("real", "unit"),
-    "mass": ("with_box", "without_box"),
-    **PENDULUM_OPTIONS,
-}
-"""What each choice of a `Convention` is compared under."""
-
-
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True)
 class Convention:
     """One way to make a pendulum of a recorded deposit."""
 
@@ -215,62 +203,38 @@ class Convention:
         )
         return ", ".join([self.sign, *(part.replace("_", " ") for part in words)])
 
-    @property
-    def pendulum(self) -> PendulumChoice:
-        """What of it is chosen before there are pendulum states."""
-        return PendulumChoice(self.pivot, self.segment_ends, self.deposit_start)
-
-    @property
-    def neighbours(self) -> list[Convention]:
-        """The conventions that differ in one choice."""
-        return list(one_changed(self, OPTIONS))
-
 
 THESIS = Convention("hanging", "unit", "without_box", **vars(THESIS_CHOICE))
 """The thesis's own wording: + in Eq. 4.1, trajectories interpolated "to non-dimensionalize time", "subject mass", and what
 `THESIS_CHOICE` says."""
 
 
-def conventions(own: Convention) -> list[Convention]:
-    """Return the conventions of Table 4.1's grid for a study whose headline is `own`.
-
-    Every sign, time, mass and pivot with the study's ends of segments and start of the deposit; then the thesis's, and
-    both it and the headline with one choice changed. All 64 would hide which choice does what.
-    """
-    varied = (OPTIONS[name] for name in ("sign", "time", "mass", "pivot"))
-    crossed = (Convention(*choice, own.segment_ends, own.deposit_start) for choice in product(*varied))
-    return list(dict.fromkeys([*crossed, own, *own.neighbours, THESIS, *THESIS.neighbours]))
-
-
 @dataclass(frozen=True)
 class LiftStates:
-    """Pendulum states of one lift by every choice that was taken."""
+    """Pendulum states of one lift by the study's choice and by the thesis's."""
 
     states: pd.DataFrame
     """``pendulum.csv``: by the study's choice."""
     facts: Mapping
-    """``pendulum.json``; ``other_pendulums`` lists the further choices, each with ``length_m`` and ``missing``."""
-    others: pd.DataFrame | None = None
-    """``other_pendulums.csv``: the choice, and columns of `states`; None where there is no such file."""
+    """``pendulum.json``; ``thesis_pendulum`` has ``length_m`` and ``missing`` of the thesis's choice, if that is another."""
+    in_thesis: pd.DataFrame | None = None
+    """``thesis_pendulum.csv``, columns of `states`; None if there is no such file."""
 
     def trajectories(self, convention: Convention) -> tuple[list[Trajectory], list[Failure]]:
-        """Return the sound trajectories of one convention, and what is wrong with the others."""
-        choice, mass, time = vars(convention.pendulum), convention.mass, convention.time
-        if choice == own_choice(self.facts):
-            return trajectories_of_lift(self.states, self.facts, mass, time)
-        further = [facts for facts in self.facts.get("other_pendulums", []) if own_choice(facts) == choice]
-        if self.others is None or not further:
-            named = ", ".join(choice.values())
-            reason = f"no pendulum states of {named}: 'lumbar lift' writes other_pendulums.csv"
-            lost = {**self.facts, "missing": dict.fromkeys(COMS, reason)}
-            return trajectories_of_lift(self.states, lost, mass, time)
-        rows = self._of_others.get(tuple(choice.values()), self.others[:0])
-        return trajectories_of_lift(rows, {**self.facts, **further[0]}, mass, time)
+        """Return the sound trajectories of one convention, and what is wrong with the others.
 
-    @cached_property
-    def _of_others(self) -> dict[tuple[str, ...], pd.DataFrame]:
-        """Rows of `others` by choice: to look for them in all, once per convention, takes as long as half of the areas."""
-        return dict(iter(self.others.groupby(list(PENDULUM_OPTIONS))))
+        Pivot, segment ends and start of the deposit are the study's or the thesis's.
+        """
+        choice = {name: getattr(convention, name) for name in CHOICES}
+        thesis, options = self.facts.get("thesis_pendulum"), (convention.mass, convention.time)
+        if choice == own_choice(self.facts):
+            return trajectories_of_lift(self.states, self.facts, *options)
+        if self.in_thesis is None or not thesis or choice != own_choice(thesis):
+            named = ", ".join(choice.values())
+            reason = f"no pendulum states of {named}: 'lumbar lift' writes thesis_pendulum.csv"
+            lost = {**self.facts, "missing": dict.fromkeys(COMS, reason)}
+            return trajectories_of_lift(self.states, lost, *options)
+        return trajectories_of_lift(self.in_thesis, {**self.facts, **thesis}, *options)
 
 
 def trajectories_of_lift(
@@ -324,7 +288,7 @@ def trajectories_of_lift(
 
 def own_choice(facts: Mapping) -> dict[str, str]:
     """Return what the facts of pendulum states say they were chosen by, as of `PendulumChoice`."""
-    return {name: facts[name] for name in PENDULUM_OPTIONS}
+    return {name: facts[name] for name in CHOICES}
 
 
 def headline(settings: StabilitySettings, facts: Mapping) -> Convention:

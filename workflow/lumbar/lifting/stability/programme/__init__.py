@@ -1,1 +1,1 @@
-"""Sum-of-squares programmes: the thesis's alternation and the certified funnels."""
+"""Sum-of-squares programmes: the thesis's alternation, and the same written in cvxpy."""

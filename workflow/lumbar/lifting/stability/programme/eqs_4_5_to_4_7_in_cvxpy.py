@@ -1,7 +1,7 @@
-"""Eqs 4.5–4.7 as one writes them on paper, through cvxpy, and the check of the fast programmes against them.
+"""Eqs 4.5–4.7 as one writes them on paper, through cvxpy, and the check of the alternation's programme against them.
 
 Everything is stated anew in the error x̄ = (e, ω) itself, from the equation of motion on, and shares nothing with the
-normal coordinates, the harmonics and the hand-assembled programmes that compute the basins (`sum_of_squares`).
+normal coordinates and the hand-assembled programme of the thesis's alternation (`sum_of_squares`).
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
 from lumbar.lifting.stability.model.failures import attempts
-from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
+from lumbar.lifting.stability.model.trajectories import THESIS, Failure, Trajectory
+from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import ACCURACY, DEGREE
 from lumbar.lifting.stability.programme.polynomials import growth_polynomial, monomials
-from lumbar.lifting.stability.programme.sum_of_squares import CircleProgramme
+from lumbar.lifting.stability.programme.sum_of_squares import Certificate
 
 if TYPE_CHECKING:
     from cvxpy.constraints.constraint import Constraint
@@ -171,19 +172,19 @@ def _assign(parameters: Polynomial, values: Polynomial) -> None:
         parameter.value = values.get(exponents, 0.0)
 
 
-def rate_differences(loops: ClosedLoops, level: np.ndarray, degree: int, knots: list[int]) -> np.ndarray:
-    """Return the largest difference of the rates that `sum_of_squares` and Eq. 4.6 in cvxpy certify, in 1/s.
+def rate_differences(loops: ClosedLoops, level: np.ndarray, knots: list[int]) -> np.ndarray:
+    """Return the largest difference of the rates that the alternation's programme and Eq. 4.6 in cvxpy certify, in 1/s.
 
     The result has shape (pendulums,). Rates are compared at `knots`. `level` is ρ at the knots of `loops`, shape
-    (knots, pendulums); `degree` is that of the sine's Taylor polynomial.
+    (knots, pendulums).
     """
-    own, written, labels = CircleProgramme(degree), RateProgramme(degree), loops.pendulums.labels
+    own, written, labels = Certificate(DEGREE, ACCURACY), RateProgramme(DEGREE), loops.pendulums.labels
     differences = np.zeros((len(knots), len(labels)))
     for row, knot in enumerate(knots):
-        polynomials = growth_polynomial(loops.form(2 * knot), level[knot], degree)
+        polynomials = growth_polynomial(loops.form(2 * knot), level[knot], DEGREE)
         for column, (coefficients, label) in enumerate(zip(polynomials, labels, strict=True)):
             expected = written.solve(loops, 2 * knot, column, level[knot, column])
-            differences[row, column] = abs(own.rate(coefficients, label) - expected)
+            differences[row, column] = abs(own.solve(coefficients, label)[0] - expected)
     return differences.max(axis=0)
 
 
@@ -192,29 +193,29 @@ def _matrix(entries: np.ndarray) -> np.ndarray:
     return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])
 
 
-CHECK = "sum_of_squares, Eq. 4.6 in cvxpy"
+CHECK = "thesis, Eq. 4.6 in cvxpy"
 
 
 def cross_check(
     boa: pd.DataFrame, trajectories: list[Trajectory], settings: StabilitySettings
 ) -> tuple[pd.DataFrame, list[Failure]]:
-    """Fill ``sos_cvxpy_difference`` of the rows with the method sum_of_squares.
+    """Fill ``sos_cvxpy_difference`` of the rows with the method thesis.
 
-    `boa` holds the summaries of all lifts, rows of ``boa.csv``, `trajectories` the sound ones of all lifts. Failures are
-    the basins at which the two formulations do not agree, or one of them has no optimum.
+    `boa` holds the summaries of all lifts, rows of ``boa.csv``, `trajectories` the sound ones of all lifts in the thesis's
+    convention. The programmes are compared on the exact funnels. Failures are the basins at which the two formulations do not
+    agree, or one of them has no optimum.
     """
-    rows = boa["method"] == "sum_of_squares"
+    rows = boa["method"] == "thesis"
     if "cvxpy" not in settings.checks or not rows.any():
         return boa, []
     found: dict[str, float] = {}
     failures: list[Failure] = []
-    fewer = replace(settings, knots=settings.limits.knots)
+    fewer = replace(settings, knots=settings.fewer_knots)
     for attempt in attempts(trajectories, CHECK, failures):
         with attempt as items:
-            loops = close_loops(items, settings.pendulum.sign, fewer)
+            loops = close_loops(items, THESIS.sign, fewer)
             level = exact_funnels(loops, settings.goal_level).level
-            knots = [0, loops.knots // 2]
-            differences = rate_differences(loops, level, settings.sum_of_squares.degree, knots)
+            differences = rate_differences(loops, level, [0, loops.knots // 2])
             found |= {item.label: value for item, value in zip(items, differences, strict=True)}
     failures += [
         Failure.of(
