@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,23 +28,23 @@ _SIGNS = {1: "not negative", -1: "not positive", 0: "any"}
 
 @dataclass(frozen=True)
 class CataloguePage:
-    """What one catalogue's page says beside the definitions."""
+    """Texts of one catalogue's page that do not follow from the definitions."""
 
     page: str
     """File name without suffix, and folder of its pictures."""
     introduction: str
     places: dict[Place, str]
-    """Where a form acts."""
+    """Position of a form in the measuring chain, as text."""
 
 
 _HEAD = """# {title}
 
-Written by `make docs` from the definitions in `workflow/lumbar/tissue/effects/`; do not edit. {symbols}; units: x that of the
-{moved}, y that of the {response}.
+Written by `make docs` from `workflow/lumbar/tissue/effects/`; do not edit. {symbols}. Units: x of the
+{moved}, y of the {response}.
 
-Pictures: the first form of each effect on a standard motion, a sine of amplitude 1, beside {base}. Left:
-{response} over {moved} without and with the effect at 0.5 Hz. Middle: what the effect adds, at 0.5 and 2 Hz. Right: the
-same over time. The effect is scaled to a third of the base's own {response}.
+Pictures: the first form of each effect with {base}, for a sine of amplitude 1. Left:
+{response} over {moved} without and with the effect at 0.5 Hz. Middle: the added {response} at 0.5 and 2 Hz. Right: the
+same over time. The effect is scaled to a third of the base's {response}.
 
 """
 REFERENCES = {
@@ -57,9 +58,9 @@ REFERENCES = {
             base="a Kelvin–Boltzmann tissue with kₑ = k_b = 1 and τ = 0.1 s",
         ),
         {
-            Place.INPUT: "on the way from the position to the tissue",
-            Place.PARALLEL: "beside the tissue",
-            Place.OUTPUT: "on the way from the tissue to the sensor",
+            Place.INPUT: "between position and tissue",
+            Place.PARALLEL: "parallel to the tissue",
+            Place.OUTPUT: "between tissue and sensor",
         },
     ),
     "pendulum": CataloguePage(
@@ -74,9 +75,9 @@ REFERENCES = {
             base="a pendulum of Eq. 4.1",
         ),
         {
-            Place.INPUT: "on the way from the angle to the pendulum",
-            Place.PARALLEL: "beside the pendulum",
-            Place.OUTPUT: "on the way from the pendulum to the sensor",
+            Place.INPUT: "between angle and pendulum",
+            Place.PARALLEL: "parallel to the pendulum",
+            Place.OUTPUT: "between pendulum and sensor",
         },
     ),
 }
@@ -92,13 +93,13 @@ def effects_page(system: str) -> str:
         ``"tissue"`` or ``"pendulum"``.
     """
     catalogue, reference = CATALOGUES[system], REFERENCES[system]
-    listed = "\n".join(f"- [`{name}`](#{name}): {effect.mechanism}" for name, effect in catalogue.items())
+    listed = ", ".join(f"[`{name}`](#{name})" for name in catalogue)
     sections = (_section(effect, reference) for effect in catalogue.values())
-    return reference.introduction + listed + "\n" + "".join(sections)
+    return f"{reference.introduction}{listed}.\n" + "".join(sections)
 
 
 def _in_a_fit(form: Form) -> str:
-    """What a fit takes for the constants that follow its records."""
+    """Return the values that a fit uses for constants that depend on its records."""
     return "".join(
         f"; in a fit ${item.in_latex}$ is {item.value:g} × {_SCALES[item.scale]}"
         for item in form.constants
@@ -111,7 +112,7 @@ def _section(effect: Effect, reference: CataloguePage) -> str:
     picture = ""
     if pictured_form(effect):
         picture = f"![Signature of {effect.name}](images/{reference.page}/{effect.name}.svg)\n\n"
-    rows = "\n".join(row for form in effect.forms for row in _rows(form))
+    rows = "\n".join(_rows_of_forms(effect.forms))
     needed = any(form.channels for form in effect.forms)
     head = "| form | equation | needs |\n|---|---|---|" if needed else "| form | equation |\n|---|---|"
     forms = "\n".join(
@@ -125,27 +126,37 @@ def _section(effect: Effect, reference: CataloguePage) -> str:
 {picture}{head}
 {forms}
 
-| form | symbol | parameter | unit | range | starts |
+| forms | symbol | parameter | unit | range | starts |
 |---|---|---|---|---|---|
 {rows}
 
-Source: {effect.source}. Experiment that shows it: {effect.experiment}.{" " + effect.sensors if effect.sensors else ""}
+Source: {effect.source}. Best experiment: {effect.experiment}.{" " + effect.sensors if effect.sensors else ""}
 """
 
 
 def _needs(form: Form) -> str:
-    """Cell with the columns that a form needs beside input and output."""
+    """Return the cell with the columns that a form needs in addition to input and output."""
     return f" {', '.join(f'`{role}`' for role in form.channels) or '–'} |"
 
 
 def _escaped(latex: str) -> str:
-    """Vertical bars would end a cell of the table."""
+    """Return LaTeX without vertical bars, which would end a cell of the table."""
     return latex.replace("|", r"\vert ")
 
 
+def _rows_of_forms(forms: Sequence[Form]) -> list[str]:
+    """Return the rows of the parameters, one for all forms with the same parameter."""
+    names: dict[str, list[str]] = {}
+    for form in forms:
+        for row in _rows(form):
+            names.setdefault(row, []).append(f"`{form.name}`")
+    return [f"| {', '.join(having)} | {row} |" for row, having in names.items()]
+
+
 def _rows(form: Form) -> list[str]:
+    """Return the rows of a form's parameters, without the first cell and the bars at both ends."""
     rows = [
-        f"| `{form.name}` | ${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {_SIGNS[item.sign]} | solved for |"
+        f"${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {_SIGNS[item.sign]} | solved for"
         for item in form.linear
     ]
     for item in form.nonlinear:
@@ -157,9 +168,7 @@ def _rows(form: Form) -> list[str]:
             if item.lines is not None
             else f"{low:.3g} to {high:.3g} × {scale}"
         )
-        rows.append(
-            f"| `{form.name}` | ${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {span} | {starts} |"
-        )
+        rows.append(f"${item.in_latex}$ | `{item.name}` | {_unit(item.unit)} | {span} | {starts}")
     return rows
 
 
@@ -168,7 +177,7 @@ def _unit(template: str) -> str:
 
 
 def write_reference(folder: Path) -> None:
-    """Write every catalogue's page, and its pictures to ``images/<page>`` beside it."""
+    """Write every catalogue's page, and its pictures to ``images/<page>`` in the same folder."""
     from lumbar.publishing.figures.comparison_figures import signature_figure
     from lumbar.publishing.figures.style import save
 
