@@ -315,24 +315,3 @@ def test_keyboard_reaches_every_choice(new_page, saved):
         page.keyboard.press("Tab")
         reached.add(page.evaluate("document.activeElement.id || document.activeElement.textContent"))
     assert {"restart", "record", "first", "second"} <= reached
-
-
-def test_models_under_the_hand(saved, new_page):
-    page = new_page(saved, viewport={"width": 1024, "height": 900})
-    handle, forces = page.locator("#handle"), page.locator("#push .force")
-    page.wait_for_function("() => document.querySelector('#push .force').textContent !== '–'")
-    resting = forces.all_text_contents()
-    assert all(abs(float(text.split()[0].replace("−", "-"))) < 0.01 for text in resting)
-    handle.focus()
-    handle.press("End")
-    changed = "() => [...document.querySelectorAll('#push .force')].every((item) => parseFloat(item.textContent) > 0.01)"
-    page.wait_for_function(changed)
-    base, refined, added = (float(text.split()[0]) for text in forces.all_text_contents())
-    assert added == pytest.approx(refined - base, abs=0.002)
-    page.get_by_role("button", name="Move it fast").click()
-    page.wait_for_function("() => document.querySelectorAll('#push .force')[2].textContent.startsWith('−')")
-    page.get_by_role("button", name="Stop and rest").click()
-    page.wait_for_function(
-        "(resting) => document.querySelector('#push .force').textContent === resting", arg=resting[0]
-    )
-    assert page.locator("#push-trouble").text_content() == ""

@@ -9,7 +9,7 @@ from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.export_model import ExportModel, export_models, find_models
 from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.fmu.check.fmu_check import check_fmus
+from lumbar.tissue.fmu.fmu_check import check_fmus
 from lumbar.tissue.models.fitted_model import read_models
 from lumbar.tissue.models.form import Effect
 from study_settings import changed

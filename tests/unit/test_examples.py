@@ -11,7 +11,7 @@ VERBS = {name: getattr(lumbar, name) for name in lumbar.__all__}
 MODULES = sorted({verb.__module__ for verb in VERBS.values()} | {"lumbar.interface.verb"})
 
 
-SLOW = {f"lumbar.interface.{name}" for name in ("device", "device_identification")}
+SLOW = {"lumbar.interface.device"}
 
 
 @pytest.mark.parametrize(

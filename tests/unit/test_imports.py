@@ -25,7 +25,7 @@ TISSUE = [
     ["haptics"],
     ["fmu", "diagnosis", "survey"],
     ["identification"],
-    ["signals", "effects", "perception"],
+    ["signals", "effects"],
     ["models"],
 ]
 LIFTING = [["stability", "measures"], ["movement"], ["quality", "population"]]

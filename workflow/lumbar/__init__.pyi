@@ -1,10 +1,8 @@
 """What ``import lumbar`` offers, one import a line: for type checkers, and for the package, which imports verbs late."""
 
-from lumbar.interface.device import check_fmu as check_fmu
 from lumbar.interface.device import export_fmu as export_fmu
 from lumbar.interface.device import load_models as load_models
 from lumbar.interface.device import render as render
-from lumbar.interface.device_identification import identify_device as identify_device
 from lumbar.interface.diagnosis import diagnose as diagnose
 from lumbar.interface.diagnosis import propose as propose
 from lumbar.interface.identification import identify as identify

@@ -21,9 +21,6 @@ DIAGNOSED = (
         )
     ),
     "signals.machine",
-    "perception",
-    # Models are compiled for the page.
-    "runtime.compiler_cache",
     "stability.pendulum.gravity_m_s2",
     "seed",
 )
@@ -47,7 +44,6 @@ rule diagnose_records:
             "diagnoses",
             "comparisons",
             "locations",
-            "felt",
             "comparison_figures",
             "location_figures",
             "effect_signatures",

@@ -1,7 +1,7 @@
 # Haptic runtime: the identified models as FMUs for FMI 2.0 and 3.0 (Eqs 3.17 and 3.18, moving average on the position), for a
 # fast loop and, by the name <model>-thesis, as the thesis ran them.
 # In: tissue/models.json, effects of the user's own. Out: fmu/<model>_fmi{2,3}.fmu, their checks, the forces they give to one push,
-# what they differ from the record, and what the models ask of the device and the hand of the study.
+# and what the models ask of the device and the hand of the study.
 
 FMUS = [f"<results>/fmu/{model}_fmi{version}.fmu" for model in settings.runtime.models for version in (2, 3)]
 
@@ -97,9 +97,7 @@ rule render_models:
         effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
     output:
-        **published(
-            "rendering", "runtime_error", "rates", "rates_figure", "passive_fits", "closed_loop", "z_width"
-        ),
+        **published("rendering", "passive_fits", "closed_loop", "z_width"),
         models="<results>/runtime/passive_models.json",
     log:
         "<logs>/render_models.log",
@@ -115,9 +113,8 @@ rule render_models:
         code=library_code("render_models.py"),
         settings=plain(settings.runtime),
         tissue=plain(settings.tissue),
-        perception=plain(settings.perception),
         data=DATA,
     message:
-        "The models in a person's hand: what they ask of the device, what running them costs, and passive fits"
+        "The models in a person's hand: what they ask of the device, and passive fits"
     script:
         "../scripts/render_models.py"

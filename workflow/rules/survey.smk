@@ -29,39 +29,3 @@ rule analyse_survey:
         "Table 3.2: ratings of the models, as published and within participants"
     script:
         "../scripts/analyse_survey.py"
-
-
-if "survey_felt" in {artefact.id for artefact in ARTEFACTS}:
-
-    rule felt_ratings:
-        input:
-            ratings=recording(settings.survey.file),
-            models="<results>/tissue/models.json",
-            recordings=[recording(record.file) for record in settings.tissue.records],
-            effects=EFFECT_FILES,
-            checked=["<results>/checked/survey.json", "<results>/checked/tissue.json"],
-        output:
-            **published("survey_felt", "survey_power"),
-        log:
-            "<logs>/felt_ratings.log",
-        benchmark:
-            "<benchmarks>/felt_ratings.tsv"
-        group:
-            "survey"
-        conda:
-            CONDA
-        resources:
-            **job_size(peak_mb=200, seconds=4),
-        params:
-            code=library_code("felt_ratings.py"),
-            settings=plain(settings.survey),
-            tissue=plain(settings.tissue),
-            perception=plain(settings.perception),
-            estimator=settings.runtime.estimator,
-            training=settings.tissue.training[0],
-            seed=settings.seed,
-            data=DATA,
-        message:
-            "The rated models as a hand would tell them, and what a survey would need"
-        script:
-            "../scripts/felt_ratings.py"

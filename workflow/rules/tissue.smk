@@ -36,7 +36,7 @@ rule identify_tissue:
         bases=BASE_FILES,
         checked="<results>/checked/tissue.json",
     output:
-        **published("table_3_1", "physical_parameters", "static_or_dynamic", "figure_3_4", "figure_3_5"),
+        **published("table_3_1", "physical_parameters", "figure_3_4", "figure_3_5"),
         models="<results>/tissue/models.json",
         search="<results>/tissue/search.csv",
     log:
@@ -57,7 +57,6 @@ rule identify_tissue:
             *(f"improvement.{key}" for key in ("base", "effects", "effect_files", "most_effects")),
             *(f"improvement.{key}" for key in ("forward", "session")),
             "stability.pendulum.gravity_m_s2",
-            "perception",
             "seed",
         ),
         data=DATA,

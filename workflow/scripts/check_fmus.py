@@ -14,7 +14,7 @@ def main(input, output, settings: RuntimeSettings, seed: int, data: str):
     from lumbar.publishing.figures.style import save
     from lumbar.tissue.effects.catalogue import catalogues_with
     from lumbar.tissue.fmu.build.export_model import export_models, find_models
-    from lumbar.tissue.fmu.check.fmu_check import check_fmus, check_table, push
+    from lumbar.tissue.fmu.fmu_check import check_fmus, check_table, push
     from lumbar.tissue.models.fitted_model import read_models
 
     content = read_json(input.models)

@@ -22,7 +22,6 @@ def main(input, output, settings: StudySettings, data: str):
     write_csv(output.search, found.search)
     found.table_3_1.write(stem(output.table_3_1))
     found.physical_parameters.write(stem(output.physical_parameters))
-    found.static_or_dynamic.write(stem(output.static_or_dynamic))
     trained = sorted((records[name] for name in tissue.training), key=lambda item: (item.duration, item.name))
     save(excitation_figure(trained, tissue.segment_s), stem(output.figure_3_4), data)
     save(found.comparison_figure(records[tissue.training[0]]), stem(output.figure_3_5), data)

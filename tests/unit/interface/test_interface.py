@@ -96,10 +96,9 @@ def test_a_ladder_says_what_is_gained_and_what_is_left():
     """Over the base alone, over the effect that is there, over one that is not, and where the noise is unknown."""
     refined = lumbar.refine(example_records(), ["coulomb_friction"])
     before, after = (item.test_rms for item in refined.path)
-    base, friction, noise, felt, verdict = str(refined).splitlines()
+    base, friction, noise, verdict = str(refined).splitlines()
     assert friction.startswith("+ coulomb_friction: ")
     assert friction.endswith(f"({100 * (after / before - 1):+.0f} %)")
-    assert felt.endswith(": no hand feels what is left.")
     assert noise.startswith("Noise floor: ") and "noise as far as can be told" in verdict
     assert "do not speak for" not in verdict
     assert "These records do not speak for drift: " in str(refined.add("drift"))

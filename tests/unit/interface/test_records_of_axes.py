@@ -85,12 +85,10 @@ def test_a_diagnosis_in_space_has_no_page_to_look_around_in_and_no_law(diagnosis
         diagnosis.propose()
 
 
-def test_a_record_of_several_axes_is_no_marker_file_and_no_device(tmp_path):
+def test_a_record_of_several_axes_is_no_marker_file(tmp_path):
     (tmp_path / "v.csv").write_text(TABLE)
     with pytest.raises(InputError, match="no markers; lumbar diagnose"):
         lumbar.inspect(tmp_path / "v.csv")
-    with pytest.raises(InputError, match="v: device takes records of one axis"):
-        lumbar.identify_device(tmp_path / "v.csv")
 
 
 def test_an_effect_along_an_axis_that_was_not_recorded_is_refused(tmp_path):

@@ -1,11 +1,9 @@
-"""The pages of a diagnosis: as a report, and as one file to explore, with the cards' pictures and the models that are pushed."""
+"""The pages of a diagnosis: as a report, and as one file to explore, with the cards' pictures."""
 
 import base64
 import io
 import json
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from html import unescape
 from xml.etree import ElementTree
@@ -16,10 +14,8 @@ from periodic_records import STEP, multisine, noise, record, relaxing_force
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.base.templates import template
 from lumbar.publishing.explorer import shown
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file, plain_figure
-from lumbar.publishing.explorer.push import pushed_models
 from lumbar.publishing.explorer.shown import WITH_EFFECTS, candidates_of, drawing_step, model_key
 from lumbar.publishing.explorer.thumbnail import signature_thumbnail
 from lumbar.publishing.pages.diagnosis_page import diagnosis_page
@@ -43,7 +39,6 @@ from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution
 from lumbar.tissue.diagnosis.selection.verdict import runner_up
 from lumbar.tissue.effects.catalogue import PENDULUM, TISSUE
 from lumbar.tissue.effects.signature import RATES, SHARE, pictured_form, signatures, standard_motion
-from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.identification.metrics import settling_time, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
@@ -382,60 +377,3 @@ def test_lines_are_the_forces_to_scale(effect, system):
     simulated = np.concatenate([values[slow.last_cycle] for values in (slow.base, slow.force)])
     upwards = (whole.max() - whole) / np.ptp(whole)
     np.testing.assert_allclose(upwards, (simulated - simulated.min()) / np.ptp(simulated), atol=1e-3)
-
-
-PLAY = """
-import {{ readFileSync }} from "node:fs";
-const push = JSON.parse(readFileSync({content!r}, "utf8"));
-const [times, positions] = JSON.parse(readFileSync({motion!r}, "utf8"));
-const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-const models = await Promise.all(push.models.map((model) => TissueForce.open(bytes(model.library), model.description)));
-console.log(JSON.stringify(models.map((model) => times.map((time, i) => model.step(time, positions[i])))));
-"""
-
-
-@pytest.fixture(scope="module")
-def models():
-    fitted = lumbar.refine(example_records(), ["coulomb_friction"]).models
-    return [fitted[0], fitted[-1]]
-
-
-def test_pushed_models_answer_as_simulated(models, zig_cache, tmp_path):
-    if shutil.which("node") is None:
-        pytest.skip("no node here: it plays the WebAssembly as a browser does")
-    push = pushed_models(models, str(zig_cache), "synthetic twin")
-    times = np.arange(1500) / push["rate_Hz"]
-    positions = push["rest"] + 0.3 * (push["highest"] - push["lowest"]) * np.sin(2 * np.pi * times)
-    files = {"content": push, "motion": [times.tolist(), positions.tolist()]}
-    for name, content in files.items():
-        (tmp_path / name).write_text(json.dumps(content))
-    script = tmp_path / "play.mjs"
-    script.write_text(
-        template("tissue/fmu/tissue_force.mjs").render()
-        + PLAY.format(**{name: str(tmp_path / name) for name in files})
-    )
-    done = subprocess.run(["node", script], capture_output=True, text=True, check=True)
-    for model, played in zip(models, json.loads(done.stdout), strict=True):
-        expected = effect_model(model, 1e-3).response(positions - model.input.offset) + model.output.offset
-        np.testing.assert_allclose(played, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-
-
-def test_pushed_models_are_told_why_not(models, tmp_path):
-    folder = tmp_path / "a file"
-    folder.write_text("")
-    push = pushed_models(models, str(folder / "cache"), "synthetic twin")
-    assert push["models"] == [] and "runtime.compiler_cache" in push["remark"]
-
-
-def test_page_holds_what_is_played():
-    diagnosis = lumbar.diagnose(example_records())
-    text = diagnosis.page().to_html()
-    push = json.loads(re.search(r'id="page-data">(.*?)</script>', text, re.DOTALL)[1])["push"]
-    assert [model["label"] for model in push["models"]] == [
-        item.name.replace("_", " ") for item in diagnosis.models
-    ]
-    for model in push["models"]:
-        # The page numbers its own parts anew and leaves the model's token alone.
-        token = re.search('instantiationToken="([^"]*)"', model["description"])[1]
-        assert token.encode() in base64.b64decode(model["library"])
-    assert 'id="push"' in text and 'id="push"' not in diagnosis.page(thesis=False).to_html()

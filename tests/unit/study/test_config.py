@@ -152,7 +152,7 @@ def test_records_of_several_axes_leave_out_what_takes_one(config, folder):
     made = {row.id for row in load_study(several, folder).artefacts}
     assert {"table_2_1", "diagnoses", "survey_paired"} <= made
     assert made - one == {"principal_axes"}
-    assert {"table_3_1", "models", "survey_felt"} <= one - made
+    assert {"table_3_1", "models"} <= one - made
 
 
 def test_record_sets_of_a_pendulum_need_gravity(config, folder):

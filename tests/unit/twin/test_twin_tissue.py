@@ -1,4 +1,4 @@
-"""Synthetic tissue tests, surgeon trials and device: against the matrix exponential, and by estimators not the library's."""
+"""Synthetic tissue tests and surgeon trials: against the matrix exponential, and by estimators not the library's."""
 
 from dataclasses import replace
 
@@ -10,11 +10,8 @@ from hidden_effects.experiment import Plan, make_experiment
 from hidden_effects.settings import HiddenEffectsSettings
 from lumbar.base.errors import InputError
 from lumbar.records.columns import read_record
-from lumbar.settings.runtime import DeviceSettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.settings.twin import SyntheticTissueSettings, TwinSettings
-from lumbar.twin.device_recordings import TRAVEL_MM, device_recording, moved
-from lumbar.twin.device_recordings import play as play_device
 from lumbar.twin.surgeon_recordings import minimum_jerk_chain, surgeon_trial, tremor_noise
 from lumbar.twin.tissue_recordings import play, tissue_force
 from lumbar.twin.tool_motion import chirp_motion, draw_motions
@@ -180,22 +177,3 @@ def test_a_trial_shorter_than_the_approach_has_no_stroke(settings):
     trial = surgeon_trial("any", "surgeon_2", replace(settings, duration_s=5), 3)
     assert len(trial) == 5 * settings.rate_Hz
     assert np.isfinite(trial.to_numpy()).all()
-
-
-DEVICE = DeviceSettings(mass_kg=0.2, damping_N_s_m=1.6, friction_N=0.3, encoder_um=30, rate_Hz=500)
-
-
-def test_forces_act_late_by_the_delay_and_hold_the_spring():
-    device = DeviceSettings(mass_kg=0.2, damping_N_s_m=1.6, delay_ms=5.0, encoder_um=0, rate_Hz=500)
-    record = play_device(device, np.ones(20), spring_N_m=50.0)
-    # 5 ms are two and a half ticks: at the third tick it has been pushed for half of one.
-    assert record["input"][:3].tolist() == [0.0, 0.0, 0.0]
-    first = moved(device, 0.0, 0.0, 1.0, 1e-3)[0]
-    assert 1e-3 * record["input"][3] == pytest.approx(first, rel=1e-9)
-    np.testing.assert_allclose(record["output"], 1.0 - 0.05 * record["input"], atol=1e-15)
-
-
-def test_it_stays_within_its_travel_on_the_encoder_s_grid():
-    record = device_recording(DEVICE)
-    assert TRAVEL_MM / 4 < np.abs(record["input"]).max() < 1.2 * TRAVEL_MM
-    np.testing.assert_allclose(record["input"] / 0.03, np.round(record["input"] / 0.03), atol=1e-9)

@@ -26,7 +26,6 @@ COMMANDS = {
     "propose": tissue.run_propose,
     "explore": explore.run_explore,
     "refine": tissue.run_refine,
-    "device": device.run_device,
     "render": device.run_render,
     "export": device.run_export,
     "survey": tissue.run_survey,

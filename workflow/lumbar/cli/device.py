@@ -1,6 +1,6 @@
-"""Commands that bring models to a haptic device: ``lumbar device``, ``render`` and ``export``."""
+"""Commands that bring models to a haptic device: ``lumbar render`` and ``export``."""
 
-from lumbar.cli.options import given_settings, say_what_runs
+from lumbar.cli.options import given_settings
 
 
 def run_export(options) -> None:
@@ -16,7 +16,6 @@ def run_export(options) -> None:
         rate_Hz=options.rate,
         targets=options.target,
         effect_files=settings.improvement.effect_files,
-        sign=options.sign,
         settings=settings.runtime,
     )
     for file in made:
@@ -28,7 +27,6 @@ def run_render(options) -> None:
     from lumbar.interface.device import render
 
     settings = given_settings(options)
-    say_what_runs([options.models] if options.models.suffix == ".fmu" else [], options.trust)
     found = render(
         options.models,
         options.model,
@@ -37,21 +35,9 @@ def run_render(options) -> None:
         damping_N_s_m=options.damping,
         hand_stiffness_N_m=options.hand,
         rate_Hz=options.rate,
-        trust=options.trust,
         effect_files=settings.improvement.effect_files,
         settings=settings.runtime,
     )
     print(found)
     if options.output:
         found.save(options.output)
-
-
-def run_device(options) -> None:
-    """Print what the recording tells; write the configuration where a file is given."""
-    from lumbar.interface.device_identification import identify_device
-
-    found = identify_device(options.recording, settings=given_settings(options))
-    print(found)
-    if options.output:
-        found.save(options.output)
-        print(f"{options.output}: next: lumbar render MODELS --config {options.output}")

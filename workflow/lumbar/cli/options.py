@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -83,16 +82,6 @@ def _add_options(parser: Any, options: Sequence[str | Mapping], shared: Mapping[
             else:
                 kind = {"type": TYPES[how["type"]]} if "type" in how else {}
                 parser.add_argument(*names.split(", "), **how | kind)
-
-
-def say_what_runs(fmus: list[Path], trust: bool) -> None:
-    """Say before it happens that libraries of anybody are run."""
-    if fmus and trust:
-        names = ", ".join(file.name for file in fmus)
-        print(
-            f"--trust: the program in {names} is run, whoever made it, unless the file is refused",
-            file=sys.stderr,
-        )
 
 
 def given_settings(options: argparse.Namespace) -> StudySettings:

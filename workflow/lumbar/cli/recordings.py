@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.cli.options import given_settings, say_what_runs
+from lumbar.cli.options import given_settings
 from lumbar.settings.plain import plain
 
 if TYPE_CHECKING:
@@ -38,22 +38,7 @@ def run_import(options) -> None:
 def run_check(options) -> None:
     """Check the files and print one line for each."""
     settings = given_settings(options)
-    files = _files(options.paths)
-    fmus = [file for file in files if _is_fmu(file)]
-    if options.key and not fmus:
-        raise InputError("--key verifies FMUs, and there is none among these files")
-    if fmus:
-        from lumbar.interface.device import check_fmu
-
-        say_what_runs(fmus, options.trust)
-        own = settings.improvement.effect_files
-        for check in check_fmu(
-            fmus, key=options.key, trust=options.trust, effect_files=own, settings=settings.runtime
-        ):
-            print(f"runtime: {check}")
-    plan = [_reading(file, options.chapter, settings) for file in files if not _is_fmu(file)]
-    if not plan:
-        return
+    plan = [_reading(file, options.chapter, settings) for file in _files(options.paths)]
     from lumbar.lifting.quality.body import read_upright
     from lumbar.records.checking import check_recordings
 
@@ -62,20 +47,16 @@ def run_check(options) -> None:
             print(f"{chapter}: {_line(description)}")
 
 
-def _is_fmu(file: Path) -> bool:
-    return file.suffix == ".fmu"
-
-
 def _files(paths: list[Path]) -> list[Path]:
     from lumbar.interface.reading import is_column_file, is_marker_file
 
-    kinds = (is_column_file, is_marker_file, _is_fmu)
+    kinds = (is_column_file, is_marker_file)
     files = []
     for given in paths:
         if given.is_dir():
             found = [item for item in sorted(given.iterdir()) if any(kind(item) for kind in kinds)]
             if not found:
-                raise InputError(f"{given}: no recordings and no FMUs in this folder")
+                raise InputError(f"{given}: no recordings in this folder")
             files += found
         else:
             files.append(given)

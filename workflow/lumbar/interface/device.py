@@ -1,4 +1,4 @@
-"""``lumbar.load_models``, ``export_fmu``, ``check_fmu`` and ``render``: models of files, on their way to a haptic device."""
+"""``lumbar.load_models``, ``export_fmu`` and ``render``: models of files, on their way to a haptic device."""
 
 from __future__ import annotations
 
@@ -21,12 +21,9 @@ from lumbar.tissue.haptics.judgement import judge, oscillating_and_calm
 from lumbar.tissue.haptics.passivity import z_width
 from lumbar.tissue.haptics.verdict import Judgement
 from lumbar.tissue.models.fitted_model import FittedModel, read_models
-from lumbar.tissue.perception.thresholds import Hands
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from lumbar.tissue.fmu.check.file_check import FileCheck
 
 
 def load_models(path: str | os.PathLike, effect_files: Iterable[str | os.PathLike] = ()) -> list[FittedModel]:
@@ -68,11 +65,10 @@ def export_fmu(
     rate_Hz: float | None = None,
     targets: Iterable[Platform] | None = None,
     effect_files: Iterable[str | os.PathLike] = (),
-    sign: str | os.PathLike | None = None,
     settings: RuntimeSettings | None = None,
     data: str = "",
 ) -> list[Path]:
-    """Export models as FMUs for FMI 2.0 and 3.0, and check each file as `check_fmu` does.
+    """Export models as FMUs for FMI 2.0 and 3.0, and validate each file with fmpy.
 
     Parameters
     ----------
@@ -89,8 +85,6 @@ def export_fmu(
         Platforms to build for: ``host``, ``x86_64-windows`` …; default the settings'.
     effect_files : iterable of path, optional
         Of a file: files with effects of your own.
-    sign : path, optional
-        Key of OpenSSH to sign the files with: ``<model>_fmi3.fmu.sig`` beside each.
     settings : RuntimeSettings, optional
         Moving average, limits, guards of the force, what to do with an unstable model, the compiler's cache.
     data : str
@@ -104,8 +98,8 @@ def export_fmu(
     Raises
     ------
     InputError
-        A model that is not there or cannot be exported, an unknown platform, a file with a problem, or a key that does not
-        sign: the files are removed.
+        A model that is not there or cannot be exported, an unknown platform, or a file with a problem: the files are
+        removed.
     NumericalError
         An unstable model, or one that is unstable on the settings' device, where the settings refuse it.
 
@@ -116,7 +110,7 @@ def export_fmu(
     [PosixPath('fmu/KB+coulomb_friction_fmi2.fmu'), PosixPath('fmu/KB+coulomb_friction_fmi3.fmu')]
     """
     from lumbar.tissue.fmu.build.package import export_fmus
-    from lumbar.tissue.fmu.check.file_check import check_new_files
+    from lumbar.tissue.fmu.fmu_check import validate_new_files
 
     settings = settings or RuntimeSettings()
     settings = replace(
@@ -127,11 +121,7 @@ def export_fmu(
     resolve_targets(settings.targets)  # a wrong one is told before the models are judged
     asked = with_device(export_models(selected, settings), settings, selected)
     written = export_fmus(asked, Path(folder), data or read_from, settings.targets, cache)
-    check_new_files(written, asked, cache)
-    if sign is not None:
-        from lumbar.tissue.fmu.signature import sign_new_files
-
-        sign_new_files(written, Path(sign))
+    validate_new_files(written)
     return written
 
 
@@ -163,60 +153,6 @@ def _chosen(settings: RuntimeSettings, fitted: list[FittedModel], names, trained
     )
 
 
-def check_fmu(
-    path: str | os.PathLike | Iterable[str | os.PathLike],
-    *,
-    key: str | os.PathLike | None = None,
-    trust: bool = False,
-    effect_files: Iterable[str | os.PathLike] = (),
-    settings: RuntimeSettings | None = None,
-) -> list[FileCheck]:
-    """Check FMUs: description, library, reference signals and sources must say and do the same; a `FileCheck` of each file.
-
-    All that a file says follows from its record, ``resources/model.json``: it is written anew from that and compared.
-
-    The library in an FMU is a program. It is run where it is, to the byte, what this machine makes of the file's
-    record, where a key vouches for the file, or where it is trusted; else all but the library is checked.
-
-    Parameters
-    ----------
-    path : path or iterable of path
-        FMUs of `export_fmu`, of any platform; the library is played, and built anew from the sources in the FMU,
-        where it is one for this machine.
-    key : path, optional
-        Public keys of OpenSSH, a line each: every file must have been signed with one of them, or nothing in it is run.
-    trust : bool
-        Whether the library of a file without key is run, whoever made it.
-    effect_files : iterable of path, optional
-        Files with effects of your own that the models have and the FMUs do not carry: those in Python.
-    settings : RuntimeSettings, optional
-        For the compiler's cache.
-
-    Raises
-    ------
-    InputError
-        With every problem of every file: the variable or the place, what was found, what is expected.
-
-    Examples
-    --------
-    >>> import lumbar
-    >>> print(*lumbar.check_fmu("fmu/KB_fmi3.fmu"))  # doctest: +SKIP
-    KB_fmi3.fmu: sound; plays its reference, and its sources give the same library
-    """
-    from lumbar.tissue.fmu.check.file_check import all_sound, check_files
-
-    known = catalogues_with([Path(item) for item in effect_files])
-    paths = [Path(item) for item in ([path] if isinstance(path, str | os.PathLike) else path)]
-    cache = cache_folder((settings or RuntimeSettings()).compiler_cache)
-    if key is None:
-        return all_sound(check_files(paths, cache, known, trust=trust))
-    from lumbar.tissue.fmu.signature import verify
-
-    signers = verify(paths, Path(key))
-    checks = all_sound(check_files(paths, cache, known))
-    return [replace(check, signed_with=signer) for check, signer in zip(checks, signers, strict=True)]
-
-
 def render(
     model: FittedModel | Iterable[FittedModel] | str | os.PathLike,
     names: Iterable[str] | None = None,
@@ -226,7 +162,6 @@ def render(
     damping_N_s_m: float | None = None,
     hand_stiffness_N_m: float | None = None,
     rate_Hz: float | None = None,
-    trust: bool = False,
     effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
     data: str = "",
@@ -241,14 +176,11 @@ def render(
     Parameters
     ----------
     model : FittedModel, iterable of FittedModel or path
-        Of `identify`, `refine` or `diagnose`; a file ``models.json`` or ``refined.json``; or an FMU for FMI 3.0.
+        Of `identify`, `refine` or `diagnose`; or a file ``models.json`` or ``refined.json``.
     names, trained_on, effect_files, data
         As of `export_fmu`.
     mass_kg, damping_N_s_m, hand_stiffness_N_m, rate_Hz : float, optional
         Of the device, the hand and the servo loop; default the settings' ``device``.
-    trust : bool
-        Of an FMU: whether its library is run, whoever made it; else that alone which this machine makes of the
-        file's record to the byte, and of any other file the record is judged.
     settings : RuntimeSettings, optional
         Rate of the models, moving average, limit, device.
 
@@ -280,11 +212,6 @@ def render(
             )
     values = {key: value for key, value in given.items() if value is not None}
     settings = replace(settings, device=replace(settings.device, **values))  # type: ignore[arg-type]  # no words
-    if isinstance(model, str | os.PathLike) and Path(model).suffix == ".fmu":
-        from lumbar.tissue.haptics.judgement import judge_fmu
-
-        judgement, remarks = judge_fmu(Path(model), settings, trust, effect_files)
-        return Rendering((judgement,), remarks, settings, data or Path(model).name)
     fitted, read_from = chosen_models(model, settings, names, trained_on, effect_files)
     found = rendering_of(fitted, settings, data or read_from)
     if not len(found):
@@ -292,11 +219,9 @@ def render(
     return found
 
 
-def rendering_of(
-    models: Sequence[FittedModel], settings: RuntimeSettings, data: str, hands: Hands | None = None
-) -> Rendering:
+def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, data: str) -> Rendering:
     """Judge models on the device of the settings; models that cannot be rendered are refused with the reason, not an error."""
-    judgements, refused = judge(models, settings, hands)
+    judgements, refused = judge(models, settings)
     return Rendering(tuple(judgements), tuple(refused), settings, data)
 
 
@@ -308,7 +233,7 @@ class Rendering(Result):
     """``analysis`` (damping needed, largest stable gain), ``run`` (the simulated loop) and the lowest safe rates of each
     model at each rate."""
     refused: tuple[str, ...]
-    """Why models have no counterpart at a rate, or an FMU was judged without its library."""
+    """Why models have no counterpart at a rate."""
     settings: RuntimeSettings
     """With the device."""
     data: str
@@ -370,7 +295,7 @@ class Rendering(Result):
 
 def _loop_sentence(item: Judgement) -> str:
     rates = [
-        f"{word} from {rate:.4g} Hz on{' with even ticks' if item.analysis.timings else ''}"
+        f"{word} from {rate:.4g} Hz on"
         for word, rate in (("stable", item.lowest_stable_rate), ("passive", item.lowest_passive_rate))
         if rate is not None
     ]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lumbar.base.errors import InputError
 from lumbar.base.files import write_json, write_text
@@ -20,7 +20,6 @@ from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, gather_evidence, write_diagnosis
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.residuals.compare import comparison_table
-from lumbar.tissue.diagnosis.residuals.felt_where import felt_table
 from lumbar.tissue.diagnosis.residuals.locate import (
     ResidualReport,
     compare_and_locate,
@@ -165,17 +164,6 @@ class Diagnosis:
         """The thesis's models, ridge ARX and output error, of the same records; none beside force as the input."""
         return ThesisModels() if self.settings.forward else thesis_models(self.verdict, self.study.tissue)
 
-    @cached_property
-    def pushed(self) -> dict[str, Any] | None:
-        """Base and refined model under the reader's hand; None beside force as the input."""
-        from lumbar.publishing.explorer.push import pushed_models
-
-        if self.settings.forward:
-            return None
-        return pushed_models(
-            [self.models[0], *self.models[1:][-1:]], self.study.runtime.compiler_cache, self.data
-        )
-
     @property
     def without_page(self) -> str:
         """Why there is no page that one can look around in; empty where there is one."""
@@ -191,7 +179,7 @@ class Diagnosis:
         pictures : mapping of str to path, optional
             SVG files by caption, shown with the evidence.
         thesis : bool
-            Whether the thesis's models stand beside, and models can be pushed; identifying and compiling takes a few seconds.
+            Whether the thesis's models stand beside; identifying them takes a few seconds.
         reading : str, optional
             Python that makes ``records``, for what can be copied; default that which reads the files they come from.
         """
@@ -213,7 +201,6 @@ class Diagnosis:
             evidence_sections(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
             [*own, *beside.models],
             beside.remark,
-            self.pushed if thesis else None,
             fitting_code(self.records, self.verdict, self.settings, self.study, reading),
         )
 
@@ -262,7 +249,6 @@ class Diagnosis:
         simulated = self.base_on_records
         comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
         location_table(self.reports, self.data).write(folder / "location")
-        felt_table(simulated, self.data).write(folder / "felt")
         given = (self.verdict, self.reports, self.settings.candidates, folder, self.data)
         return draw_pictures(*given, self.proposal)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -17,19 +16,15 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 from lumbar.tissue.diagnosis.selection.refine import refined_fit
 from lumbar.tissue.identification.identify_tissue import distinct, given_model
 from lumbar.tissue.identification.identify_tissue import identify as identify_one
 from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1
-from lumbar.tissue.identification.static_models import felt_on, static_or_dynamic_table
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.model_data import ARX
-from lumbar.tissue.perception.thresholds import Hands
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.figure import Figure
 
     from lumbar.tissue.haptics.passive_models import PassiveFits
@@ -92,8 +87,7 @@ def identify(
             found.append(refined_fit([training, *tests], list(improvement.effects), how))
         models += found
         grid += rows
-    hands = Hands.of(settings.perception)
-    return Identification(models, pd.DataFrame(grid).assign(data=data), tissue, data, records, hands)
+    return Identification(models, pd.DataFrame(grid).assign(data=data), tissue, data)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,10 +101,6 @@ class Identification(Result):
     """Every structure and ridge coefficient that was tried, one row each."""
     settings: TissueSettings
     data: str
-    records: RecordSet
-    """What they were identified on, and tested with."""
-    hands: Hands
-    """What hands can tell."""
 
     def __getitem__(self, name: str) -> FittedModel:
         """Return a model by name: the ridge ARX fit on the first training record where there are several."""
@@ -143,30 +133,7 @@ class Identification(Result):
     @property
     def table_3_1(self) -> Table:
         """Error metrics of all models on all training records."""
-        felt = [
-            felt_on(self.records[str(model.trained_on)], model.simulate, *self._how_felt)
-            if model.stable
-            else None
-            for model in self.models
-        ]
-        return table_3_1(self.models, self.settings, self.data, felt, self._noise is not None)
-
-    @cached_property
-    def _noise(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Frequencies and density of the noise of the first record that repeats; None where none does."""
-        floors = (noise_floor(record) for record in self.records)
-        return next((floor.spectrum for floor in floors if floor is not None), None)
-
-    @property
-    def _how_felt(self) -> tuple[Hands, float | None, tuple[np.ndarray, np.ndarray] | None]:
-        return self.hands, self.settings.settling_s, self._noise
-
-    @property
-    def static_or_dynamic(self) -> Table:
-        """Static laws beside the models of the first training record: how much of what is felt needs time."""
-        training = self.records[str(self.models[0].trained_on)]
-        tests = [record for record in self.records if record is not training]
-        return static_or_dynamic_table(self.models, training, tests, *self._how_felt, self.data)
+        return table_3_1(self.models, self.settings, self.data)
 
     @property
     def physical_parameters(self) -> Table:
@@ -216,13 +183,11 @@ class Identification(Result):
         )
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``models.json``, ``search.csv``, tables ``table_3_1``, ``physical_parameters`` and ``static_or_dynamic``."""
-
+        """``models.json``, ``search.csv``, tables ``table_3_1`` and ``physical_parameters``."""
         yield "models.json", models_document(distinct(self.models), self.data)
         yield "search.csv", self.search
         yield "table_3_1", self.table_3_1
         yield "physical_parameters", self.physical_parameters
-        yield "static_or_dynamic", self.static_or_dynamic
 
     def __repr__(self) -> str:
         return f"<Identification: {len(self)} models>"

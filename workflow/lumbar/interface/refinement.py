@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -21,7 +21,6 @@ from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, in_session, prepare
 from lumbar.tissue.diagnosis.residuals.compare import comparison_table
-from lumbar.tissue.diagnosis.residuals.felt_where import felt_table, located_sentences
 from lumbar.tissue.diagnosis.residuals.locate import (
     ResidualReport,
     all_reports_sentence,
@@ -41,7 +40,6 @@ from lumbar.tissue.diagnosis.selection.refine import (
 )
 from lumbar.tissue.diagnosis.selection.refine import refine as fit_path
 from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.perception.thresholds import Hands
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,7 +79,6 @@ def refine(
     KB: 0.2299 N in training, 0.2247 unseen
     + coulomb_friction: 0.00989 N in training, 0.009904 unseen (-96 %)
     Noise floor: 0.0101 N (0.00961 to 0.0106) from 5 periods of 4 s.
-    A hand just feels 0.072 N (0.0445 to 0.136): no hand feels what is left.
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
     """
@@ -183,14 +180,14 @@ class Refinement(Result):
         """Return the picture of the error ladder."""
         from lumbar.publishing.figures.comparison_figures import ladder_figure, ladder_rungs
 
-        floor, felt = self.experiment.floor, self.experiment.error_just_felt
+        floor = self.experiment.floor
         errors = [
             {"effects": item.effects, "train_rms": item.train_rms, "test_rms": item.test_rms}
             for item in self.path
         ]
         rungs = ladder_rungs({"base": self.path[0].fit.structure.base.name, "ladder": errors})
         rms = None if floor is None else floor.rms
-        return ladder_figure(rungs, self.experiment.output_unit, rms, felt)
+        return ladder_figure(rungs, self.experiment.output_unit, rms)
 
     def __str__(self) -> str:
         lines = ladder_sentences(self.path, self.experiment)
@@ -283,7 +280,6 @@ def _on_records(
         in_space = spatial_reports(model, prepare_in_space(records, chosen), settings.seed)
         return model, in_space, data, changed
     experiment = prepare(records, train, settling_s=settings.tissue.settling_s).from_rest()
-    experiment = replace(experiment, hands=Hands.of(settings.perception))
     simulate = in_session(records, model.simulate) if session else model.simulate
     reports = residual_reports(records, simulate, experiment, settings.seed)
     return model, reports, data, changed
@@ -409,16 +405,6 @@ class Locations(OnRecords):
         return location_table(self.reports, self.data)
 
     @property
-    def felt(self) -> Table:
-        """Where a hand feels the error of every record."""
-        return felt_table(self.simulated, self.data)
-
-    def save(self, folder: str | os.PathLike) -> None:
-        """Beside what every model on records has, the table ``felt``."""
-        super().save(folder)
-        self.felt.write(Path(folder) / "felt")
-
-    @property
     def pictured(self) -> list[str]:
         """Names of what pictures are drawn of: of records of several axes each of their axes too."""
         return [item.record.name for item in with_axes(self.reports)]
@@ -443,5 +429,5 @@ class Locations(OnRecords):
         told = [all_reports_sentence(self.reports)]
         for item in self.reports:
             along = [axis.location.headline for axis in item.axes if axis is not item]
-            told.append("\n  ".join([*located_sentences(item), *along]))
+            told.append("\n  ".join([*item.sentences, *along]))
         return "\n".join([*told, *self._finding_lines])

@@ -101,7 +101,7 @@ class SpatialDiagnosis(Diagnosis):
     ) -> None:
         """Write ``diagnosis.json``, ``ladder.csv``, ``refined.json``, ``diagnosis.html`` and the table ``principal_axes``.
 
-        With `pictures` those of comparison, location and ladder too, and the tables ``compare``, ``location`` and ``felt``.
+        With `pictures` those of comparison, location and ladder too, and the tables ``compare`` and ``location``.
         """
         folder = Path(folder)
         told = {**self.verdict.to_json(), "data": self.data, "headline": self.headline}

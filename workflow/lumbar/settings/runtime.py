@@ -20,13 +20,9 @@ class DeviceSettings:
     hand_mass_kg: float = key(default=0.0, ge=0)
     rate_Hz: float = key(default=1000.0, ge=4)
     delay_ms: float = key(default=0.0, within="[0, 1000]")
-    jitter_percent: float = key(default=0.0, unit="%", within="[0, 90]")
-    missed_ticks: int = key(default=0, within="[0, 20]")
     encoder_um: float = key(default=30.0, ge=0)
-    hands: int = key(default=256, within="[0, 100000]")
     hands_stiffness_N_m: tuple[float, float] = key(default=(50.0, 1500.0), unit="N/m")
     hands_damping_N_s_m: tuple[float, float] = key(default=(0.0, 50.0))
-    least_stable_share: float = key(default=0.9, within="[0, 1]")
     unsafe: Literal["warn", "refuse"] = key(default="warn")
 
 
@@ -37,7 +33,6 @@ Platform = Literal[
     "aarch64-linux",
     "x86_64-darwin",
     "aarch64-darwin",
-    "wasm32-wasi",
 ]
 ModelName = Annotated[str, Each(pattern="^[A-Za-z][A-Za-z0-9_.+-]*$")]
 

@@ -5,7 +5,6 @@ from typing import Annotated, Literal
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.key import SEED, UNIQUE, FolderName, key, required, section, settings
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.perception import PerceptionSettings
 from lumbar.settings.population import PopulationSettings
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
@@ -55,7 +54,6 @@ class StudySettings:
     tissue: TissueSettings = section(default_factory=TissueSettings)
     improvement: ImprovementSettings = section(default_factory=ImprovementSettings)
     runtime: RuntimeSettings = section(default_factory=RuntimeSettings)
-    perception: PerceptionSettings = section(default_factory=PerceptionSettings)
     survey: SurveySettings = section(default_factory=SurveySettings)
     lifting: LiftingSettings = section(default_factory=LiftingSettings)
     stability: StabilitySettings = section(default_factory=StabilitySettings)

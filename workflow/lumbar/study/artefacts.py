@@ -16,11 +16,7 @@ NEEDS = {"signals": ["surgeon"], "improvement": ["tissue"], "runtime": ["tissue"
 LIFTED = {"lifting", "population"}
 """Chapters that begin with the recorded lifts."""
 
-OF_TISSUE = {"survey_felt", "survey_power"}
-"""Artefacts of another chapter that are made where the study has tissue models."""
-
-
-OF_ONE_AXIS = {"identify_tissue", "felt_ratings"}
+OF_ONE_AXIS = {"identify_tissue"}
 """Rules whose artefacts take tissue tests along one axis: not made of records of several."""
 OF_SEVERAL_AXES = {"principal_axes"}
 """Artefacts of tissue tests along several axes."""

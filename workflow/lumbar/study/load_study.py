@@ -20,7 +20,6 @@ from lumbar.study.artefacts import (
     NEEDS,
     OF_ONE_AXIS,
     OF_SEVERAL_AXES,
-    OF_TISSUE,
     read_artefacts,
 )
 from lumbar.study.consistency import Add, check_consistency, check_effects
@@ -72,7 +71,6 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
             for row in read_artefacts(root / "config" / "artefacts.tsv")
             if row.chapter in chapters
             and (not row.check or row.check in settings.stability.checks)
-            and ("tissue" in chapters or row.id not in OF_TISSUE)
             and (
                 row.rule not in OF_ONE_AXIS if settings.tissue.layout.axes else row.id not in OF_SEVERAL_AXES
             )

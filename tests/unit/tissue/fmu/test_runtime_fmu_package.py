@@ -17,7 +17,7 @@ from lumbar.base.errors import InputError
 from lumbar.tissue.fmu.build import compiler, package
 from lumbar.tissue.fmu.build.compiler import compile_library
 from lumbar.tissue.fmu.build.package import compile_model, export_fmus, write_fmu
-from lumbar.tissue.fmu.check.fmu_check import simulate_fmu
+from lumbar.tissue.fmu.fmu_check import simulate_fmu
 from study_settings import changed
 
 pytestmark = ON_LINUX

@@ -1,16 +1,15 @@
 """Finished FMUs driven through fmpy, against a simulation written out in Python; what their libraries do, whatever the model."""
 
 import math
-import os
-import signal
 import struct
 import zipfile
-from contextlib import suppress
 
 import numpy as np
 import pytest
 from c_programs import ON_LINUX
+from driven_fmu import DrivenFmu, DrivenInstance, Motion, modes
 from fmpy.fmi1 import FMICallException
+from fmu_behaviour import problems_of
 from runtime_models import (
     FORCE,
     FORCE_LIMIT,
@@ -26,13 +25,9 @@ from runtime_models import (
     selected,
 )
 
-from lumbar.base import landlock
 from lumbar.base.errors import InputError
 from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.fmu.check import playing
-from lumbar.tissue.fmu.check.behaviour import problems_of
-from lumbar.tissue.fmu.check.fmu_check import check_fmus, check_table, push
-from lumbar.tissue.fmu.check.instance import Instance, Motion, UnzippedFmu, modes
+from lumbar.tissue.fmu.fmu_check import check_fmus, check_table, push
 from study_settings import changed
 
 pytestmark = ON_LINUX
@@ -207,33 +202,6 @@ def test_table_says_when_the_feedthrough_acts(fmu_models, fmu_folder, tmp_path):
     assert "Data: synthetic twin" in (tmp_path / "fmu_check.html").read_text(encoding="utf-8")
 
 
-def test_no_library_is_blamed_for_a_check_that_is_killed_from_outside(tmp_path, monkeypatch):
-    monkeypatch.setattr(playing, "problems_of", lambda _: os.kill(os.getpid(), signal.SIGKILL))
-    monkeypatch.setattr(playing, "UnzippedFmu", lambda _: None)
-    monkeypatch.setattr("lumbar.base.confined._has_threads", lambda: False)
-    with pytest.raises(InputError, match="killed from outside"):
-        playing.play_library(tmp_path)
-
-
-@pytest.mark.skipif(not landlock.version(), reason="a kernel without Landlock")
-def test_a_library_reads_and_writes_no_other_file_while_it_is_played(tmp_path, monkeypatch):
-    def tried(_):
-        outside = tmp_path / "outside"
-        with suppress(OSError):
-            outside.write_text("written", encoding="utf-8")
-        with suppress(OSError):
-            return [outside.with_name("secret").read_text(encoding="utf-8")]
-        return ["not read"]
-
-    (tmp_path / "secret").write_text("read", encoding="utf-8")
-    (tmp_path / "fmu").mkdir()
-    monkeypatch.setattr(playing, "problems_of", tried)
-    monkeypatch.setattr(playing, "UnzippedFmu", lambda _: None)
-    monkeypatch.setattr("lumbar.base.confined._has_threads", lambda: False)
-    assert playing.play_library(tmp_path / "fmu") == ["not read"]
-    assert not (tmp_path / "outside").exists()
-
-
 @pytest.mark.parametrize("version", [2, 3])
 def test_overflow_keeps_the_last_finite_force(version, fmu_instance):
     slave = fmu_instance("HO", version)
@@ -310,11 +278,11 @@ def fmu(request, fmu_folder, guarded_folder, tmp_path_factory):
         (guarded_folder if kind == "guarded" else fmu_folder) / f"{name}_fmi{version}.fmu"
     ) as archive:
         archive.extractall(folder)
-    return UnzippedFmu(folder)
+    return DrivenFmu(folder)
 
 
 def played(fmu, event_mode, positions, **parameters) -> list[float]:
-    instance = Instance(fmu, event_mode)
+    instance = DrivenInstance(fmu, event_mode)
     for name, value in parameters.items():
         instance.set(name, value)
     return instance.play(positions)
@@ -341,7 +309,7 @@ def test_however_far_the_position_goes_the_force_keeps_its_limit(fmu):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_of_a_position_that_is_no_number_nothing_stays(fmu, value):
-    positions, instance, sound = Motion(fmu).random(5, 2), Instance(fmu), Instance(fmu)
+    positions, instance, sound = Motion(fmu).random(5, 2), DrivenInstance(fmu), DrivenInstance(fmu)
     assert instance.play(positions) == sound.play(positions)
     assert instance.play(20 * [value]) == sound.play(20 * positions[-1:])
     assert instance.get(fmu.ports[0]) == positions[-1]
@@ -364,7 +332,7 @@ def test_gain_and_offsets_do_what_their_names_say(fmu):
     assert added == pytest.approx([value + 0.5 for value in plain])
     shifted = played(fmu, event_mode, [item + moved for item in push], **{shift: start[shift] + moved})
     assert shifted == pytest.approx(plain, abs=1e-9)
-    instance = Instance(fmu)
+    instance = DrivenInstance(fmu)
     instance.play(push)
     assert instance.derivative(force, "gain") == pytest.approx(
         (instance.get(force) - start[offset]) / start["gain"]
@@ -379,7 +347,7 @@ def test_the_derivative_by_the_position_is_the_slope_of_the_force(fmu):
     (position, force), motion, event_mode = fmu.ports, Motion(fmu), modes(fmu)[-1]
     positions, small, pairs = motion.random(SAMPLES, 15, scale=0.2), SLOPE * motion.span, []
     for k in range(3, len(positions), 4):
-        instance = Instance(fmu, event_mode)
+        instance = DrivenInstance(fmu, event_mode)
         instance.play(positions[:k])
         instance.reach_sample()
         forces = []
@@ -394,7 +362,7 @@ def test_the_derivative_by_the_position_is_the_slope_of_the_force(fmu):
 def test_a_reset_makes_it_as_new(fmu):
     start, positions = fmu.numbered("start"), Motion(fmu).random(SAMPLES, 5)
     for event_mode in modes(fmu):
-        instance = Instance(fmu, event_mode)
+        instance = DrivenInstance(fmu, event_mode)
         first = instance.play(positions)
         for name, value in parameters_of(fmu).items():
             instance.accepts(name, value)
@@ -410,7 +378,7 @@ def test_a_saved_state_continues_in_the_same_instance_and_from_bytes_in_another(
     motion, start = Motion(fmu), fmu.numbered("start")
     positions, more = motion.random(SAMPLES, 6), motion.random(SAMPLES, 7)
     for event_mode in modes(fmu):
-        instance, fresh = Instance(fmu, event_mode), Instance(fmu, event_mode)
+        instance, fresh = DrivenInstance(fmu, event_mode), DrivenInstance(fmu, event_mode)
         values = {name: value for name, value in parameters_of(fmu).items() if instance.accepts(name, value)}
         instance.play(positions)
         saved = instance.save()
@@ -429,4 +397,6 @@ def test_a_saved_state_continues_in_the_same_instance_and_from_bytes_in_another(
 @pytest.mark.parametrize(("parts", "start"), [(2, 0.0), (7, 0.0), (1, 1000.0)])
 def test_forces_hang_neither_on_the_division_of_time_nor_on_its_beginning(fmu, parts, start):
     positions = Motion(fmu).random(SAMPLES, 12)
-    assert Instance(fmu, start=start, parts=parts).play(positions) == Instance(fmu).play(positions)
+    assert DrivenInstance(fmu, start=start, parts=parts).play(positions) == DrivenInstance(fmu).play(
+        positions
+    )

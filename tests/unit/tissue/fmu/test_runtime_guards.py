@@ -25,8 +25,8 @@ from runtime_models import (
 from lumbar.base.errors import InputError
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.build.reference_response import reference_output
-from lumbar.tissue.fmu.check.fmu_check import check_fmus, simulate_fmu
 from lumbar.tissue.fmu.conventions import slow_push
+from lumbar.tissue.fmu.fmu_check import check_fmus, simulate_fmu
 from study_settings import changed
 
 pytestmark = [ON_LINUX, pytest.mark.usefixtures("without_plots")]

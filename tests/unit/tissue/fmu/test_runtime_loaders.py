@@ -27,7 +27,6 @@ with_mono = pytest.mark.skipif(
     shutil.which("mcs") is None or shutil.which("mono") is None,
     reason="no C# compiler: apt-get install mono-mcs mono-runtime libmono-system-xml4.0-cil",
 )
-with_node = pytest.mark.skipif(shutil.which("node") is None, reason="no Node: apt-get install nodejs")
 with_cpp = pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler: apt-get install g++")
 
 
@@ -95,29 +94,17 @@ def csharp_player(tmp_path_factory):
     return lambda *arguments: played(["mono", program], *arguments)
 
 
-def built_for(target: str, unzipped: Path, cache: Path) -> None:
-    """Give the FMUs a library for this target, of their own sources."""
-    platform = TARGETS[target]
-    for folder in (unzipped / "KB", unzipped / "effects", unzipped / "space"):
-        (native,) = (folder / "binaries" / "x86_64-linux").iterdir()
-        library = folder / "sources" / f"{native.stem}{platform.suffix}"
-        compile_library([library.parent / name for name in C_FILES], library, target, cache)
-        place = folder / "binaries" / platform.fmi3
-        place.mkdir()
-        shutil.move(library, place / library.name)
-
-
-@pytest.fixture(scope="module")
-def wasm_player(unzipped, zig_cache):
-    """Return the same for the loader in JavaScript."""
-    built_for("wasm32-wasi", unzipped, zig_cache)
-    return lambda *arguments: played(["node", LOADERS / "play_fmu.mjs"], *arguments)
-
-
 @pytest.fixture(scope="module")
 def windows_player(unzipped, zig_cache, tmp_path_factory):
     """Return the same for the loader in C as a program of Windows."""
-    built_for("x86_64-windows", unzipped, zig_cache)
+    platform = TARGETS["x86_64-windows"]
+    for fmu in (unzipped / "KB", unzipped / "effects", unzipped / "space"):
+        (native,) = (fmu / "binaries" / "x86_64-linux").iterdir()
+        library = fmu / "sources" / f"{native.stem}{platform.suffix}"
+        compile_library([library.parent / name for name in C_FILES], library, "x86_64-windows", zig_cache)
+        place = fmu / "binaries" / platform.fmi3
+        place.mkdir()
+        shutil.move(library, place / library.name)
     folder = tmp_path_factory.mktemp("windows")
     program = loader_program(LOADERS / "play_fmu.c", "x86_64-windows", folder, zig_cache)
     environment = {**os.environ, "WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all"}
@@ -139,7 +126,6 @@ def test_the_embedded_reference_is_played(name, unzipped, player):
 @pytest.mark.parametrize(
     "other",
     [
-        pytest.param("wasm_player", marks=with_node),
         pytest.param("csharp_player", marks=with_mono),
         pytest.param("windows_player", marks=[pytest.mark.nightly, with_wine]),
     ],
@@ -181,13 +167,8 @@ def refused(program: list, rows, parameters: list[str], folder: Path, work: Path
 
 
 @MISUSES
-@pytest.mark.parametrize("language", ["c", pytest.param("javascript", marks=with_node)])
-def test_misuse_is_an_error(language, rows, parameters, words, unzipped, zig_cache, tmp_path, request):
-    if language == "javascript":
-        request.getfixturevalue("wasm_player")
-        program = ["node", LOADERS / "play_fmu.mjs"]
-    else:
-        program = [loader_program(LOADERS / "play_fmu.c", "x86_64-linux", tmp_path, zig_cache)]
+def test_misuse_is_an_error(rows, parameters, words, unzipped, zig_cache, tmp_path):
+    program = [loader_program(LOADERS / "play_fmu.c", "x86_64-linux", tmp_path, zig_cache)]
     assert words in refused(program, rows, parameters, unzipped / "KB", tmp_path)
 
 

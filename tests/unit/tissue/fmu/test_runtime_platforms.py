@@ -132,14 +132,13 @@ def test_folders_are_those_of_each_standard():
         }
         for version in ("2.0", "3.0")
     }
-    assert found["2.0"] == {"linux64", "win64", "darwin64", "aarch64-linux", "wasm32-wasi"}
+    assert found["2.0"] == {"linux64", "win64", "darwin64", "aarch64-linux"}
     assert found["3.0"] == {
         "x86_64-linux",
         "x86_64-windows",
         "aarch64-linux",
         "x86_64-darwin",
         "aarch64-darwin",
-        "wasm32-wasi",
     }
 
 

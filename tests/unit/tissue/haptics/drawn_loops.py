@@ -7,7 +7,7 @@ import numpy as np
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel
 from lumbar.tissue.haptics.simulation import TissueForce, difference_equation, simulate
-from lumbar.tissue.haptics.ticks.sequence import in_ticks
+from lumbar.tissue.haptics.ticks import in_ticks
 
 
 def drawn_device(rng: np.random.Generator) -> DeviceSettings:

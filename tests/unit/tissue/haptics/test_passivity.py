@@ -1,6 +1,5 @@
 """Passivity and loops with a hand, effects or dry friction: published closed forms, poles, pushes, passive fits."""
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from tissue_fits import COEFFICIENTS
 
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.effects.catalogue import TISSUE, catalogue_with
-from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain, propagation
 from lumbar.tissue.haptics.judgement import judge_exported, run_loop
 from lumbar.tissue.haptics.passive_fit import (
@@ -29,7 +27,7 @@ from lumbar.tissue.haptics.passive_fit import (
 )
 from lumbar.tissue.haptics.passive_models import takes_energy
 from lumbar.tissue.haptics.passivity import required_damping
-from lumbar.tissue.haptics.rendered_model import export_at, unpacked
+from lumbar.tissue.haptics.rendered_model import export_at, fmu_of, stepping
 from lumbar.tissue.haptics.simulation import simulate
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.models.fitted_model import read_models
@@ -301,19 +299,17 @@ def contradictions(form: str, encoder_um: float, cache: Path, project: Path) -> 
     if form in OWN:
         catalogue = catalogue_with([project / "examples" / "own_effect" / "hertzian_contact.yaml"])
     entry = entry_of_effects("KB", {form: {**FORM_NUMBERS, **OWN}[form]}, catalogue)
-    settings = changed(SETTINGS, compiler_cache=str(cache), device={"encoder_um": encoder_um, "hands": 0})
+    settings = changed(SETTINGS, compiler_cache=str(cache), device={"encoder_um": encoder_um})
     exported = export_at(read_models(models_json(entry), {"tissue": catalogue})[0], settings, 1000.0)
     verdict = judge_exported(exported, settings)
     if not verdict.stable:
         return []
     shaken = []
-    with tempfile.TemporaryDirectory() as folder:
-        (file,) = export_fmus([exported], Path(folder), "", ["host"], cache, versions=["3.0"])
-        with unpacked(file) as fmu:
-            for push_mm in PUSHES_MM:
-                with fmu.stepping() as step:
-                    run = run_loop(verdict.model, settings.device, step, push_mm)
-                shaken += [] if run.calm else [f"{push_mm:g} mm: {run.outcome}; {verdict.finding}"]
+    with fmu_of(exported, settings) as fmu:
+        for push_mm in PUSHES_MM:
+            with stepping(fmu) as step:
+                run = run_loop(verdict.model, settings.device, step, push_mm)
+            shaken += [] if run.calm else [f"{push_mm:g} mm: {run.outcome}; {verdict.finding}"]
     return shaken
 
 

@@ -187,9 +187,8 @@ window.lumbar = (() => {
 
   const unseen = (record) => (page.trained.includes(record) ? "training" : "unseen");
   const ofNoise = (rms) => (page.noise_rms === null ? "unknown" : digits(rms / page.noise_rms));
-  const ofFelt = (rms) => (page.felt_rms === null ? "unknown" : digits(rms / page.felt_rms));
-  const merit = ({ rms, vaf, fit }) => [digits(rms), ofNoise(rms), ofFelt(rms), vaf.toPrecision(5), digits(fit)];
-  const MERITS = [`RMS error (${page.unit})`, "× noise", "× just felt", "VAF (%)", "FIT (%)"];
+  const merit = ({ rms, vaf, fit }) => [digits(rms), ofNoise(rms), vaf.toPrecision(5), digits(fit)];
+  const MERITS = [`RMS error (${page.unit})`, "× noise", "VAF (%)", "FIT (%)"];
 
   // Both models on every record, the one that is shown in bold.
   function merits(shown, keys) {
@@ -217,13 +216,12 @@ window.lumbar = (() => {
   // Every model on every record, as a file.
   function table() {
     const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-    const lines = [["model", "group", "record", "part", `rms_${page.unit}`, "rms_of_noise", "rms_of_just_felt", "vaf_percent", "fit_percent"]];
+    const lines = [["model", "group", "record", "part", `rms_${page.unit}`, "rms_of_noise", "vaf_percent", "fit_percent"]];
     for (const { label, group, effects, merits: all } of Object.values(page.models)) {
       const name = group === page.models.base.group ? [page.base, ...effects].join("+") : label;
       for (const [record, { rms, vaf, fit }] of Object.entries(all)) {
         const noise = page.noise_rms === null ? "" : rms / page.noise_rms;
-        const felt = page.felt_rms === null ? "" : rms / page.felt_rms;
-        lines.push([name, group, record, unseen(record), rms, noise, felt, vaf, fit]);
+        lines.push([name, group, record, unseen(record), rms, noise, vaf, fit]);
       }
     }
     hand("models.csv", "text/csv", lines.map((line) => line.map((cell) => quoted(String(cell))).join(",") + "\n").join(""));
@@ -289,9 +287,8 @@ window.lumbar = (() => {
     const rungs = steps(effects).filter(known);
     const items = rungs.map((step, i) => rung(step, i === 0 ? null : rungs[i - 1], top, movable && i > 0 ? step.length : undefined));
     list.replaceChildren(...items);
-    for (const [name, rms] of [["--noise", page.noise_rms], ["--felt", page.felt_rms]]) {
-      if (rms !== null) list.style.setProperty(name, `${Math.min(100, (100 * rms) / top)}%`);
-    }
+    const noise = page.noise_rms;
+    if (noise !== null) list.style.setProperty("--noise", `${Math.min(100, (100 * noise) / top)}%`);
   }
 
   function ladder() {

@@ -84,8 +84,6 @@ class ExplorerPage:
     """Models that are shown beside those of the diagnosis: the thesis's."""
     others_remark: str = ""
     """What is to be said of those that are not."""
-    push: dict[str, Any] | None = None
-    """Models under the reader's hand: `lumbar.publishing.explorer.push.pushed_models`."""
     python: str = ""
     """Python that fits a path of effects: `lumbar.interface.python_code.fitting_code`; empty where none does."""
 
@@ -137,7 +135,6 @@ class ExplorerPage:
             "findings": [item.sentence for item in verdict.findings],
             "sure": how_sure(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {experiment.output_unit}",
-            "felt": self._felt_words,
             "records": sorted(self.records, key=lambda record: not record.trained),
             "groups": _grouped(self.models),
             "others_remark": self.others_remark,
@@ -152,16 +149,8 @@ class ExplorerPage:
             "served": served,
             "study": study,
             "content": self._content(served),
-            "push": self.push,
             "python": self.python,
         }
-
-    @property
-    def _felt_words(self) -> str:
-        """Error that a hand just feels, noise and all; empty where that is not known."""
-        felt = self.verdict.experiment.error_just_felt
-        unit = self.verdict.experiment.output_unit
-        return "" if felt is None else f"{felt.value:.2g} {unit} ({felt.low:.2g} to {felt.high:.2g})"
 
     @property
     def title(self) -> str:
@@ -187,7 +176,6 @@ class ExplorerPage:
         return {
             "unit": experiment.output_unit,
             "noise_rms": None if floor is None else floor.rms,
-            "felt_rms": experiment.error_just_felt and experiment.error_just_felt.value,
             "window_s": _FIRST_SHOWN_S if floor is None else floor.period,
             "base": model_name(verdict.base.fit),
             "selected": list(verdict.selected),
@@ -196,7 +184,6 @@ class ExplorerPage:
             "pictures": [name for name, *_ in PICTURES],
             "excitations": self._excitations(),
             "python": self.python,
-            "push": self.push,
             "models": {model.key: model_facts(model, located.get(model.key, [])) for model in self.models},
         }
 

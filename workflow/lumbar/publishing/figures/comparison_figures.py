@@ -24,7 +24,6 @@ from lumbar.tissue.diagnosis.residuals.compare import Comparison
 from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
 from lumbar.tissue.effects.signature import AXES, RATES, Signature, pictured_form, signatures
 from lumbar.tissue.models.form import Effect
-from lumbar.tissue.perception.felt import Reach
 
 _SHOWN_SAMPLES = 500
 """Samples of the segment that is shown by default."""
@@ -143,10 +142,8 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
 
 
 @house_style
-def ladder_figure(
-    rungs: list[dict], unit: str, floor: float | None, just_felt: Reach | None = None
-) -> Figure:
-    """Draw training and unseen error of every rung, the noise floor, and the error that a hand just feels.
+def ladder_figure(rungs: list[dict], unit: str, floor: float | None) -> Figure:
+    """Draw training and unseen error of every rung, and the noise floor.
 
     Parameters
     ----------
@@ -156,18 +153,12 @@ def ladder_figure(
         Of the errors.
     floor : float or None
         Noise floor, where it is known.
-    just_felt : Reach, optional
-        RMS of an error that is just felt, its noise included.
     """
     figure, axes = new_figure(SINGLE_COLUMN, 2.6)
     train, test = ([rung[key] for rung in rungs] for key in ("train_rms", "test_rms"))
     errors = {"training record": train, "unseen records": test}
     draw_error_bars(axes, errors, lambda values: distinguishing_digits(values, 2), floor)
     lines = [floor] if floor else []
-    if just_felt is not None:
-        axes.axhspan(just_felt.low, just_felt.high, color="#000000", alpha=0.07, linewidth=0, zorder=0)
-        axes.axhline(just_felt.value, color="black", linestyle=":", linewidth=0.9, label="just felt")
-        lines.append(just_felt.value)
     smallest, largest = min([*train, *test, *lines]), max([*train, *test, *lines])
     if largest > 8 * smallest:
         axes.set(yscale="log", ylim=(0.5 * smallest, 2.2 * largest))

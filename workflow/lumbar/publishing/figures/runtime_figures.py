@@ -11,7 +11,6 @@ from lumbar.publishing.figures.palette import MODELS, SERIES, model_line, model_
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, label_panels, new_figure, note
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.passivity import ZWidth
-from lumbar.tissue.haptics.rates import Rate
 from lumbar.tissue.haptics.verdict import Judgement
 
 _FMI_LOOKS = {
@@ -132,31 +131,3 @@ def nothing_to_show(reasons: Sequence[str]) -> Figure:
 
 _SHOWN_S = 1.5
 _MOVING, _AT_REST = "#D55E00", "#0072B2"
-
-
-@house_style
-def rates_figure(found: Sequence[Rate]) -> Figure:
-    """Draw what a hand feels of the rate at which models are played, and the stiffness that the loop holds at it."""
-    figure, (felt, held) = new_figure(DOUBLE_COLUMN, 2.8, ncols=2)
-    trained = max(item.trained_Hz for item in found)
-    for name in dict.fromkeys(item.model.name for item in found):
-        own = [item for item in found if item.model.name == name and item.trained_Hz == trained]
-        rate, look = (
-            [item.played_Hz for item in own],
-            {**model_line(name), "marker": model_look(name)["marker"]},
-        )
-        reach = np.array([item.felt.jnd if item.felt else (np.nan,) * 3 for item in own])
-        known = reach[:, 0] > 0
-        felt.loglog(np.array(rate)[known], reach[known, 0], label=name, **look)
-        felt.fill_between(rate, *reach[:, 1:].T, color=look["color"], alpha=0.12, linewidth=0)
-        held.loglog(rate, [item.stable_stiffness for item in own], label=name, **look)
-    felt.axhline(1.0, color="black", linestyle=":", linewidth=0.9, label="just felt")
-    felt.set(xlabel="Rate played (Hz)", ylabel="Felt against 1000 Hz (JND)")
-    held.set(xlabel="Rate played (Hz)", ylabel="Stable stiffness at 1 Hz (N/mm)")
-    for axes in (felt, held):
-        axes.minorticks_off()
-        axes.set_xticks(rates := sorted({item.played_Hz for item in found if item.trained_Hz == trained}))
-        axes.set_xticklabels([f"{rate:g}" for rate in rates])
-    felt.legend(ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.02))
-    label_panels((felt, held))
-    return figure

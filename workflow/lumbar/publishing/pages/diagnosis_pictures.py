@@ -54,10 +54,8 @@ def draw_pictures(
             "comparison": comparison_figure(shown.record, shown.values, comparisons, base.name),
             "location": location_figure(trained.location),
         }
-    content, felt = diagnosis.to_json(), diagnosis.experiment.error_just_felt
-    figures["ladder"] = ladder_figure(
-        ladder_rungs(content), content["unit"], content["noise_floor_rms"], felt
-    )
+    content = diagnosis.to_json()
+    figures["ladder"] = ladder_figure(ladder_rungs(content), content["unit"], content["noise_floor_rms"])
     figures["signatures"] = signature_figure(pictured_effects(diagnosis, catalogue), base.system)
     if proposal is not None and proposal.law is not None:
         figures["proposed_law"] = law_figure(proposal)

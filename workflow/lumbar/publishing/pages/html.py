@@ -12,7 +12,6 @@ from markupsafe import Markup
 
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
-from lumbar.tissue.diagnosis.residuals.felt_where import located_sentences
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, all_reports_sentence, of_axes, with_axes
 from lumbar.tissue.models.printing import equation_mathml
 
@@ -118,7 +117,7 @@ def location_page(reports: Reports, model: str, data: str, pictures: dict[str, P
     """Return the page that says and shows where a model fails; parameters as for `comparison_page`."""
     blocks = [paragraph(all_reports_sentence(reports), "headline")]
     for item in with_axes(reports):
-        name, (headline, *sentences) = item.record.name, located_sentences(item)
+        name, (headline, *sentences) = item.record.name, item.sentences
         blocks += [
             heading(name),
             paragraph(headline, "headline"),

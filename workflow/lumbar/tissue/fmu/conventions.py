@@ -1,7 +1,4 @@
-"""What those who build an FMU and those who check it agree on: places of its files, names, units.
-
-The check plays every FMU in a process of its own: what it needs of the builder lies here, where nothing else is imported.
-"""
+"""What is the same where an FMU is built and where it is played: places of its files, names, units."""
 
 import json
 from functools import cache

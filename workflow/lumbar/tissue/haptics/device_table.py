@@ -10,15 +10,13 @@ from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.haptics.held_force import felt_on_device
 from lumbar.tissue.haptics.in_space import analyse_in_space, spatial_loops
 from lumbar.tissue.haptics.judgement import analyse, judge_exported
 from lumbar.tissue.haptics.passivity import FASTEST_HZ
 from lumbar.tissue.haptics.rendered_model import REACH_MM, render_model, renderable
 from lumbar.tissue.haptics.simulation import DURATION_S, PUSH_MM, PUSH_S
-from lumbar.tissue.haptics.verdict import Analysis, Judgement, felt_words
+from lumbar.tissue.haptics.verdict import Analysis, Judgement
 from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.perception.thresholds import Hands
 
 
 def device_table(
@@ -32,16 +30,14 @@ def device_table(
             "damping_needed_N_s_m": finite(item.analysis.damping),
             "passive": _yes(item.passive),
             "largest_stable_gain": finite(item.analysis.gain),
-            "proved_gain": item.analysis.proved_gain,
             "stable": _yes(item.stable),
             "lowest_passive_rate_Hz": item.lowest_passive_rate,
             "lowest_stable_rate_Hz": item.lowest_stable_rate,
             "oscillation_Hz": item.run.frequency,
             "simulated": item.run.outcome,
-            "stable_share_percent": 100 * item.hands.share if item.hands else None,
-            "worst_hand": item.hands.worst if item.hands else "",
+            "worst_hand": item.worst_hand.words if item.worst_hand else "",
+            "stable_in_worst_hand": _yes(item.worst_hand.stable) if item.worst_hand else "",
             "oscillation_N": item.run.peak_to_peak,
-            "felt_jnd": item.felt and item.felt.jnd.value,
         }
         for item in judgements
     ]
@@ -59,14 +55,12 @@ def device_table(
         f"±{REACH_MM:g} mm where these are not known, and simulated as their FMUs."
     )
     linearised = any(item.model.linearised for item in judgements)
-    uneven = any(item.analysis.timings for item in judgements)
     return described(
         __file__,
         "rendering",
         rows,
         data,
         words,
-        without=() if uneven else ("proved_gain",),
         notes=[*([effects] if linearised else []), *refused],
     )
 
@@ -78,11 +72,9 @@ def device_text(device: DeviceSettings) -> str:
     hand += f", {device.hand_mass_kg:g} kg" if device.hand_mass_kg else ""
     friction = f", {device.friction_N:g} N of dry friction" if device.friction_N else ""
     delay = f", forces {device.delay_ms:g} ms late" if device.delay_ms else ""
-    jitter = f", ticks up to {device.jitter_percent:g} % early or late" if device.jitter_percent else ""
-    missed = f", up to {device.missed_ticks} in a row left out" if device.missed_ticks else ""
     return (
-        f"Device: {device.mass_kg:g} kg, {device.damping_N_s_m:g} N·s/m{friction}, servo at {device.rate_Hz:g} Hz{jitter}"
-        f"{missed}, encoder of {device.encoder_um:g} µm{delay}; hand: {hand}."
+        f"Device: {device.mass_kg:g} kg, {device.damping_N_s_m:g} N·s/m{friction}, servo at {device.rate_Hz:g} Hz, "
+        f"encoder of {device.encoder_um:g} µm{delay}; hand: {hand}."
     )
 
 
@@ -142,9 +134,6 @@ def with_device(
             sentences.append(
                 f"Read as FMI 2.0 reads, the position set after, by the analysis: {late.finding}."
             )
-        felt = felt_on_device(model, source, settings, Hands.of())
-        if felt is not None:
-            sentences.append(f"{felt_words(felt).capitalize()}.")
         told.append(replace(model, on_device=tuple(sentences)))
     _tell(unsafe, device)
     return told

@@ -10,26 +10,25 @@ principal axes.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import permutations, repeat
-from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.fmu.build.export_model import ExportModel
+from lumbar.tissue.fmu.instance import UnzippedFmu
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, loop_response
 from lumbar.tissue.haptics.passivity import by_moves
 from lumbar.tissue.haptics.rendered_model import (
     RenderedModel,
-    UnpackedFmu,
     beside,
     fmu_of,
     linearised,
     scale_of,
+    stepping,
 )
-from lumbar.tissue.haptics.simulation import PUSHES_MM, LoopRun, TissueForce, course, on_servo
+from lumbar.tissue.haptics.simulation import PUSHES_MM, LoopRun, TissueForce, course, on_servo, worst_run
 from lumbar.tissue.haptics.verdict import Analysis, Judgement
 from lumbar.tissue.models.fitted_model import FittedModel
 
@@ -189,8 +188,8 @@ def spatial_loops(
     Raises
     ------
     InputError
-        If input and output are no length and force, or the servo's ticks are not whole samples, or not even: then no more is
-        known of the loop along several axes.
+        If input and output are no length and force, or the servo's ticks are not whole samples: then no more is known of the
+        loop along several axes.
     """
     metre, newton = scale_of(model.name, model.input, model.output)
     signed, unit = model.resistance * newton, 1e3 * metre
@@ -211,22 +210,16 @@ def spatial_loops(
     limit = newton * model.output_limit
     nearest = tuple(replace(item.unit, numerator=item.impulse[:, 0, 0]) for item in found)
     words = beside(model.guards.rate_limit > 0, still)
-    meets = (nearest, nearest, (), metre, signed, model.input, model.output, limit, reach, words)
+    meets = (nearest, nearest, metre, signed, model.input, model.output, limit, reach, words)
     return found, RenderedModel(model.name, *meets)
 
 
 def _even(item: SampledModel, device: DeviceSettings, late: bool) -> SampledModel:
     loops = on_servo(item, device, held=late)
-    if (
-        len(loops) > 1
-        or not isinstance(loops[0], SampledModel)
-        or device.jitter_percent
-        or device.missed_ticks
-    ):
+    if len(loops) > 1 or not isinstance(loops[0], SampledModel):
         raise InputError(
-            f"{item.name}: along several axes a loop is judged with even ticks at the model's own rate or a whole multiple "
-            f"or part of it; rate_Hz is {device.rate_Hz:g}, jitter_percent {device.jitter_percent:g}, missed_ticks "
-            f"{device.missed_ticks}"
+            f"{item.name}: along several axes a loop is judged with ticks at the model's own rate or a whole multiple or part "
+            f"of it; rate_Hz is {device.rate_Hz:g}"
         )
     return loops[0]
 
@@ -254,14 +247,11 @@ def _words(model: ExportModel, direction: np.ndarray) -> str:
 
 
 def judge_in_space(
-    exported: ExportModel,
-    settings: RuntimeSettings,
-    fitted: FittedModel | None = None,
-    file: Path | None = None,
+    exported: ExportModel, settings: RuntimeSettings, fitted: FittedModel | None = None
 ) -> Judgement:
-    """Judge a model of several axes as it is exported, with its FMU in the loop; other hands than the settings' are not drawn.
+    """Judge a model of several axes as it is exported, with its FMU in the loop, in the settings' hand only.
 
-    `file` is its FMU, where there is one; errors as of `spatial_loops`.
+    Errors are those of `spatial_loops`.
     """
     device = settings.device
     loops, meets = spatial_loops(exported, device)
@@ -269,8 +259,8 @@ def judge_in_space(
     pushed = _pushed(loops, asking)
     steady = analysis.stable and device.hand_stiffness_N_m > 0
     ripple = max((_ripple if steady else _one_step)(loop, device) for loop in loops)
-    with fmu_of(exported, settings, file) as fmu:
-        run = fmu.worst_run(partial(_runs, fmu, meets, device, pushed, ripple))
+    with fmu_of(exported, settings) as fmu:
+        run = worst_run(_runs(fmu, meets, device, pushed, ripple))
     return Judgement(meets, analysis, run, fitted)
 
 
@@ -305,7 +295,7 @@ def _one_step(loop: SpatialLoop, device: DeviceSettings) -> float:
 
 
 def _runs(
-    fmu: UnpackedFmu,
+    fmu: UnzippedFmu,
     meets: RenderedModel,
     device: DeviceSettings,
     directions: Sequence[np.ndarray],
@@ -314,7 +304,7 @@ def _runs(
     runs = []
     for direction in directions:
         for push_mm in PUSHES_MM:
-            with fmu.stepping() as play:
+            with stepping(fmu) as play:
                 tick = TissueForce(meets.in_loop(play), meets.sampled[0].sampling_time)
                 given = (repeat(1.0 / device.rate_Hz), device, meets.limit, 1e-3 * device.delay_ms, push_mm)
                 points, samples = course(tick, *given, direction=direction)

@@ -1,35 +1,26 @@
 """Models on a device in a hand: damping needed, largest stable gain, the loop in time, and from which rate on each is safe."""
 
-import os
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
+from itertools import product
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.base.files import parsed_json
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
-from lumbar.tissue.effects.catalogue import catalogues_with
-from lumbar.tissue.fmu.build.compiler import cache_folder
 from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
-from lumbar.tissue.fmu.build.record import read_record
-from lumbar.tissue.fmu.conventions import RECORD
-from lumbar.tissue.haptics.closed_loop import SampledModel, largest_stable_gain
-from lumbar.tissue.haptics.held_force import felt_on_device
+from lumbar.tissue.fmu.instance import UnzippedFmu
+from lumbar.tissue.haptics.closed_loop import largest_stable_gain
 from lumbar.tissue.haptics.in_space import judge_in_space
 from lumbar.tissue.haptics.passivity import lowest_rates, required_damping
 from lumbar.tissue.haptics.rendered_model import (
     RenderedModel,
-    UnpackedFmu,
     export_at,
     fmu_of,
     render_model,
     scale_of,
-    unpacked,
+    stepping,
 )
 from lumbar.tissue.haptics.simulation import (
     PUSH_MM,
@@ -40,15 +31,16 @@ from lumbar.tissue.haptics.simulation import (
     encoder_ripple,
     one_step,
     simulate,
+    worst_run,
 )
-from lumbar.tissue.haptics.stable_share import stable_share
-from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, in_ticks
-from lumbar.tissue.haptics.verdict import Analysis, Judgement
+from lumbar.tissue.haptics.ticks import PeriodicModel, in_ticks
+from lumbar.tissue.haptics.verdict import Analysis, Judgement, WorstHand
 from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.perception.thresholds import Hands
 
 MOST_STATES = 400
 """Of a loop whose response to errors of the encoder is followed; longer ones, kept as impulse responses, are not."""
+MOST_STATES_IN_HANDS = 100
+"""States of a loop that is judged in the corners of the hand's range."""
 
 
 def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
@@ -59,15 +51,7 @@ def analyse(model: RenderedModel, device: DeviceSettings) -> Analysis:
     loop = model.loops[gains.index(gain)].name
     rate = 1.0 / model.sampled[0].sampling_time
     found = Analysis(model.name, rate, device, damping, *gain, loop, tuple(each for each, _ in gains))
-    found = replace(found, reach=model.reach, beside=model.beside)
-    if not model.timings:
-        return found
-    return replace(
-        found,
-        timings=sum(item.tried for item in model.timings),
-        even_gain=min(gains[: -len(model.timings)])[0],
-        proved_gain=min(item.proved for item in model.timings),
-    )
+    return replace(found, reach=model.reach, beside=model.beside)
 
 
 def run_loop(
@@ -95,11 +79,9 @@ def _expected(
     model: RenderedModel, device: DeviceSettings, gains: Sequence[float]
 ) -> tuple[PeriodicModel, float]:
     """The loop whose ticks are taken, and the ripple of `LoopRun`."""
-    # Ticks are alike, or the worst there may be.
     ticks = in_ticks(model.loops[int(np.argmin(gains))])
     # In a stable loop the encoder's steps may go on wherever it comes to rest: at rest too, where an effect may be stiffest.
-    even = model.loops[: len(model.loops) - len(model.timings)]
-    few = [item for item in map(in_ticks, even) if len(item.states[0]) <= MOST_STATES]
+    few = [item for item in map(in_ticks, model.loops) if len(item.states[0]) <= MOST_STATES]
     if min(gains) > 1.0 and few:
         return ticks, max(encoder_ripple(item, device) for item in few)
     return ticks, max(one_step(item, device) for item in model.of_large_motion)
@@ -121,10 +103,8 @@ def _pushed(
     return simulate(tick, ticks.ticks(), device, model.limit, delay=delay, ripple=ripple, push_mm=push_mm)
 
 
-def judge(
-    models: Sequence[FittedModel], settings: RuntimeSettings, hands: Hands | None = None
-) -> tuple[list[Judgement], list[str]]:
-    """Judge models as they are exported and at the rate of the servo, and what `hands` feel of it (default the literature's).
+def judge(models: Sequence[FittedModel], settings: RuntimeSettings) -> tuple[list[Judgement], list[str]]:
+    """Judge models as they are exported and at the rate of the servo.
 
     Returns
     -------
@@ -159,93 +139,54 @@ def judge(
             else:
                 passive, stable = lowest
                 judged = judge_exported(exported, settings, model)
-                felt = felt_on_device(exported, model, settings, hands or Hands.of())
-                rates = {"lowest_passive_rate": passive, "lowest_stable_rate": stable}
-                found.append(replace(judged, **rates, felt=felt))
+                found.append(replace(judged, lowest_passive_rate=passive, lowest_stable_rate=stable))
     return found, list(dict.fromkeys(refused))
 
 
 def judge_exported(
-    exported: ExportModel,
-    settings: RuntimeSettings,
-    fitted: FittedModel | None = None,
-    file: Path | None = None,
+    exported: ExportModel, settings: RuntimeSettings, fitted: FittedModel | None = None
 ) -> Judgement:
     """Judge a model as it is exported, a linear one by its difference equation, others with the FMU itself in the loop.
 
-    `fitted` is what it was exported from: intervals of its parameters count. `file` is its FMU, where there is one.
+    `fitted` is what it was exported from.
     """
     if exported.axes:
-        return judge_in_space(exported, settings, fitted, file)
+        return judge_in_space(exported, settings, fitted)
     device = settings.device
     meets = render_model(exported, device)
-    hands = stable_share(meets, exported.moving_average, fitted, device)
+    hand = worst_hand(meets, device)
     analysis = analyse(meets, device)
     guards = exported.guards
     if isinstance(exported.dynamics, LinearModel) and not (guards.active or guards.contact):
-        return Judgement(meets, analysis, run_loop(meets, device, gains=analysis.gains), fitted, hands)
-    with fmu_of(exported, settings, file) as fmu:
-        return Judgement(meets, analysis, worst_run(fmu, meets, analysis), fitted, hands)
-
-
-def worst_run(fmu: UnpackedFmu, meets: RenderedModel, analysis: Analysis) -> LoopRun:
-    """Simulate pushes of several depths, each into a new instance; errors as of `UnpackedFmu.worst_run`."""
-    expected = _expected(meets, analysis.device, analysis.gains)
-    return fmu.worst_run(partial(_runs, fmu, meets, analysis.device, *expected))
+        return Judgement(meets, analysis, run_loop(meets, device, gains=analysis.gains), fitted, hand)
+    expected = _expected(meets, device, analysis.gains)
+    with fmu_of(exported, settings) as fmu:
+        run = worst_run(_runs(fmu, meets, device, *expected))
+    return Judgement(meets, analysis, run, fitted, hand)
 
 
 def _runs(
-    fmu: UnpackedFmu, meets: RenderedModel, device: DeviceSettings, ticks: PeriodicModel, ripple: float
-) -> list[LoopRun]:
-    runs = []
+    fmu: UnzippedFmu, meets: RenderedModel, device: DeviceSettings, ticks: PeriodicModel, ripple: float
+) -> Iterator[LoopRun]:
+    """Simulate pushes of several depths, each into a new instance."""
     for push_mm in PUSHES_MM:
-        with fmu.stepping() as step:
-            runs.append(_pushed(meets, device, ticks, ripple, step, push_mm))
-    return runs
+        with stepping(fmu) as step:
+            yield _pushed(meets, device, ticks, ripple, step, push_mm)
 
 
-def judge_fmu(
-    path: Path, settings: RuntimeSettings, trust: bool = False, effect_files: Iterable[str | os.PathLike] = ()
-) -> tuple[Judgement, tuple[str, ...]]:
-    """Judge an FMU for FMI 3.0 at its own rate; the judgement, and what to know of it.
-
-    A library for this machine that is trusted is judged by what it answers. Of any other file the record is judged, which is
-    what the library does where this machine makes the same one of it, to the byte; else that is said.
-
-    Raises
-    ------
-    InputError
-        If the file is not sound, or cannot be rendered.
-    """
-    from lumbar.tissue.fmu.check.file_check import NO_LIBRARY, UNKNOWN, all_sound, check_files
-    from lumbar.tissue.fmu.check.lint import open_fmu
-    from lumbar.tissue.fmu.check.playing import played
-
-    known = catalogues_with(list(effect_files))
-    cache = cache_folder(settings.compiler_cache)
-    (check,) = all_sound(check_files([path], cache, known, built_anew=False, trust=trust, played=trust))
-    files = open_fmu(path)[0]
-    if ElementTree.fromstring(files["modelDescription.xml"]).get("fmiVersion") == "2.0":
-        raise InputError(f"{path}: FMI 2.0; take the file for FMI 3.0 of the same model, <model>_fmi3.fmu")
-    model = None if check.left_out else read_record(parsed_json(files[RECORD], RECORD), known)[0]
-    if not check.played:
-        why = UNKNOWN if check.unknown else NO_LIBRARY
-        if model is None:
-            raise InputError(f"{path}: {check.left_out}; {why}")
-        judged = judge_exported(model, settings, model.identified, path if check.same_bytes else None)
-        return judged, () if check.same_bytes else (f"{path.name} was judged by its record: {why}",)
-    device = settings.device
-    if model is not None and model.axes:
-        return judge_exported(model, settings, model.identified, path), ()
-    with unpacked(path) as fmu:
-        if fmu.fmu.axes:
-            raise InputError(f"{path}: of several axes, and {check.left_out}; export the model again")
-        found = played(partial(UnpackedFmu.answers, fmu, device), fmu.folder, kinds=(SampledModel,))
-        meets = fmu.rendered(device, *found)
-        fit = (model.moving_average, model.identified) if model else (1, None)
-        hands = stable_share(meets, *fit, device)
-        analysis = analyse(meets, device)
-        return Judgement(meets, analysis, worst_run(fmu, meets, analysis), hands=hands), ()
+def worst_hand(model: RenderedModel, device: DeviceSettings) -> WorstHand | None:
+    """Return the corner of the hand's range in which the loops are least stable; None if one has too many states."""
+    loops = [in_ticks(loop) for loop in model.loops]
+    if any(len(loop.states[0]) > MOST_STATES_IN_HANDS for loop in loops):
+        return None
+    radii = {}
+    for stiffness, damping in product(device.hands_stiffness_N_m, device.hands_damping_N_s_m):
+        hand = replace(device, hand_stiffness_N_m=stiffness, hand_damping_N_s_m=damping)
+        radii[stiffness, damping] = max(
+            float(np.abs(np.linalg.eigvals(loop.monodromy(hand))).max()) for loop in loops
+        )
+    corner = max(radii, key=radii.__getitem__)
+    return WorstHand(*corner, stable=radii[corner] < 1.0)
 
 
 def oscillating_and_calm(judgements: Sequence[Judgement]) -> tuple[Judgement, Judgement] | None:

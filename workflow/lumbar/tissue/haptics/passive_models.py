@@ -17,7 +17,6 @@ from lumbar.tissue.haptics.device_table import device_text, finite
 from lumbar.tissue.haptics.judgement import analyse
 from lumbar.tissue.haptics.passive_fit import Branches, DeviceCondition, fit_passive
 from lumbar.tissue.haptics.rendered_model import export_at, render_model, renderable, scale_of
-from lumbar.tissue.haptics.ticks.uneven import even
 from lumbar.tissue.haptics.verdict import Analysis
 from lumbar.tissue.identification.arx_search import IdentificationData
 from lumbar.tissue.identification.identify_tissue import ports_of, scores_of
@@ -143,7 +142,7 @@ def takes_energy(structure: TransferFunction) -> bool:
 
 
 def _on_device(model: FittedModel, settings: RuntimeSettings, rate: float) -> Analysis:
-    device = even(settings.device, settings.device.rate_Hz)
+    device = settings.device
     return analyse(render_model(export_at(model, settings, rate), device), device)
 
 

@@ -24,8 +24,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import DeviceSettings, RuntimeSettings
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, angles_near, largest_stable_gain
 from lumbar.tissue.haptics.rendered_model import export_at, render_model
-from lumbar.tissue.haptics.ticks.sequence import PeriodicModel, in_ticks
-from lumbar.tissue.haptics.ticks.uneven import even
+from lumbar.tissue.haptics.ticks import PeriodicModel, in_ticks
 from lumbar.tissue.models.fitted_model import FittedModel
 
 _REFINED, _FEWEST = 101, 12
@@ -82,7 +81,7 @@ _SCANNED, _HALVINGS, _CHECKED, _POINTS = 8, 8, 60, 400
 
 
 def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float | None, float | None]:
-    """Lowest rates in Hz for a passive and a stable loop of a transfer function, on an even servo that is as fast as the model.
+    """Lowest rates in Hz for a passive and a stable loop of a transfer function, on a servo that is as fast as the model.
 
     Returns
     -------
@@ -114,9 +113,9 @@ def lowest_rates(model: FittedModel, settings: RuntimeSettings) -> tuple[float |
 def _loop_at(
     model: FittedModel, rate: float, settings: RuntimeSettings
 ) -> SampledModel | PeriodicModel | None:
-    """The model on an even servo at a rate; None where it has no counterpart there."""
+    """The model on a servo at a rate; None where it has no counterpart there."""
     try:
-        return render_model(export_at(model, settings, rate), even(settings.device, rate)).loops[0]
+        return render_model(export_at(model, settings, rate), replace(settings.device, rate_Hz=rate)).loops[0]
     except (InputError, NumericalError):
         return None
 

@@ -4,11 +4,8 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 import fmpy
 import numpy as np
@@ -20,13 +17,11 @@ from lumbar.tissue.fmu.build.export_model import AS_IN_THESIS, ExportModel, aver
 from lumbar.tissue.fmu.build.guards import shortened
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.build.package import export_fmus
-from lumbar.tissue.fmu.check.instance import Instance, UnzippedFmu
-from lumbar.tissue.fmu.check.playing import PlayError, played
-from lumbar.tissue.fmu.conventions import RATE_LIMIT, slow_push, told_meaning, work_units
+from lumbar.tissue.fmu.conventions import work_units
+from lumbar.tissue.fmu.instance import Instance, UnzippedFmu
 from lumbar.tissue.haptics.closed_loop import SampledModel
-from lumbar.tissue.haptics.simulation import PUSH_MM, LoopRun, Step, on_servo
-from lumbar.tissue.haptics.ticks.sequence import PeriodicModel
-from lumbar.tissue.haptics.ticks.uneven import WorstTiming, worst_timing
+from lumbar.tissue.haptics.simulation import PUSH_MM, Step, on_servo
+from lumbar.tissue.haptics.ticks import PeriodicModel
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.model_data import Port
 
@@ -71,9 +66,7 @@ class RenderedModel:
     sampled: tuple[SampledModel, ...]
     """The model, or its linearisations, at the FMU's own samples, in N/m."""
     loops: tuple[SampledModel | PeriodicModel, ...]
-    """The same as the servo of the device meets them, with ticks that are uneven in their worst timings too."""
-    timings: tuple[WorstTiming, ...]
-    """Those timings; empty where ticks are even."""
+    """The same as the servo of the device meets them."""
     metre: float
     newton: float
     """`metre`, `newton`: one unit of the model's input in m, one of its output in N, positive where it resists as it is
@@ -187,10 +180,7 @@ def in_units(
     signed = resistance * newton
     sampled = tuple(item.scaled(signed / metre) for item in found)
     loops = tuple(loop for item in sampled for loop in on_servo(item, device, held=held))
-    uneven = device.jitter_percent or device.missed_ticks
-    timings = tuple(worst_timing(item, device, held=held) for item in sampled) if uneven else ()
-    loops += tuple(item.loop for item in timings)
-    return RenderedModel(name, sampled, loops, timings, metre, signed, input, output, newton * limit)
+    return RenderedModel(name, sampled, loops, metre, signed, input, output, newton * limit)
 
 
 def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
@@ -311,110 +301,29 @@ def _sampled(name: str, impulse: np.ndarray, sampling_time: float) -> SampledMod
 
 
 @contextmanager
-def unpacked(path: Path) -> "Iterator[UnpackedFmu]":
-    """Unpack an FMU for FMI 3.0 of an export for a while; a library that does not play is an InputError with its path."""
-    with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
-        fmpy.extract(str(path), folder)
+def fmu_of(model: ExportModel, settings: RuntimeSettings) -> Iterator[UnzippedFmu]:
+    """Export a model as an FMU for FMI 3.0 for this machine, and unpack it for a while."""
+    with tempfile.TemporaryDirectory(prefix="lumbar-render-") as name:
+        folder = Path(name)
+        cache = cache_folder(settings.compiler_cache)
+        (file,) = export_fmus([model], folder, "", ["host"], cache, versions=["3.0"])
+        fmpy.extract(str(file), str(folder / "unpacked"))
+        fmu = UnzippedFmu(folder / "unpacked")
         try:
-            yield UnpackedFmu(Path(folder))
-        except PlayError as error:
-            raise InputError(f"{path}: {error}") from error
+            yield fmu
+        finally:
+            fmu.slave.freeLibrary()
 
 
 @contextmanager
-def fmu_of(model: ExportModel, settings: RuntimeSettings, file: Path | None) -> "Iterator[UnpackedFmu]":
-    """Unpack the FMU of a model for a while: its file, or one that is made for this machine where there is none."""
-    with tempfile.TemporaryDirectory(prefix="lumbar-render-") as folder:
-        cache = cache_folder(settings.compiler_cache)
-        made = file or export_fmus([model], Path(folder), "", ["host"], cache, versions=["3.0"])[0]
-        with unpacked(made) as fmu:
-            yield fmu
+def stepping(fmu: UnzippedFmu) -> Iterator[Step]:
+    """Instantiate an FMU: a function from a position, in its unit, to the force of the same sample; in space of arrays."""
+    instance = Instance(fmu, event_mode=True)
 
+    def in_space(position: np.ndarray) -> np.ndarray:
+        return np.array(instance.sample(position.tolist()))
 
-class UnpackedFmu:
-    """An FMU for FMI 3.0 in a folder, which is loaded once, by the process that plays it, and instantiated as often as it is."""
-
-    def __init__(self, folder: Path):
-        self.folder = folder
-        self._held: dict[tuple[float, int], tuple[Instance, list[float], Any]] = {}
-
-    @cached_property
-    def fmu(self) -> UnzippedFmu:
-        """What it says, and its library."""
-        return UnzippedFmu(self.folder)
-
-    @contextmanager
-    def stepping(self) -> Iterator[Step]:
-        """Instantiate it: a function from a position, in its unit, to the force of the same sample; in space of arrays."""
-        instance = Instance(self.fmu, event_mode=True)
-
-        def in_space(position: np.ndarray) -> np.ndarray:
-            return np.array(instance.sample(position.tolist()))
-
-        try:
-            yield in_space if self.fmu.axes else instance.sample
-        finally:
-            instance.free()
-
-    def worst_run(self, play: Callable[[], list[LoopRun]]) -> LoopRun:
-        """The run that is least at rest of those that `play` makes with it, in a process of its own; errors as of `played`."""
-        runs = played(play, self.folder, kinds=(LoopRun,))
-        return max(runs, key=lambda run: (not run.calm, run.peak_to_peak))
-
-    def response(self, positions: np.ndarray) -> np.ndarray:
-        """Forces of an instance from its start on to positions in its unit; shape (samples,).
-
-        A first position that is held is played once for all motions that begin with it so long, where a state can be kept.
-        """
-        held = int(np.flatnonzero(np.append(positions != positions[0], True))[0])
-        if not self.fmu.description.coSimulation.canGetAndSetFMUstate:
-            return np.array(Instance(self.fmu, event_mode=True).play(positions.tolist()))
-        begins = positions[:held].tolist()
-        if (begins[0], held) not in self._held:
-            instance = Instance(self.fmu, event_mode=True)
-            self._held[begins[0], held] = instance, instance.play(begins), instance.save()
-        instance, forces, state = self._held[begins[0], held]
-        instance.restore(state)
-        return np.array([*forces, *instance.play(positions[held:].tolist())])
-
-    def answers(self, device: DeviceSettings) -> tuple[list[SampledModel], np.ndarray, float]:
-        """What comes of playing it: linearisations in its units, forces at the start, the sign of `ExportModel.resistance`."""
-        start, unit, reach, told = self._said
-        name, step = self.fmu.description.modelName, self.fmu.sampling_time
-
-        def response(positions: np.ndarray) -> np.ndarray:
-            return self.response(start + positions[:, 0] / unit)[:, None]
-
-        found = impulse_responses(response, name, step, device, reach, 1)
-        still = self.response(np.full(watched(step), start))
-        return [_sampled(*item, step).scaled(unit) for item in found], still, self._resistance(told, start)
-
-    def rendered(
-        self, device: DeviceSettings, found: list[SampledModel], still: np.ndarray, resistance: float
-    ) -> RenderedModel:
-        """The FMU as the device meets it, of what it answers: through its linearisations where it has effects."""
-        fmu, (start, _, reach, _) = self.fmu, self._said
-        position, force = (fmu.variables[port] for port in fmu.ports)
-        x, y = Port(position.name, position.unit or "1", start), Port(force.name, force.unit or "1", still[0])
-        rendered = in_units(found, fmu.description.modelName, x, y, float(force.max), device, resistance)
-        limited = any(item.endswith(RATE_LIMIT) for item in fmu.variables)
-        return replace(rendered, reach=reach if len(found) > 1 else None, beside=beside(limited, still))
-
-    @property
-    def _said(self) -> tuple[float, float, tuple[float, float], dict | None]:
-        """First position, one unit of it in mm, where it is linearised, and what its annotation tells."""
-        fmu = self.fmu
-        position, force = (fmu.variables[port] for port in fmu.ports)
-        start = float(position.start)
-        ports = (Port(item.name, item.unit or "1") for item in (position, force))
-        unit = 1e3 * scale_of(fmu.description.modelName, *ports)[0]
-        told = told_meaning(ElementTree.parse(fmu.folder / "modelDescription.xml").getroot())
-        known = (float(told["lowest"]), float(told["highest"])) if told and "lowest" in told else None
-        return start, unit, reach_mm(known, start, unit), told
-
-    def _resistance(self, told: dict | None, start: float) -> float:
-        """The sign of `ExportModel.resistance`: what the file tells, of a file without annotation what a push is answered by."""
-        if told is None:
-            pushed = self.response(start + slow_push(self.fmu.sampling_time))
-            return -1.0 if pushed.mean() < pushed[0] else 1.0
-        return 1.0 if told.get("prescribed") else float(told["resisting_sign"])
+    try:
+        yield in_space if fmu.axes else instance.sample
+    finally:
+        instance.free()

@@ -25,8 +25,7 @@ from lumbar.base.errors import InputError
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.fmu.build.guards import shortened
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles, propagation
-from lumbar.tissue.haptics.ticks.sequence import REACHED, PeriodicModel, in_ticks, shares
-from lumbar.tissue.haptics.ticks.uneven import spans
+from lumbar.tissue.haptics.ticks import REACHED, PeriodicModel, in_ticks, shares
 from lumbar.tissue.models.transfer_function import filtered
 
 LONGEST_GAP_S = 0.25
@@ -79,11 +78,10 @@ def on_servo(
     InputError
         If the loader takes no gap as long as that between two ticks.
     """
-    longest = spans(device)[-1][1]
-    if longest > LONGEST_GAP_S:
+    if 1.0 / device.rate_Hz > LONGEST_GAP_S:
         raise InputError(
-            f"runtime.device: at {device.rate_Hz:g} Hz, with its jitter_percent and missed_ticks, ticks are up to "
-            f"{longest:.3g} s apart; the loaders take more than {LONGEST_GAP_S:g} s for a fault: take a faster or more even servo"
+            f"runtime.device: at {device.rate_Hz:g} Hz ticks are {1.0 / device.rate_Hz:.3g} s apart; the loaders take more than "
+            f"{LONGEST_GAP_S:g} s for a fault: use a faster servo"
         )
     seconds, wanted = 1e-3 * device.delay_ms, 1.0 / (device.rate_Hz * model.sampling_time)
     ratio = Fraction(wanted).limit_denominator(MOST_TICKS)
@@ -331,6 +329,11 @@ def _hand_force(device: DeviceSettings, time: float, push_mm: float) -> float:
     phase = math.pi * min(time / PUSH_S, 1.0)
     position, velocity = (1.0 - math.cos(phase)) / 2.0, math.pi / PUSH_S * math.sin(phase) / 2.0
     return 1e-3 * push_mm * (device.hand_stiffness_N_m * position + device.hand_damping_N_s_m * velocity)
+
+
+def worst_run(runs: Iterable[LoopRun]) -> LoopRun:
+    """Return the run that is least at rest."""
+    return max(runs, key=lambda run: (not run.calm, run.peak_to_peak))
 
 
 def one_step(model: SampledModel | PeriodicModel, device: DeviceSettings) -> float:

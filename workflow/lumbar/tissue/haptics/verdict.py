@@ -7,9 +7,7 @@ import numpy as np
 from lumbar.settings.runtime import DeviceSettings
 from lumbar.tissue.haptics.rendered_model import RenderedModel
 from lumbar.tissue.haptics.simulation import LoopRun
-from lumbar.tissue.haptics.stable_share import StableShare
 from lumbar.tissue.models.fitted_model import FittedModel
-from lumbar.tissue.perception.felt import Felt
 
 
 @dataclass(frozen=True)
@@ -30,11 +28,6 @@ class Analysis:
     """Name of the loop that gain is of: of a model with effects which linearisation."""
     gains: tuple[float, ...]
     """The largest stable gain of each loop."""
-    timings: int = 0
-    """How many timings were looked at; 0 where ticks are even. `gain` is that of the worst."""
-    even_gain: float = 0.0
-    proved_gain: float = 0.0
-    """`even_gain`, `proved_gain`: that of even ticks, and the one up to which every timing is proved to be stable."""
     reach: tuple[float, float] | None = None
     beside: str = ""
     """`reach`, `beside`: as of `RenderedModel`."""
@@ -43,9 +36,8 @@ class Analysis:
 
     @property
     def passive(self) -> bool:
-        """Whether the device is passive with the model, in any passive hand; with uneven ticks that is not known."""
-        unknown = self.timings or self.beside
-        return self.damping <= self.device.damping_N_s_m and self.stable and not unknown
+        """Whether the device is passive with the model, in any passive hand."""
+        return self.damping <= self.device.damping_N_s_m and self.stable and not self.beside
 
     @property
     def stable(self) -> bool:
@@ -61,7 +53,7 @@ class Analysis:
     @property
     def prompt(self) -> bool:
         """Whether each force acts from its own sample to the next one, as a bound by the device's damping counts it."""
-        return self.in_step and not (self.timings or self.device.delay_ms)
+        return self.in_step and not self.device.delay_ms
 
     @property
     def clocks(self) -> str:
@@ -80,13 +72,9 @@ class Analysis:
         if self.passive:
             return f"passive in any hand{within}"
         if not self.stable:
-            return "UNSTABLE" + (" where ticks are uneven" if self.even_gain > 1.0 else "")
-        if not self.timings:
-            why = f" with {self.beside}" if self.damping <= self.device.damping_N_s_m else ""
-            return f"stable in this hand{within}, not passive{why}"
-        if self.proved_gain >= 1.0:
-            return f"stable in this hand{within} whenever ticks come"
-        return f"stable in this hand{within} in the worst of {self.timings} timings, which is no proof"
+            return "UNSTABLE"
+        why = f" with {self.beside}" if self.damping <= self.device.damping_N_s_m else ""
+        return f"stable in this hand{within}, not passive{why}"
 
     @property
     def numbers(self) -> str:
@@ -95,18 +83,32 @@ class Analysis:
 
     @property
     def _numbers(self) -> str:
-        least, most = ("at least ", "at most ") if self.timings else ("", "")
-        needs = f"it needs {least}{self.damping:.3g} N·s/m to be passive"
+        needs = f"it needs {self.damping:.3g} N·s/m to be passive"
         if np.isinf(self.damping):
             needs = "no damping makes it passive: its static stiffness is negative"
         elif self.beside:
             needs += f" without {self.beside}"
-        if self.timings:
-            needs += f"; all timings are proved to be stable up to a gain of {self.proved_gain:.3g}"
         if self.gain == 0 or np.isinf(self.gain):
             return f"{needs}; no gain is {'too large' if self.gain else 'stable'}"
         begins = f"it oscillates at {self.gain_frequency:.3g} Hz" if self.gain_frequency else "it runs away"
-        return f"{needs}; largest stable gain {most}{self.gain:.3g}, where {begins}"
+        return f"{needs}; largest stable gain {self.gain:.3g}, where {begins}"
+
+
+@dataclass(frozen=True)
+class WorstHand:
+    """The corner of the hand's range, of stiffness and damping, in which a loop is least stable."""
+
+    stiffness: float
+    """In N/m."""
+    damping: float
+    """In N·s/m."""
+    stable: bool
+    """Whether the loop is stable there, by its poles."""
+
+    @property
+    def words(self) -> str:
+        """Stiffness and damping with their units."""
+        return f"a hand of {self.stiffness:g} N/m and {self.damping:g} N·s/m"
 
 
 @dataclass(frozen=True)
@@ -117,15 +119,13 @@ class Judgement:
     analysis: Analysis
     run: LoopRun
     fitted: FittedModel | None = None
-    """None for an FMU."""
-    hands: StableShare | None = None
-    """In which share of fits and hands it is stable; None where that was not looked at."""
+    """What was exported."""
+    worst_hand: WorstHand | None = None
+    """None where a loop has too many states to look for it."""
     lowest_passive_rate: float | None = None
     lowest_stable_rate: float | None = None
     """`lowest_passive_rate`, `lowest_stable_rate`: in Hz; None where there is none, or where the model has effects and
     only its own rate was looked at."""
-    felt: Felt | None = None
-    """What rate, moving average and delay change to a hand (`felt_on_device`)."""
 
     @property
     def passive(self) -> bool:
@@ -146,21 +146,12 @@ class Judgement:
             state += f" by its linearisation{analysis.loop.removeprefix(analysis.name)}"
         elif analysis.stable and not run.calm:
             state = "UNSTABLE by the simulation"
-        hands = f"; {self.hands.finding}" if self.hands else ""
-        felt = f"; {felt_words(self.felt)}" if self.felt else ""
-        return f"{analysis.name} at {analysis.clocks}: {state} ({analysis.numbers}; simulated, {run.outcome}{hands}){felt}"
+        hand = ""
+        if self.worst_hand:
+            hand = f"; {'stable' if self.worst_hand.stable else 'UNSTABLE'} in {self.worst_hand.words}"
+        return f"{analysis.name} at {analysis.clocks}: {state} ({analysis.numbers}; simulated, {run.outcome}{hand})"
 
     @property
     def safe(self) -> bool:
-        """Whether it is stable in the hand of the settings, and in as many others as they ask for."""
-        return self.stable and (
-            self.hands is None or self.hands.share >= self.analysis.device.least_stable_share
-        )
-
-
-def felt_words(felt: Felt) -> str:
-    """What rate, moving average and delay change to a hand."""
-    return (
-        f"to a hand rate, average and delay change a push by {felt.jnd.value:.2g} times what it just notices "
-        f"({felt.jnd.low:.2g} to {felt.jnd.high:.2g})"
-    )
+        """Whether it is stable in the hand of the settings and in the worst corner of the hand's range."""
+        return self.stable and (self.worst_hand is None or self.worst_hand.stable)

@@ -24,7 +24,6 @@ from lumbar.tissue.models.tissue_models import (
     TABLE_2_1,
     in_words,
 )
-from lumbar.tissue.perception.felt import Felt, felt_columns
 
 
 def table_2_1(data: str, pictures: Sequence[str] = ()) -> Table:
@@ -86,30 +85,23 @@ _ROWS = (MW.name, MAXWELL.name, KB.name, HO.name, LE.name)
 """Order of the rows within each training record and estimator: the thesis's, with Maxwell and LE more."""
 
 
-def table_3_1(
-    models: list[FittedModel],
-    settings: TissueSettings,
-    data: str,
-    felt: Sequence[Felt | None] = (),
-    noise_known: bool = False,
-) -> Table:
+def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) -> Table:
     """Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
 
-    Models of the first training record come first, and so on; all have the same number of unseen records. `felt` is what a hand
-    would tell of the error of each model, in their order; `noise_known` says whether the record's noise was taken off.
+    Models of the first training record come first, and so on; all have the same number of unseen records.
     """
     unit = models[0].output.unit
     trained_on = list(dict.fromkeys(model.trained_on for model in models))
     estimators = (ARX, OUTPUT_ERROR, GIVEN)
     ordered = sorted(
-        zip(models, felt or [None] * len(models), strict=True),
-        key=lambda item: (
-            trained_on.index(item[0].trained_on),
-            estimators.index(item[0].estimator),
-            _position(item[0]),
+        models,
+        key=lambda model: (
+            trained_on.index(model.trained_on),
+            estimators.index(model.estimator),
+            _position(model),
         ),
     )
-    frame = pd.DataFrame(_row(model, unit) | felt_columns(own) for model, own in ordered)
+    frame = pd.DataFrame(_row(model, unit) for model in ordered)
     printed = (frame["estimator"] == ARX) & frame["model"].isin((MW.name, KB.name, HO.name))
     words = {
         "unit": unit,
@@ -122,7 +114,6 @@ def table_3_1(
         "ridge": settings.ridge,
         "search": settings.search,
         "negligible": NEGLIGIBLE_POINTS,
-        "noise": ", noise taken off" if noise_known else "; the record's noise, which is not known, is in it",
     }
     return described(
         __file__,

@@ -202,7 +202,6 @@ LADDER_COLUMNS = (
     "test_rms",
     "unit",
     "noise_floor_rms",
-    "just_felt_rms",
     "data",
 )
 EXCITATION = "separating_excitation.csv"
@@ -388,7 +387,7 @@ def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dic
 def ladder_csv(diagnosis: Verdict, data: str) -> str:
     """Return the error ladder: base, base and first effect, …."""
     experiment, text = diagnosis.experiment, io.StringIO()
-    felt, floor = experiment.error_just_felt, experiment.floor
+    floor = experiment.floor
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(LADDER_COLUMNS)
     for number, item in enumerate(diagnosis.path):
@@ -398,7 +397,6 @@ def ladder_csv(diagnosis: Verdict, data: str) -> str:
             item.test_rms,
             experiment.output_unit,
             floor and floor.rms,
-            felt and felt.value,
         )
         writer.writerow((number, "+".join(item.effects), forms, *errors, data))
     return text.getvalue()

@@ -1,7 +1,7 @@
 """How to diagnose: base, training records, candidates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -17,7 +17,6 @@ from lumbar.tissue.effects.catalogue import CATALOGUES, MOTION_SENSOR, catalogue
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base
-from lumbar.tissue.perception.thresholds import Hands
 
 
 @dataclass(frozen=True)
@@ -43,8 +42,6 @@ class DiagnosisSettings:
     """Seconds at the start of every record that no error counts; None follows the records."""
     layout: ColumnLayout | None = None
     """That the records were read with, for the lines which turn their columns; None is the reference's."""
-    hands: Hands = field(default_factory=Hands.of)
-    """What hands can tell."""
     force_frame: tuple[float, ...] | None = None
     """How a force sensor of several axes is mounted, as of `lumbar.records.frames.with_force_frame`."""
 
@@ -94,14 +91,12 @@ class DiagnosisSettings:
             session=improvement.session,
             settling_s=settling_s,
             layout=settings.tissue.layout,
-            hands=Hands.of(settings.perception),
             force_frame=settings.tissue.force_frame,
         )
 
     def prepare(self, records: list[Record]) -> Experiment:
         """Prepare records as they are."""
-        prepared = prepare(records, self.train, self.session, self.settling_s)
-        return replace(prepared, hands=self.hands)
+        return prepare(records, self.train, self.session, self.settling_s)
 
 
 def prepare_for(records: list[Record], settings: DiagnosisSettings) -> Experiment:

@@ -1,7 +1,7 @@
 """From validated records to data for fitting: training and test records, sessions, checks, noise floor, whitening."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import Self
 
@@ -15,8 +15,6 @@ from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, noise_floor
 from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, ONLY, told_period
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.perception.felt import Difference, Reach
-from lumbar.tissue.perception.thresholds import NEWTONS, Hands
 
 _MOVED_ON = 0.5
 """Of the time scale of a record, in which the tool goes where the next one begins, where the clock tells of no pause."""
@@ -175,28 +173,11 @@ class Experiment:
     position_noise_force: float = 0.0
     """RMS of the force that known noise of the position makes of a right model within the excitation's band, where no filter
     takes it off."""
-    hands: Hands = field(default_factory=Hands.of)
-    """What hands can tell."""
 
     @property
     def size(self) -> int:
         """Samples of all records that count."""
         return self.training.size + sum(item.size for item in self.tests)
-
-    @property
-    def error_just_felt(self) -> Reach | None:
-        """RMS of an error of the training records that a hand just feels, in the output's unit, the noise that it does not
-        feel included; None where the output is no force."""
-        factor = NEWTONS.get(self.output_unit)
-        if factor is None or self.points:
-            return None
-        found = [
-            Difference(factor * force, force, force, item.motion.sampling_time, self.hands)
-            for item in self.training.records
-            for force in [item.own(item.force)]
-        ]
-        squares = np.mean([np.square(item.just_felt_N) for item in found], axis=0)
-        return Reach(*map(float, np.hypot(np.sqrt(squares) / factor, self.noise)))
 
     @property
     def noise(self) -> float:

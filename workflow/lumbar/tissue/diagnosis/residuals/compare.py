@@ -11,8 +11,6 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
 from lumbar.tissue.diagnosis.residuals.residual import said
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
-from lumbar.tissue.perception.felt import Felt, felt_columns, force_difference
-from lumbar.tissue.perception.thresholds import Hands
 
 RESAMPLES = 300
 CONFIDENCE = 0.95
@@ -54,8 +52,6 @@ class Comparison:
     """Noise of this record or, where it does not repeat, of one recorded with the same set-up."""
     floor_from: str
     """Name of the record that the floor comes from; empty without one."""
-    felt: Felt | None = None
-    """What a hand would tell of the error, its noise taken off where that is known; None where the output is no force."""
 
     @property
     def explainable_rms(self) -> float | None:
@@ -85,10 +81,7 @@ class Comparison:
     def sentence(self) -> str:
         """The comparison in words."""
         left = "unknown_noise" if self.floor is None else "only_noise" if self.is_noise else "beside_noise"
-        told = said("explained", of=self) + said(left, of=self)
-        if self.felt is None:
-            return told
-        return told + said("felt", felt=self.felt, most="at most " if self.floor is None else "")
+        return said("explained", of=self) + said(left, of=self)
 
 
 def compare_record(
@@ -98,7 +91,6 @@ def compare_record(
     floor_from: str = "",
     start: float = 0.0,
     seed: int = 0,
-    hands: Hands | None = None,
 ) -> Comparison:
     """Compare a free-run simulation with a record.
 
@@ -119,8 +111,6 @@ def compare_record(
         Seconds left out at the beginning, where the initial state is not known.
     seed : int
         Of the resampling.
-    hands : Hands, optional
-        What hands can tell; default as in the literature.
 
     Raises
     ------
@@ -134,20 +124,15 @@ def compare_record(
     repeats = floor is not None and floor_from in ("", record.name)
     period = round(floor.period / record.sampling_time) if repeats else None
     estimates = _estimates(measured, modelled, period, seed)
-    unit, position = record.channels["output"].unit, record["input"][first:]
-    noise = None if floor is None else floor.spectrum
-    step, hands = record.sampling_time, hands or Hands.of()
-    met = force_difference(measured, modelled, unit, position, step, hands, noise)
     return Comparison(
         record=record.name,
-        unit=unit,
+        unit=record.channels["output"].unit,
         samples=measured.size,
         start=start,
         **dict(zip(("rms", "vaf", "fit", "mean_residual"), estimates, strict=True)),
         output_variance=float(np.var(measured)),
         floor=floor,
         floor_from=(floor_from or record.name) if floor is not None else "",
-        felt=met and met.felt,
     )
 
 
@@ -261,5 +246,4 @@ def _row(item: Comparison) -> dict:
         "explainable_rms": item.explainable_rms,
         "explainable_percent": item.explainable_percent,
         "explainable_vaf_percent": item.explainable_vaf,
-        **felt_columns(item.felt),
     }

@@ -36,7 +36,6 @@ from lumbar.tissue.diagnosis.residuals.time_frequency import frequency_view, tim
 from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.perception.thresholds import Hands
 
 VIEWS = (
     time_view,
@@ -217,11 +216,9 @@ def reports_of(simulated: Sequence[tuple[Record, np.ndarray, Experiment]], seed:
     causes, found = rank_causes(residuals), []
     for number, (record, values, experiment) in enumerate(track(simulated, "records compared and located")):
         source, start = _floor_from(record, experiment), _start(record, experiment)
-        comparison = compare_record(
-            record, values, experiment.floor, source, start, seed + number, experiment.hands
-        )
+        comparison = compare_record(record, values, experiment.floor, source, start, seed + number)
         location = _location(record, residuals[number], causes)
-        found.append(ResidualReport(record, values, comparison, location, experiment.hands))
+        found.append(ResidualReport(record, values, comparison, location))
     return found
 
 
@@ -234,8 +231,6 @@ class ResidualReport:
     """Shape (samples,): free run."""
     comparison: Comparison
     location: Location
-    hands: Hands
-    """What hands can tell."""
     remarks: ClassVar[tuple[str, ...]] = ()
     """What is to be said of axes that rest: a record of one axis moves along it."""
 

@@ -252,20 +252,8 @@ def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[
     return [
         *rungs,
         noise_sentence(experiment),
-        *_felt_sentence(path[-1], experiment),
         ladder_verdict(path, experiment),
     ]
-
-
-def _felt_sentence(model: Candidate, experiment: Experiment) -> list[str]:
-    """What error a hand just feels, and whether it would feel the last one; nothing where that is not known."""
-    felt, left = experiment.error_just_felt, max(model.train_rms, model.test_rms)
-    if felt is None:
-        return []
-    hands = ("no hand feels", "the usual hand does not feel", "the usual hand feels", "every hand feels")
-    which = hands[sum(left > size for size in sorted(felt))]
-    words = f"{felt.value:.3g} {experiment.output_unit} ({felt.low:.3g} to {felt.high:.3g})"
-    return [f"A hand just feels {words}: {which} what is left."]
 
 
 def _change(before: Candidate, after: Candidate) -> str:

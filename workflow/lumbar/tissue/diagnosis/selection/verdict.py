@@ -110,7 +110,7 @@ class Verdict:
 
     def to_json(self) -> dict:
         """Return the content of ``diagnosis.json`` (schema ``lumbar.diagnosis/1``)."""
-        floor, felt = self.experiment.floor, self.experiment.error_just_felt
+        floor = self.experiment.floor
         return {
             "schema": "lumbar.diagnosis/1",
             "base": self.base.fit.structure.base.name,
@@ -127,7 +127,6 @@ class Verdict:
             ],
             "findings": [item.to_json() for item in self.findings],
             "noise_floor_rms": None if floor is None else floor.rms,
-            "just_felt_rms": None if felt is None else felt._asdict(),
             "explainable_share_removed": self.explainable_share_removed,
             "ranking": [_ranked_json(item) for item in self.ranking],
             "ladder": [

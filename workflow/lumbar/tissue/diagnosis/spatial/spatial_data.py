@@ -119,7 +119,6 @@ def prepare(records: list[Record], settings: DiagnosisSettings) -> Experiment:
         records=tuple(sound),
         faults=tuple(faults),
         settling_s=settings.settling_s,
-        hands=settings.hands,
     )
 
 

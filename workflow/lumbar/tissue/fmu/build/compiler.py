@@ -31,8 +31,6 @@ class Target:
     names."""
     libraries: tuple[str, ...] = ()
     """Linker options."""
-    kind: tuple[str, ...] = ("-shared", "-fPIC")
-    """What makes a library of it."""
 
 
 _SAID = shipped_yaml(Path(__file__).with_suffix(".yaml"))
@@ -162,7 +160,8 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
         "-target",
         platform.triple,
         *FLAGS,
-        *platform.kind,
+        "-shared",
+        "-fPIC",
     ]
     # Names relative to the sources' folder: no path of this machine can enter the library.
     command += [source.name for source in sources]
@@ -183,7 +182,7 @@ def compile_library(sources: list[Path], library: Path, target: str, cache: Path
 def library_of(
     sources: tuple[tuple[str, bytes], ...], listed: tuple[str, ...], name: str, target: str, cache: Path
 ) -> bytes:
-    """Library of these sources; a process that checks what it has just built does not build it twice.
+    """Library of these sources; a process that judges a model before it exports it does not build it twice.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ import hashlib
 import io
 import struct
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -204,43 +204,18 @@ def fmu_contents(
     model: ExportModel, version: str, data: str, libraries: dict[str, bytes]
 ) -> dict[str, bytes]:
     """Return the files of an FMU by their path in the archive."""
-    drawn = pictures(model, version)
-    record = {RECORD: record_text(model, data, list(map(checksum, drawn))).encode("utf-8")}
-    return {**written_files(model, version, data, drawn), **record, **_binaries(model, version, libraries)}
-
-
-def checksum(picture: str) -> str:
-    """Of a picture, as the record holds it."""
-    return hashlib.sha256(picture.encode("utf-8")).hexdigest()
-
-
-def written_files(
-    model: ExportModel,
-    version: str,
-    data: str,
-    drawn: Sequence[str],
-    signals: Mapping[str, str] | None = None,
-) -> dict[str, bytes]:
-    """Return all files of an FMU but record and libraries, by their path in the archive.
-
-    Parameters
-    ----------
-    drawn : sequence of str
-        `lumbar.tissue.fmu.build.documentation.pictures`.
-    signals : mapping of str to str, optional
-        Reference signals of a file that holds the model, for the manifest's checksums: another machine may round otherwise.
-    """
     push = reference_push(model, version)
     contents = {f"sources/{name}": text for name, text in source_files(model).items()}
     contents["modelDescription.xml"] = model_description(model, version, data)
-    contents["documentation/index.html"] = documentation_html(model, version, data, drawn)
+    contents["documentation/index.html"] = documentation_html(model, version, data, pictures(model, version))
+    contents[RECORD] = record_text(model, data)
     if version == "3.0":
         build = template("tissue/fmu/build/buildDescription.xml.jinja")
         contents["sources/buildDescription.xml"] = build.render(model=model, files=C_FILES)
-    computed = resources(model, version, push)
-    contents.update({**computed, **related_files(model, {**computed, **(signals or {})})})
+    signals = resources(model, version, push)
+    contents.update({**signals, **related_files(model, signals)})
     files = {path: text.encode("utf-8") for path, text in contents.items()}
-    return {**files, **attachments(model, version)}
+    return {**files, **attachments(model, version), **_binaries(model, version, libraries)}
 
 
 def _binaries(model: ExportModel, version: str, libraries: dict[str, bytes]) -> dict[str, bytes]:

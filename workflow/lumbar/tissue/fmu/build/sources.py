@@ -3,7 +3,6 @@
 import hashlib
 import re
 import uuid
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -53,15 +52,9 @@ def _sources(model: ExportModel, token: str) -> dict[str, str]:
     return {**_fixed_sources(model), **numbers}
 
 
-def content_token(model: ExportModel, sources: Mapping[str, str] | None = None) -> str:
-    """FMI's GUID and instantiation token: a hash of all sources, the model's numbers and variables.
-
-    Parameters
-    ----------
-    sources : mapping of str to str, optional
-        Those of a file that holds the model, without the token: another machine may round a number otherwise.
-    """
-    fixed = dict(sources or _sources(model, ""))
+def content_token(model: ExportModel) -> str:
+    """FMI's GUID and instantiation token: a hash of all sources, the model's numbers and variables."""
+    fixed = _sources(model, "")
     written = (fixed.pop(SIZES), fixed.pop(NUMBERS))
     digest = hashlib.sha256()
     for name, text in sorted(fixed.items()):

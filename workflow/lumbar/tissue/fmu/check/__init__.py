@@ -1,1 +1,0 @@
-"""Checks of finished FMUs: schema, lint, simulation against a reference."""

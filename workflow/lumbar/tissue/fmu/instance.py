@@ -1,0 +1,157 @@
+"""An FMU of an export that is played: one instance with the same calls in both versions of FMI."""
+
+import math
+from collections.abc import Iterable
+from copy import copy
+from functools import cached_property
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import fmpy
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+
+from lumbar.tissue.fmu.conventions import REFERENCE, element_names
+
+_NUMBERS = count()
+
+
+class UnzippedFmu:
+    """An FMU in a `folder`, with what its `description` says, as fmpy reads it."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.description = fmpy.read_model_description(str(folder), validate=False)
+        self.variables = {item.name: item for item in self.description.modelVariables}
+
+    @cached_property
+    def version(self) -> int:
+        """Of FMI: 2 or 3."""
+        return int(self.description.fmiVersion[0])
+
+    @cached_property
+    def slave(self) -> FMU2Slave | FMU3Slave:
+        """The library, without an instance: fmpy takes longer to load it than to play it."""
+        return (FMU2Slave if self.version == 2 else FMU3Slave)(
+            guid=self.description.guid,
+            unzipDirectory=str(self.folder),
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+        )
+
+    @cached_property
+    def ports(self) -> tuple[str, str]:
+        """Names of the position and of the force: what the reference signals hold."""
+        heads = ((self.folder / path).read_text(encoding="utf-8").splitlines()[0] for path in REFERENCE)
+        return tuple(head.split(",")[1].partition("[")[0] for head in heads)
+
+    @cached_property
+    def elements(self) -> dict[str, tuple[Any, int | None]]:
+        """Every value by its name, with the variable that holds it and, of an array of FMI 3.0, where."""
+        found: dict[str, tuple[Any, int | None]] = {}
+        for name, item in self.variables.items():
+            size = math.prod(part.start for part in item.dimensions or ())
+            rows = {name: (item, None)}
+            if item.dimensions:
+                rows = {each: (item, row) for row, each in enumerate(element_names(name, size))}
+            found |= rows
+        return found
+
+    def parts(self, port: str) -> list[str]:
+        """Names of the values of a variable, one for every axis in space."""
+        return [name for name in self.elements if name.partition("[")[0] == port]
+
+    @cached_property
+    def axes(self) -> int:
+        """How many axes there are in space; 0 of one axis."""
+        count = len(self.parts(self.ports[0]))
+        return count if count > 1 else 0
+
+    def references(self, port: str) -> list[int]:
+        """Value references under which a variable with a value for every axis, or one, is set and read."""
+        return list(dict.fromkeys(self.elements[name][0].valueReference for name in self.parts(port)))
+
+    @cached_property
+    def sampling_time(self) -> float:
+        """Seconds, as the description says."""
+        simulation, experiment = self.description.coSimulation, self.description.defaultExperiment
+        return float((simulation.fixedInternalStepSize if self.version == 3 else None) or experiment.stepSize)
+
+
+class Instance:
+    """An instance in initialization mode, then one sample after the other; event mode is for FMI 3.0 only."""
+
+    def __init__(self, fmu: UnzippedFmu, event_mode: bool = False):
+        self.fmu, self.event_mode = fmu, event_mode
+        self.slave = copy(fmu.slave)
+        self.slave.instanceName = f"played {next(_NUMBERS)}"
+        if fmu.version == 2:
+            self.slave.instantiate()
+        else:
+            self.slave.instantiate(eventModeUsed=event_mode, logMessage=lambda *_: None)
+        self.initialize()
+
+    def initialize(self, start: float = 0.0) -> None:
+        """Enter initialization mode at a time in seconds."""
+        if self.fmu.version == 2:
+            self.slave.setupExperiment(startTime=start)
+            self.slave.enterInitializationMode()
+        else:
+            self.slave.enterInitializationMode(startTime=start)
+        self.samples = 0
+
+    def free(self) -> None:
+        """Free the instance; the library stays loaded for others."""
+        slave = self.slave
+        (slave.fmi2FreeInstance if self.fmu.version == 2 else slave.fmi3FreeInstance)(slave.component)
+
+    def read(self, port: str):
+        """Position or force: a number, in space a vector."""
+        references, count = self.fmu.references(port), self.fmu.axes or 1
+        values = (
+            self.slave.getReal(references)
+            if self.fmu.version == 2
+            else self.slave.getFloat64(references, count)
+        )
+        return values if self.fmu.axes else values[0]
+
+    def put(self, port: str, value) -> None:
+        """Set position or force."""
+        setter = self.slave.setReal if self.fmu.version == 2 else self.slave.setFloat64
+        setter(self.fmu.references(port), value if self.fmu.axes else [value])
+
+    def sample(self, position):
+        """Force that a client reads at the next sample instant, where it sets this position.
+
+        With event mode it reads after it has set the position, without one before; at the start always after.
+        """
+        source, force = self.fmu.ports
+        if self.samples == 0:
+            self.put(source, position)
+            self.slave.exitInitializationMode()
+        else:
+            self.reach_sample()
+            if self.event_mode:
+                self.put(source, position)
+        if self.event_mode:
+            self.next_event = self.slave.updateDiscreteStates()[-1]
+        read = self.read(force)
+        if self.event_mode:
+            self.slave.enterStepMode()
+        else:
+            self.put(source, position)
+        self.samples += 1
+        return read
+
+    def reach_sample(self) -> None:
+        """Step to the instant of the next sample, after the first one."""
+        if self.samples == 0:
+            return
+        step = self.fmu.sampling_time
+        self.slave.doStep((self.samples - 1) * step, step)
+        if self.event_mode:
+            self.slave.enterEventMode()
+
+    def play(self, positions: Iterable) -> list:
+        """Force at each of the next sample instants."""
+        return [self.sample(position) for position in positions]

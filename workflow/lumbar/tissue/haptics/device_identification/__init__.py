@@ -1,1 +1,0 @@
-"""Mass, damping, dry friction and delay of a haptic device, from recordings of its stylus in the air."""
