@@ -65,12 +65,11 @@ update-reference: results ## take the default study's numbers as the new referen
 
 # Sizes are small: without options the scripts take hours, and --markdown renews the table of a page.
 benchmark: environment ## accuracy of the diagnosis, timings and memory, printed: half an hour
-	snakemake --cores $(CORES) lifting tissue table_4_1_parts
+	snakemake --cores $(CORES) lifting tissue
 	python benchmarks/timings.py
 	python benchmarks/growth.py
 	python benchmarks/stability.py --starts 1000
 	python benchmarks/alternation.py --knots 100
-	python benchmarks/table_4_1_parts.py
 	python benchmarks/marker_faults.py
 	python benchmarks/runtime.py
 	python benchmarks/sensor_faults.py --records 100 --repeats 1

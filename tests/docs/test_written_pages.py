@@ -16,8 +16,6 @@ MADE = (
     "real records",
     "hard effects",
     "calibration",
-    "slow faults",
-    "parts of Table 4.1",
     "what a hand tells",
 )
 MADE_PARTS = re.compile(f"(?s)<!-- (?:{'|'.join(map(re.escape, MADE))}) -->.*?<!-- end.*?-->")
