@@ -227,23 +227,6 @@ def test_the_path_set_aside_is_drawn_beside_the_models(new_page, saved):
     assert np.isnan(data_of(page, "whole")["aside"]).all()
 
 
-def test_python_to_copy_fits_what_is_shown(new_page, saved, shared, monkeypatch, capsys):
-    page = new_page(saved)
-    page.get_by_role("button", name="Base alone").click()
-    add(page, "Hysteresis")
-    page.get_by_text("The same in Python").click()
-    code = page.locator("#python").inner_text()
-    assert str(shared) not in code  # a page that is sent tells nothing of the machine
-    monkeypatch.chdir(shared / "hidden_effects")
-    names: dict = {}
-    exec(compile(code, "copied", "exec"), names)
-    refined = names["refined"]
-    assert refined.effects == ("hysteresis",)
-    errors = [item.test_rms for item in refined.path]
-    assert errors == pytest.approx(errors_of(page), rel=5e-3)
-    assert str(refined) in capsys.readouterr().out
-
-
 def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
     page = new_page(saved)
     with page.expect_download() as given:

@@ -25,12 +25,6 @@ def pictures_are_sketched(request):
         yield
 
 
-@pytest.fixture
-def without_plots(monkeypatch):
-    """Leave the plot out of the pages of FMUs that are built to be played: it takes longer than all else in them."""
-    monkeypatch.setattr("lumbar.tissue.fmu.build.documentation.reference_plot", lambda *_: "<svg></svg>")
-
-
 @pytest.fixture(scope="session")
 def fmu_models():
     """Return models for export."""

@@ -17,7 +17,6 @@ from lumbar.base.errors import InputError
 from lumbar.publishing.explorer import shown
 from lumbar.publishing.explorer.one_file import embedded_pictures, one_file, plain_figure
 from lumbar.publishing.explorer.shown import WITH_EFFECTS, candidates_of, drawing_step, model_key
-from lumbar.publishing.explorer.thumbnail import signature_thumbnail
 from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 from lumbar.publishing.pages.diagnosis_pictures import draw_pictures, pictured_effects
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, picture, table
@@ -37,8 +36,7 @@ from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution, null_distribution
 from lumbar.tissue.diagnosis.selection.verdict import runner_up
-from lumbar.tissue.effects.catalogue import PENDULUM, TISSUE
-from lumbar.tissue.effects.signature import RATES, SHARE, pictured_form, signatures, standard_motion
+from lumbar.tissue.effects.signature import RATES, SHARE, signatures, standard_motion
 from lumbar.tissue.identification.metrics import settling_time, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Place
@@ -356,24 +354,3 @@ def test_long_records_are_thinned_and_the_page_says_so(page, monkeypatch):
     assert samples * (models + 6) <= 20000 * 1.01 + (models + 6) * len(thinned.records)
     assert thinned.models[1].merits == page.models[1].merits
     assert f"Every {step}th sample is drawn" in thinned.to_html()
-
-
-DRAWABLE = [
-    (effect, system)
-    for system, catalogue in (("tissue", TISSUE), ("pendulum", PENDULUM))
-    for effect in catalogue.values()
-    if pictured_form(effect) is not None
-]
-
-
-@pytest.mark.parametrize(("effect", "system"), DRAWABLE, ids=lambda value: getattr(value, "name", value))
-def test_lines_are_the_forces_to_scale(effect, system):
-    _, base, force = ElementTree.fromstring(signature_thumbnail(effect, system)).findall("{*}path")
-    drawn = [np.reshape(line.get("d")[1:].split(), (-1, 2)).astype(float) for line in (base, force)]
-    slow, _ = signatures(effect, system=system)
-    whole = np.concatenate([item[:, 1] for item in drawn])
-    assert min(item.min() for item in drawn) >= 0
-    assert whole.max() <= 115
-    simulated = np.concatenate([values[slow.last_cycle] for values in (slow.base, slow.force)])
-    upwards = (whole.max() - whole) / np.ptp(whole)
-    np.testing.assert_allclose(upwards, (simulated - simulated.min()) / np.ptp(simulated), atol=1e-3)

@@ -169,9 +169,7 @@ class Diagnosis:
         """Why there is no page that one can look around in; empty where there is one."""
         return f"{STATIC}: there is no motion to look around in" if self.verdict.experiment.points else ""
 
-    def page(
-        self, pictures: Mapping[str, Path] | None = None, thesis: bool = True, reading: str = ""
-    ) -> ExplorerPage:
+    def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
         """Return the page that one can look around in: every model that was fitted beside every record.
 
         Parameters
@@ -180,12 +178,9 @@ class Diagnosis:
             SVG files by caption, shown with the evidence.
         thesis : bool
             Whether the thesis's models stand beside; identifying them takes a few seconds.
-        reading : str, optional
-            Python that makes ``records``, for what can be copied; default that which reads the files they come from.
         """
         if self.without_page:
             raise InputError(f"{self.without_page}; save and to_html show what was found")
-        from lumbar.interface.python_code import fitting_code
         from lumbar.publishing.explorer.page import ExplorerPage
         from lumbar.publishing.pages.diagnosis_page import evidence_sections
 
@@ -201,7 +196,6 @@ class Diagnosis:
             evidence_sections(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
             [*own, *beside.models],
             beside.remark,
-            fitting_code(self.records, self.verdict, self.settings, self.study, reading),
         )
 
     def save(
@@ -231,8 +225,8 @@ class Diagnosis:
         drawn = self._save_pictures(folder) if pictures else {}
         write_text(folder / "diagnosis.html", self.page(drawn, thesis=pictures).to_html())
 
-    def written(self, reading: str = "") -> str:
-        """Return the page that `save` writes where there is none to look around in; `reading` as of `page`."""
+    def written(self) -> str:
+        """Return the page that `save` writes where there is none to look around in."""
         return self.to_html()
 
     def _save_law(self, path: Path) -> None:

@@ -73,25 +73,20 @@ class SpatialDiagnosis(Diagnosis):
         """That of one axis alone can be looked around in."""
         return "records of several axes: one can look around in models of one axis"
 
-    def written(self, reading: str = "") -> str:
-        """Return the page that `save` writes, with its pictures; `reading` is Python that makes ``records``."""
+    def written(self) -> str:
+        """Return the page that `save` writes, with its pictures."""
         with TemporaryDirectory() as folder:
-            return self.to_html(self._save_pictures(Path(folder)), reading)
+            return self.to_html(self._save_pictures(Path(folder)))
 
-    def to_html(self, pictures: Mapping[str, Path] | None = None, reading: str = "") -> str:
+    def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
         """Return the diagnosis as a page without script, for notebooks and mail."""
-        from lumbar.interface.python_code import fitting_code
         from lumbar.publishing.pages.diagnosis_page import diagnosis_page
-        from lumbar.publishing.pages.html import code, table
+        from lumbar.publishing.pages.html import table
 
-        lines = fitting_code(self.records, self.verdict, self.settings, self.study, reading)
         axes = self.axes_table
         rows = [[axes.cell(name, row[name]) for name in axes.first] for row in axes.frame.to_dict("records")]
         sections = {
             "Stiffness and viscosity in space": [table([axes.header(name) for name in axes.first], rows)],
-            "The same in Python": [code(lines.replace("EFFECTS", repr(list(self.selected))))]
-            if lines
-            else [],
         }
         given = self.verdict, self.evidence, self.candidates, self.data
         return diagnosis_page(*given, dict(pictures or {}), sections, self.headline)

@@ -268,12 +268,7 @@ class OwnRecordings:
             make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
             keep = None if own.keep is None else partial(own.keep, name, imported, train)
             output = own.output / name
-            reading = f"records = lumbar.import_recordings({list(self.files)!r}, **{self.choices!r}).records"
-            if common_rate(1 / record.sampling_time for record in imported.records) is not None:
-                reading = f"from {__name__} import at_one_rate\n\n{reading}\nrecords = at_one_rate(records)"
-            explored = ExploredSet(
-                name, make, output, keep, own.study, self.address, read=lambda: records, reading=reading
-            )
+            explored = ExploredSet(name, make, output, keep, own.study, self.address, read=lambda: records)
             explored.begin()
             self._explored = explored
             return served.add_own(explored)

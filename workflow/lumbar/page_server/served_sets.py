@@ -90,8 +90,6 @@ class ExploredSet:
     """Without arguments; returns the records, to be shown while they are diagnosed."""
     title: str = ""
     """Of a set that is not called by its name."""
-    reading: str = ""
-    """Python that makes the records, for what can be copied; empty for what reads their files."""
     stored: StoredVerdict | None = None
     """The diagnosis that a study's run may have left."""
     job: Job | None = None
@@ -115,7 +113,7 @@ class ExploredSet:
     @cached_property
     def page(self) -> ExplorerPage:
         """Its page."""
-        return self.diagnosis.page(reading=self.reading)
+        return self.diagnosis.page()
 
     @cached_property
     def variables(self) -> dict[str, Any]:
@@ -142,7 +140,7 @@ class ExploredSet:
             going_on("drawing the page")
             with DRAWING:
                 if self.diagnosis.without_page:
-                    self.html = self.diagnosis.written(self.reading)
+                    self.html = self.diagnosis.written()
                     return
                 _ = self.page.records, self.page.models, self.variables
 

@@ -180,7 +180,6 @@ def exported_with(catalogue, *effects, **settings):
 
 @ON_LINUX
 @pytest.mark.parametrize(("form", "amplitude", "nonlinear"), [("sphere", 0.7, []), ("power", 0.4, [1.7])])
-@pytest.mark.usefixtures("without_plots")
 def test_the_example_becomes_an_fmu(form, amplitude, nonlinear, project, zig_cache, tmp_path):
     catalogue = catalogue_with([project / "examples" / "own_effect" / "hertzian_contact.py"])
     model = exported_with(catalogue, ("hertzian_contact", form, [amplitude], nonlinear))
@@ -193,7 +192,6 @@ def test_the_example_becomes_an_fmu(form, amplitude, nonlinear, project, zig_cac
 
 @ON_LINUX
 @pytest.mark.parametrize("rate", [None, 1000])
-@pytest.mark.usefixtures("without_plots")
 def test_effects_with_memory_at_every_place_become_an_fmu(rate, zig_cache, tmp_path):
     (tmp_path / "own.py").write_text(WRITTEN, encoding="utf-8")
     catalogue = catalogue_with([tmp_path / "own.py"])

@@ -134,7 +134,6 @@ def test_decayed_states_are_flushed_to_zero(fmu_instance):
     assert struct.unpack_from("=2d", content, 44) == (0.0, 0.0)
 
 
-@pytest.mark.usefixtures("without_plots")
 def test_check_refuses_an_fmu_of_other_numbers(fmu_models, fmu_folder, zig_cache, tmp_path):
     other = selected(
         models_json(entry("KB", [1.9 * (1 + 1e-11), -1.2], [1.0, -0.45])), changed(SETTINGS, models=["KB"])
@@ -145,7 +144,6 @@ def test_check_refuses_an_fmu_of_other_numbers(fmu_models, fmu_folder, zig_cache
         check_fmus(sound, tmp_path, samples=200, seed=3)
 
 
-@pytest.mark.usefixtures("without_plots")
 def test_an_unstable_model_runs_into_its_limit_and_passes(zig_cache, tmp_path):
     settings = changed(SETTINGS, models=["MW"], unstable="export")
     unstable = selected(models_json(entry("MW", [0.0, 1.0], [1.0, -1.04])), settings)

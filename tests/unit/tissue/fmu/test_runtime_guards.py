@@ -29,7 +29,7 @@ from lumbar.tissue.fmu.conventions import slow_push
 from lumbar.tissue.fmu.fmu_check import check_fmus, simulate_fmu
 from study_settings import changed
 
-pytestmark = [ON_LINUX, pytest.mark.usefixtures("without_plots")]
+pytestmark = ON_LINUX
 DEVICE = changed(
     SETTINGS, models=["IL", "MW", "KB", "HO"], rate_Hz=1000.0, moving_average_ms=3.0, start="first_position"
 )

@@ -337,7 +337,6 @@ def test_fmusim_validates_and_reads_the_embedded_references(
 @ON_LINUX
 @with_fmusim
 @pytest.mark.parametrize(("version", "options"), [(2, []), (3, []), (3, ["--event-mode-used"])])
-@pytest.mark.usefixtures("without_plots")
 def test_fmusim_reads_the_vectors_of_an_integration_of_its_own(version, options, zig_cache, tmp_path):
     export_fmus([spatial_export(FIVE)], tmp_path, "own", TARGET, zig_cache)
     (fmu,) = tmp_path.glob(f"*_fmi{version}.fmu")

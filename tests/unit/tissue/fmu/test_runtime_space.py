@@ -21,7 +21,7 @@ from lumbar.tissue.fmu.build.export_model import export_models
 from lumbar.tissue.fmu.build.package import export_fmus
 from lumbar.tissue.fmu.fmu_check import check_fmus, simulate_fmu
 
-pytestmark = [ON_LINUX, pytest.mark.usefixtures("without_plots")]
+pytestmark = ON_LINUX
 AXES = ("x", "y", "z")
 
 

@@ -113,7 +113,7 @@ def test_export_warns_and_the_page_says_the_numbers(capsys):
     err = capsys.readouterr().err
     assert "WARNING: not safe" in err
     assert "it needs 29.3 N·s/m" in err
-    page = documentation_html(told, "3.0", "drawn", [])
+    page = documentation_html(told, "3.0", "drawn")
     assert "KB at 100 Hz: UNSTABLE (it needs 29.3 N·s/m to be passive; largest stable gain 0.303" in page
     assert "Read as FMI 2.0 reads" in page
 

@@ -141,14 +141,6 @@ window.lumbar = (() => {
     show();
   }
 
-  async function copy() {
-    window.getSelection().selectAllChildren(element("python"));
-    try {
-      await navigator.clipboard.writeText(element("python").textContent);
-      say("Copied.");
-    } catch { say("Marked: copy it as you copy elsewhere."); }
-  }
-
   // Lines and loops are drawn of the time that is shown alone: a long record would take a second.
   function inWindow() {
     const { start, end } = named("course").x_range;
@@ -297,7 +289,6 @@ window.lumbar = (() => {
     element("remove").disabled = added.length === 0;
     for (const button of document.querySelectorAll("[data-needs-effects]")) button.disabled = added.length === 0;
     element("beside").hidden = element("aside-curve").hidden = aside === null;
-    if (page.python) element("python").textContent = page.python.replace("EFFECTS", JSON.stringify(added));
     if (aside === null) return;
     fill(element("ladder-aside"), aside, false);
     const [own, other] = [added, aside].map((effects) => page.models[keyOf(effects)].test_rms);
@@ -437,7 +428,6 @@ window.lumbar = (() => {
     if (button.id === "set-aside") { aside = added; ladder(); show(); }
     if (button.id === "swap") { const other_path = aside; aside = added; take(other_path); }
     if (button.id === "forget") { aside = null; ladder(); show(); }
-    if (button.id === "copy") copy();
     if (button.id === "table") table();
     if (button.id === "clear") clearMark();
   }

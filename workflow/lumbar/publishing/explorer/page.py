@@ -23,9 +23,8 @@ from lumbar.publishing.explorer.shown import (
     shown_fitted,
     shown_records,
 )
-from lumbar.publishing.explorer.thumbnail import signature_thumbnail
 from lumbar.publishing.pages.diagnosis_page import role_of
-from lumbar.publishing.pages.html import equation, picture, table
+from lumbar.publishing.pages.html import equation, table
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import EXCITATION, Evidence
@@ -44,7 +43,6 @@ from lumbar.tissue.diagnosis.selection.verdict import (
     runner_up,
     what_is_left,
 )
-from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 
@@ -84,8 +82,6 @@ class ExplorerPage:
     """Models that are shown beside those of the diagnosis: the thesis's."""
     others_remark: str = ""
     """What is to be said of those that are not."""
-    python: str = ""
-    """Python that fits a path of effects: `lumbar.interface.python_code.fitting_code`; empty where none does."""
 
     @cached_property
     def step(self) -> int:
@@ -149,7 +145,6 @@ class ExplorerPage:
             "served": served,
             "study": study,
             "content": self._content(served),
-            "python": self.python,
         }
 
     @property
@@ -183,7 +178,6 @@ class ExplorerPage:
             "trained": [record.name for record in self.records if record.trained],
             "pictures": [name for name, *_ in PICTURES],
             "excitations": self._excitations(),
-            "python": self.python,
             "models": {model.key: model_facts(model, located.get(model.key, [])) for model in self.models},
         }
 
@@ -271,16 +265,15 @@ def _next_best(diagnosis: Verdict) -> str:
 
 def cards(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[dict[str, Any]]:
     """What the template shows of every ranked candidate, the best first."""
-    pictures: dict[str, Markup | str] = {}
-    return [_card(item, diagnosis, catalogue, pictures) for item in diagnosis.ranking]
+    return [_card(item, diagnosis, catalogue) for item in diagnosis.ranking]
 
 
-def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictures: dict) -> dict:
+def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect]) -> dict:
     candidate = item.candidate
     effects = list(candidate.effects)
     tied = [set(other.effects) for other in diagnosis.tied_with]
     forms = candidate.fit.structure.forms
-    unit, system = diagnosis.experiment.output_unit, candidate.fit.structure.base.system
+    unit = diagnosis.experiment.output_unit
     before, after = distinguishing_digits([diagnosis.base.test_rms, candidate.test_rms], 3)
     new = [name for name in effects if name not in diagnosis.selected] or effects
     return {
@@ -296,7 +289,6 @@ def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect], pictur
         "forms": [equation(form.latex) for form in forms],
         "parameters": _parameters(item),
         "long": sum(bool(found.effect) for found in item.estimates) > _MANY,
-        "signature": _signature(catalogue[new[-1]], system, pictures),
     }
 
 
@@ -311,11 +303,3 @@ def _parameters(item: Ranked) -> Markup | str:
 
 def _interval(found) -> str:
     return "not estimated" if found.low is None else f"{found.low:.4g} to {found.high:.4g}"
-
-
-def _signature(effect: Effect, system: str, pictures: dict[str, Markup | str]) -> Markup | str:
-    if effect.name not in pictures:
-        words = f"{readable(effect.name)}: force over position on a standard motion, with it (solid) and without (dashed)"
-        drawable = pictured_form(effect) is not None
-        pictures[effect.name] = picture(signature_thumbnail(effect, system), words) if drawable else ""
-    return pictures[effect.name]

@@ -47,24 +47,6 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
     return _macros().table(head, rows)
 
 
-def picture(svg: str | Path, description: str) -> Markup:
-    """SVG picture inside the page, as an image: its style and names cannot meet those of another one.
-
-    Parameters
-    ----------
-    svg : str or pathlib.Path
-        Text, or file.
-    description : str
-        What it shows, for those who cannot see it.
-    """
-    return _macros().picture(_coded(svg), description)
-
-
-def code(text: str) -> Markup:
-    """Lines of a program."""
-    return _macros().code(text)
-
-
 def equation(latex: str) -> Markup:
     """Equation, which scrolls where there is less room: browsers do not break it into lines."""
     return Markup(f'<span class="equation" tabindex="0">{equation_mathml(latex)}</span>')

@@ -20,7 +20,7 @@ from lumbar.base.progress import track
 from lumbar.base.templates import template
 from lumbar.tissue.fmu.build.compiler import TARGETS, library_of, resolve_targets, warm_cache
 from lumbar.tissue.fmu.build.description import FMI_VERSIONS, model_description
-from lumbar.tissue.fmu.build.documentation import documentation_html, pictures
+from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.record import record_text
 from lumbar.tissue.fmu.build.reference_response import reference_output, reference_push
@@ -207,7 +207,7 @@ def fmu_contents(
     push = reference_push(model, version)
     contents = {f"sources/{name}": text for name, text in source_files(model).items()}
     contents["modelDescription.xml"] = model_description(model, version, data)
-    contents["documentation/index.html"] = documentation_html(model, version, data, pictures(model, version))
+    contents["documentation/index.html"] = documentation_html(model, version, data)
     contents[RECORD] = record_text(model, data)
     if version == "3.0":
         build = template("tissue/fmu/build/buildDescription.xml.jinja")

@@ -1,10 +1,4 @@
-"""What an FMU should answer, computed in Python, the movement it is played with, and the plot of both."""
-
-from __future__ import annotations
-
-import io
-from functools import cache
-from typing import TYPE_CHECKING
+"""What an FMU should answer, computed in Python, and the movement it is played with."""
 
 import numpy as np
 
@@ -14,11 +8,6 @@ from lumbar.tissue.fmu.build.guards import guard_forces, shortened
 from lumbar.tissue.fmu.build.linear_model import LinearModel
 from lumbar.tissue.fmu.conventions import along_axes
 from lumbar.tissue.models.transfer_function import filtered
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
 _LARGEST_GROWTH = 1e6
 """An unstable model is simulated until it has grown by this."""
@@ -129,55 +118,3 @@ def reference_push(model: ExportModel, version: str) -> tuple[np.ndarray, np.nda
     way = along_axes(profile[:samples], len(model.axes))
     inputs = model.rest + push_depth(model, profile) * way
     return time[:samples], inputs, reference_output(model, inputs, version)
-
-
-_SETTINGS = {
-    "figure.constrained_layout.use": False,
-    "font.size": 9,
-    "svg.hashsalt": "lumbar",
-    "svg.fonttype": "path",
-}
-_COLOURS = ("#000000", "#0072B2")
-
-
-def reference_plot(time: np.ndarray, panels: list[tuple[str, np.ndarray]]) -> str:
-    """Return an SVG element, byte for byte the same at every run: one panel per signal, a common axis of time.
-
-    Parameters
-    ----------
-    time : numpy.ndarray, shape (samples,)
-        Seconds.
-    panels : list of tuple
-        Axis label and values, shape (samples,); drawn as steps, as they are held between samples.
-    """
-    import matplotlib as mpl
-
-    with mpl.rc_context(_SETTINGS):
-        figure, axes, lines = _panels(len(panels))
-        for axis, line, (label, values) in zip(axes, lines, panels, strict=True):
-            line.set_data(time, values)
-            axis.set_ylabel(label)
-            axis.relim()
-            axis.autoscale_view()
-        text = io.StringIO()
-        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-        figure.savefig(text, format="svg", metadata=nothing)
-    svg = text.getvalue()
-    return svg[svg.index("<svg") :].rstrip()
-
-
-@cache
-def _panels(count: int) -> tuple[Figure, list[Axes], list[Line2D]]:
-    """Figure, axes and lines, made once: making them and their ticks takes longer than drawing."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.6, 1.9 * count))
-    # Fixed margins: a layout that is solved for differs in the last bit from run to run.
-    figure.subplots_adjust(left=0.12, right=0.98, bottom=0.12, top=0.97, hspace=0.15)
-    axes = list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
-    axes[-1].set_xlabel("Time (s)")
-    lines = [
-        axis.step([], [], where="post", color=colour, linewidth=1.2)[0]
-        for axis, colour in zip(axes, np.repeat(_COLOURS, count // 2), strict=True)
-    ]
-    return figure, axes, lines
