@@ -436,30 +436,18 @@ def test_the_default_segment_is_typical():
     assert 2000 * STEP <= low < high <= 8000 * STEP + STEP
 
 
-def test_location_has_nine_panels_with_what_was_found(tests):
+def test_location_has_three_panels_with_what_was_found(tests):
     periodic, simulated = tests[0]
     location = locate(periodic, simulated, noise_floor(periodic))
     figure = location_figure(location)
-    time, cycles, frequency, depth, turning, plane, whiteness, odd, even, *_ = figure.axes
-    for axis in figure.axes[:9]:
+    time, depth, turning = figure.axes
+    for axis in figure.axes:
         assert axis.get_xlabel() and axis.get_ylabel()
     assert time.patches[0].get_data().values == pytest.approx(location.views["time"].table["rms"])
-    shown = np.concatenate([line.get_ydata() for line in frequency.lines[:-1]])
-    assert len(shown) == len(location.views["frequency"].table["rms"]) - 1  # without the constant
-    colours = plane.collections[0].get_array().ravel()
-    assert np.allclose(
-        np.ma.filled(colours, np.nan), location.views["position and velocity"].table["mean"], equal_nan=True
-    )
     assert depth.lines[0].get_ydata() == pytest.approx(location.views["depth"].table["mean"], nan_ok=True)
     assert turning.lines[0].get_ydata() == pytest.approx(location.views["reversals"].table["mean"])
-    assert cycles.lines[0].get_ydata() == pytest.approx(location.views["cycles"].table["rms"])
-    assert whiteness.lines[0].get_ydata() == pytest.approx(location.views["whiteness"].table["correlation"])
-    for axis, names in ((odd, {"with z", "with v"}), (even, {"with z²", "with |v|"})):
-        curves = [line for line in axis.lines if not line.get_label().startswith("_")]
-        assert names <= {line.get_label() for line in curves}
-        assert len({str(line._dash_pattern) for line in curves}) == len(curves)
     assert len({str(line._dash_pattern) for line in depth.lines[:3]}) == 3
-    assert f"map: {100 * location.views['position and velocity'].share:.0f} %" in plane.get_title(loc="right")
+    assert f"depth: {100 * location.views['depth'].share:.0f} %" in depth.get_title(loc="right")
     assert f"noise {location.residual.floor.rms:.3g} N" in figure.get_suptitle()
 
 
@@ -473,8 +461,7 @@ def test_location_without_reversals_or_floor():
     position = np.linspace(0.0, 10.0, 600)
     test = record(position, 0.5 * position + 0.1 * noise(600, 1), "ramp")
     figure = location_figure(locate(test, 0.4 * position))
-    assert "too few reversals" in [text.get_text() for text in figure.axes[4].texts]
-    assert "too few cycles" in [text.get_text() for text in figure.axes[1].texts]
+    assert "too few reversals" in [text.get_text() for text in figure.axes[2].texts]
     assert "noise unknown" in figure.get_suptitle()
 
 
@@ -485,15 +472,3 @@ def test_a_panel_that_sees_no_relation_says_nothing_of_the_errors_size():
     assert location.residual.variance > (10 * location.residual.floor.rms) ** 2
     titles = [axis.get_title(loc="right") for axis in location_figure(location).axes]
     assert "time: all repeats" in titles and not any("only noise" in title for title in titles)
-
-
-def test_a_map_whose_pattern_counts_marks_no_cell_as_chance():
-    position = multisine(10)
-    test = record(position, relaxing_force(position) + 0.05 * noise(len(position), 1))
-    location = locate(test, 0.9 * relaxing_force(position), noise_floor(test))
-    view = location.views["position and velocity"]
-    view.table["z_score"][:] = 1.0
-    figure = location_figure(location)
-    axis = next(axis for axis in figure.axes if axis.get_title(loc="right").startswith("map"))
-    assert axis.get_title(loc="right").endswith("as a whole")
-    assert not [line for line in axis.lines if line.get_marker() == "x"]

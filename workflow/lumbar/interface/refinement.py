@@ -410,7 +410,7 @@ class Locations(OnRecords):
         return [item.record.name for item in with_axes(self.reports)]
 
     def figure(self, name: str) -> Figure:
-        """Return the nine pictures of one record's error; of one of several axes its path and error in space."""
+        """Return the picture of one record's error; of one of several axes its path and error in space."""
         shown = self[name]
         if shown.record.axes:
             from lumbar.publishing.figures.space_figures import location_in_space

@@ -125,11 +125,6 @@ def binned(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 
-def no_cell_stands_out(view: View) -> bool:
-    """Whether a view is the map and none of its cells alone exceeds the noise."""
-    return "z_score" in view.table and not np.any(np.abs(view.table["z_score"]) >= SIGNIFICANT_Z)
-
-
 def _largest(residual: Residual, table: dict[str, np.ndarray]) -> str:
     """Where on the map the mean error is largest, in words."""
     cell = int(np.nanargmax(np.abs(table["mean"])))
