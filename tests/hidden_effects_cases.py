@@ -1,4 +1,4 @@
-"""What several tests of the hidden effects share: an oracle and motions of recorded files."""
+"""What several tests of the hidden effects share: diagnoses and motions of recorded files."""
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -26,12 +26,3 @@ def diagnosis(
         "complete": complete,
         "ladder": [{"effects": [], "test_rms": 9.0}, {"effects": list(selected), "test_rms": test_rms}],
     }
-
-
-def oracle(label: dict) -> dict:
-    """The diagnosis of somebody who has read the label."""
-    if label["kind"] == "null":
-        return diagnosis("adequate", test_rms=label["noise_rms_N"])
-    if label["kind"] == "outside":
-        return diagnosis("unexplained", test_rms=2 * label["noise_rms_N"], complete=False)
-    return diagnosis("named", label["effects"], test_rms=label["noise_rms_N"])

@@ -6,7 +6,6 @@ from functools import reduce
 
 import pytest
 
-import lumbar
 from generate import equation_index, gallery, house, thesis_items
 
 
@@ -30,12 +29,6 @@ def test_every_figure_is_there_with_a_picture_to_show(project):
     assert all(f"`{row.id}`, by the rule `{row.rule}`" in text for row in rows)
 
 
-def test_lines_of_python_call_verbs_on_figures_that_exist(project):
-    assert set(gallery.IN_PYTHON) <= {row.id for row in gallery.figures(project)}
-    for line in gallery.IN_PYTHON.values():
-        assert re.match(r"lumbar\.(\w+)\(", line)[1] in lumbar.__all__
-
-
 def test_every_entry_is_an_object_of_the_library():
     for item in equation_index.entries():
         found = reduce(getattr, item.name.split("."), importlib.import_module(item.module))
@@ -46,11 +39,3 @@ def test_ways_of_naming_equations():
     assert equation_index.equations("Eq. 4.1 and Eqs 4.5–4.7, then Eqs 3.17 and 3.18") == [
         "4.1", "4.5", "4.6", "4.7", "3.17", "3.18",
     ]  # fmt: skip
-
-
-def test_equations_are_spelt_in_one_way():
-    """Published cells of Table 2.1 keep theirs: they are data."""
-    other = re.compile(r"\b(eqs?\.? |[Ee]quations? |Eqs\. |Eq )\(?[1-5]\.\d")
-    for path in equation_index.LIBRARY.rglob("*.py"):
-        for line in path.read_text(encoding="utf-8").splitlines():
-            assert "transfer=" in line or not other.search(line), f"{path.name}: {line.strip()}"

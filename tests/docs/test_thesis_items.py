@@ -78,11 +78,6 @@ def test_every_quantity_of_the_thesis_stands_in_an_item(thesis, project):
     assert missing == {"1990 s"}  # the nineties
 
 
-def test_items_stand_in_the_order_of_their_sections():
-    first = [tuple(map(int, sections(item.section)[0].split("."))) for item in ITEMS]
-    assert first == sorted(first)
-
-
 @pytest.mark.parametrize("item", ITEMS, ids=lambda item: item.item)
 def test_what_an_item_names_is_real(item):
     for name in item.all_objects:

@@ -36,25 +36,6 @@ WRITTEN = written()
 READ_FIRST = {**WRITTEN, "../README.md": (PROJECT / "README.md").read_text(encoding="utf-8")}
 
 
-def sentences(page: str) -> list[int]:
-    """Numbers of words of the sentences in paragraphs and lists; tables, headings, code and references are none."""
-    prose = FENCE.sub("\n\n", page.split("\n## Sources")[0])
-    prose = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", re.sub(r"`[^`]*`", "CODE", prose))
-    lines = ["" if re.match(r"\s*(\||#|>|!)", line) else line for line in prose.splitlines()]
-    listed = re.sub(r"^\s*([-*]|\d+\.) ", "\n\n", "\n".join(lines), flags=re.M)
-    found = []
-    for paragraph in re.split(r"\n\s*\n", listed):
-        for sentence in re.split(r"(?<=[.!?:])[\"”)*]*\s+(?=[A-Z\[*(\"“])", " ".join(paragraph.split())):
-            words = re.findall(r"\S*\w\S*", sentence)
-            found += [len(words)] if len(words) > 2 else []
-    return found
-
-
-def test_sentences_are_counted():
-    page = "# Not this\nOne two three. Four five six seven!\n\n- `a b` is *one* word.\n\n| no | table |\n```\nno code\n```\n"
-    assert sentences(page) == [3, 4, 4]
-
-
 def test_people_write_at_most_25_000_words_in_30_pages():
     counts = {name: len(text.split()) for name, text in READ_FIRST.items()}
     assert len(counts) <= 30
@@ -63,12 +44,6 @@ def test_people_write_at_most_25_000_words_in_30_pages():
 
 def test_the_readme_has_at_most_700_words():
     assert len(READ_FIRST["../README.md"].split()) <= 700
-
-
-@pytest.mark.parametrize("name", READ_FIRST)
-def test_sentences_have_fewer_than_twenty_words_on_average(name):
-    lengths = sentences(READ_FIRST[name])
-    assert sum(lengths) < 20 * max(1, len(lengths)), f"{sum(lengths) / len(lengths):.1f} words"
 
 
 @pytest.mark.parametrize("name", READ_FIRST)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from answers import Answer, surprise
+from answers import Answer
 from hidden_effects_cases import diagnosis
 
 TESTS = Path(__file__).resolve().parents[1]
@@ -106,21 +106,3 @@ def with_mass(low: float, high: float) -> Answer:
 )
 def test_real_records_are_judged_by_names_error_and_parameters(given, judgement):
     assert records.judge(TOOL, 1.0, given)[0] == judgement
-
-
-@pytest.mark.parametrize(
-    ("judgement", "recorded", "words"),
-    [
-        ("right", "", ""),
-        ("part", "flagged: unexplained", ""),
-        ("WRONG", "WRONG: names drift", ""),
-        ("tied", "part: no law", "take it off"),
-        ("part", "", "was right"),
-        ("WRONG", "flagged: unexplained", "WRONG now"),
-        ("flagged", "WRONG: names drift", "flagged now"),
-    ],
-)
-def test_an_answer_that_is_not_as_recorded_is_told(judgement, recorded, words):
-    told = surprise("case", judgement, "why", recorded)
-    assert bool(told) == bool(words)
-    assert words in told

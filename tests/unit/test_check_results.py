@@ -1,13 +1,10 @@
 """The comparison with the reference says what moved, by how much, and whether that is allowed."""
 
 import runpy
-from fnmatch import fnmatch
 
 import pandas as pd
 import pytest
 import yaml
-
-from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION
 
 
 @pytest.fixture(scope="module")
@@ -56,13 +53,6 @@ def test_rows_may_have_tolerances_of_their_own(check, folders):
         assert call(check, folders) == status
 
 
-def test_areas_of_the_thesis_engine_are_compared_to_the_digits_they_have(project):
-    tables = yaml.safe_load((project / "tests" / "reference" / "tolerances.yaml").read_text(encoding="utf-8"))
-    (special,) = tables["tables/basin_areas.csv"]["rows"]
-    assert special["where"] == {"method": "thesis"}
-    assert special["relative"] == {column: RESOLUTION[column] for column in special["relative"]}
-
-
 def test_a_reference_without_a_key_s_column_is_told(check, folders, capsys):
     frame = pd.read_csv(folders[0] / "t.csv")
     frame.drop(columns="model").to_csv(folders[0] / "t.csv", index=False)
@@ -85,14 +75,3 @@ def test_update_takes_the_present_numbers(check, folders):
     assert call(check, folders) == 1
     assert call(check, folders, "--update") == 0
     assert call(check, folders) == 0
-
-
-def test_a_push_that_touches_what_a_run_is_made_of_is_compared(project):
-    workflow = yaml.safe_load((project / ".github" / "workflows" / "results.yml").read_text(encoding="utf-8"))
-    triggers = workflow[True]  # the key "on", as YAML 1.1 reads it
-    folders = ("config", "envs", "profiles", "resources", "workflow")
-    files = [path for folder in folders for path in (project / folder).rglob("*") if path.is_file()]
-    made_of = [path.relative_to(project).as_posix() for path in files if "__pycache__" not in path.parts]
-    assert triggers["push"] == triggers["pull_request"]
-    for name in (*made_of, "Snakefile", "pyproject.toml", "Makefile", "tests/reference/tolerances.yaml"):
-        assert any(fnmatch(name, path) for path in triggers["push"]["paths"]), name

@@ -6,7 +6,6 @@ import runpy
 import tomllib
 from importlib.metadata import distributions
 
-import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
@@ -60,34 +59,6 @@ def test_images_are_named_by_digest(project):
         r"^FROM (\S+)", (project / "envs" / "Dockerfile").read_text(encoding="utf-8"), flags=re.M
     )
     assert images and all(re.search(r"@sha256:[0-9a-f]{64}$", image) for image in images)
-
-
-FOUND = {
-    "name": "a",
-    "version": "1",
-    "vulns": [{"id": "PYSEC-1", "fix_versions": ["2"]}, {"id": "PYSEC-2", "fix_versions": []}],
-}
-SKIPPED = {"name": "b", "skip_reason": "Dependency not found"}
-
-
-@pytest.mark.parametrize(
-    ("answer", "known", "unanswered"),
-    [
-        ("", [], ["l: no answer"]),
-        ("[]", [], ["l: no answer"]),
-        ("Traceback", [], ["l: no answer"]),
-        ({"dependencies": [{"name": "a", "version": "1", "vulns": []}]}, [], []),
-        (
-            {"dependencies": [FOUND, SKIPPED]},
-            ["l: a 1: PYSEC-1, mended in 2", "l: a 1: PYSEC-2, mended in no version"],
-            ["l: no answer on b"],
-        ),
-    ],
-)
-def test_an_audit_without_an_answer_is_none(project, answer, known, unanswered):
-    audit = runpy.run_path(str(project / "envs" / "audit.py"))
-    text = answer if isinstance(answer, str) else json.dumps(answer)
-    assert audit["verdict"]("l", text) == (known, unanswered)
 
 
 def test_conda_environment_has_the_same_pins(project):

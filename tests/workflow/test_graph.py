@@ -2,8 +2,6 @@
 
 import csv
 import json
-import subprocess
-import sys
 
 import pytest
 
@@ -55,27 +53,6 @@ def test_one_person_alone_runs_only_that_person(fresh):
     assert "results/expert/" in run.text
     assert "novice" not in run.text
     assert "results/thesis/" not in run.text
-
-
-def test_lint_finds_nothing(fresh):
-    run = snakemake(fresh, "--lint")
-    assert "Congratulations" in run.text, run.text
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        ["ruff", "check", "."],
-        ["ruff", "format", "--check", "."],
-        ["snakefmt", "--check", "Snakefile", "workflow/rules"],
-    ],
-    ids=lambda command: " ".join(command[:2]),
-)
-def test_sources_are_in_the_house_format(project, command):
-    done = subprocess.run(
-        [sys.executable, "-m", *command], cwd=project, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_no_rule_uses_a_shell(project):

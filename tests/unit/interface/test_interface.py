@@ -92,22 +92,6 @@ def test_a_diagnosis_names_prints_and_goes_on(diagnosis, records):
     assert [row["model"] for row in refined.rows()] == ["KB", "KB+coulomb_friction"]
 
 
-def test_a_ladder_says_what_is_gained_and_what_is_left():
-    """Over the base alone, over the effect that is there, over one that is not, and where the noise is unknown."""
-    refined = lumbar.refine(example_records(), ["coulomb_friction"])
-    before, after = (item.test_rms for item in refined.path)
-    base, friction, noise, verdict = str(refined).splitlines()
-    assert friction.startswith("+ coulomb_friction: ")
-    assert friction.endswith(f"({100 * (after / before - 1):+.0f} %)")
-    assert noise.startswith("Noise floor: ") and "noise as far as can be told" in verdict
-    assert "do not speak for" not in verdict
-    assert "These records do not speak for drift: " in str(refined.add("drift"))
-    bare = str(refined.remove("coulomb_friction")).splitlines()
-    assert bare[0] == base and "something is missing: what is left is " in bare[-1]
-    unknown = replace(refined, experiment=replace(refined.experiment, floor=None))
-    assert "whether something is still missing cannot be said." in str(unknown)
-
-
 def test_a_base_that_did_not_converge_is_looked_at_and_called_so(records, monkeypatch):
     """Its parameters are no result; an effect beside it would rest on them, and is refused."""
     from lumbar.tissue.diagnosis.selection import refine
@@ -220,16 +204,3 @@ def test_a_whole_number_or_one_of_numpy_is_taken_where_a_number_is_asked():
     settings = SignalsSettings(round_Hz=np.float64(0.25), ramp_s=np.int64(1))
     found = lumbar.design_signals(2.5, settings=settings).settings
     assert (found.round_Hz, found.ramp_s, type(found.ramp_s)) == (0.25, 1.0, float)
-
-
-def test_what_a_terminal_shows_is_short_and_plain(records, diagnosis):
-    assert repr(records["noise"]) == (
-        "<Record noise: 1500 samples at 100 Hz, 15 s; position (mm), force (N)>"
-    )
-    found = lumbar.compare(records, diagnosis.model)
-    assert len(repr(found.table)) < 400
-    assert str(found.table).splitlines()[0] == found.table.title
-    text = str(diagnosis.model)
-    assert "F = k_e*z + k_b*q, dq/dt = v - q/tau; coulomb_friction: " in text
-    assert "*tanh(v/vs), position in mm to force in N" in text
-    assert "\\" not in text and "$" not in text

@@ -1,36 +1,28 @@
 """Figures: the same bytes at every run, in the house's style, and each shows the numbers that it is given."""
 
-import ast
 import base64
 import io
-import itertools
 import re
 import zlib
 from html import unescape
 from itertools import pairwise
-from pathlib import Path
 
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from fontTools.ttLib import TTFont
-from matplotlib.patches import FancyBboxPatch
 from periodic_records import STEP, multisine, noise, noisy_record, record, relaxing_force
 
 from lumbar.lifting.movement import lift as lifting
 from lumbar.lifting.movement import lift_tables
-from lumbar.publishing.figures import style
 from lumbar.publishing.figures.comparison_figures import comparison_figure, default_segment
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
 from lumbar.publishing.figures.location_figure import location_figure
-from lumbar.publishing.figures.outline_figures import outline_figure
-from lumbar.publishing.figures.palette import MODELS
 from lumbar.publishing.figures.signal_figures import excitation_figure, psd_figure
 from lumbar.publishing.figures.style import house_style, new_figure, save
 from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 from lumbar.publishing.figures.tissue_figures import analogue_picture
-from lumbar.publishing.study_report.contents import CHAPTERS, PLACES
 from lumbar.records.markers import read_markers
 from lumbar.settings.stability import PendulumSettings
 from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
@@ -49,22 +41,6 @@ def draw():
     axes.set_xlabel("Time (s)")
     axes.legend()
     return figure
-
-
-@pytest.mark.parametrize(("shipped", "other"), [("Regular", ""), ("Bold", "-Bold"), ("Italic", "-Oblique")])
-def test_letters_are_as_wide_as_those_of_the_font_that_journals_ask_for(shipped, other):
-    """Arial is as wide as Helvetica, whose widths (Adobe's metrics, in thousandths) Matplotlib has for PDF's own fonts."""
-    font = TTFont(Path(style.__file__).parent / "fonts" / f"Arimo-{shipped}.ttf")
-    metrics = Path(matplotlib.get_data_path(), "fonts", "pdfcorefonts", f"Helvetica{other}.afm").read_text()
-    width = {
-        int(code): float(wide) for code, wide in re.findall(r"^C (\d+) ; WX (\d+)", metrics, re.MULTILINE)
-    }
-    glyphs, scale = font.getBestCmap(), font["head"].unitsPerEm / 1000
-    letters = [
-        ord(letter) for letter in "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789 ().,+="
-    ]
-    found = [font["hmtx"][glyphs[letter]][0] / scale for letter in letters]
-    np.testing.assert_allclose(found, [width[letter] for letter in letters], atol=1)
 
 
 def test_a_figure_holds_the_shipped_font_and_what_it_lacks_from_another(tmp_path, caplog):
@@ -94,23 +70,6 @@ def test_a_notebook_keeps_its_own_style_and_windows(tmp_path):
     assert (tmp_path / "figure.svg").read_bytes() == (tmp_path / "other.svg").read_bytes()
     save(draw(), tmp_path / "own", "laboratory X")
     assert (tmp_path / "figure.svg").read_bytes() != (tmp_path / "own.svg").read_bytes()
-
-
-def test_every_figure_is_drawn_in_the_house_s_style():
-    """A function that makes a figure outside of the style would draw with whatever the user has set."""
-    for path in Path(style.__file__).parent.glob("*.py"):
-        for function in (
-            item for item in ast.parse(path.read_text()).body if isinstance(item, ast.FunctionDef)
-        ):
-            if "new_figure(" in ast.unparse(function.body):
-                assert [ast.unparse(item) for item in function.decorator_list] == ["house_style"], (
-                    function.name
-                )
-
-
-@pytest.mark.parametrize("kind", ["color", "linestyle", "marker", "hatch"])
-def test_models_are_told_apart_by_colour_and_without(kind):
-    assert len({str(style[kind]) for style in MODELS.values()}) == len(MODELS)
 
 
 def fonts(content: bytes) -> list[TTFont]:
@@ -291,16 +250,6 @@ def test_every_event_stands_in_every_panel(drawn):
         assert label in words_in(figure)
 
 
-def test_missing_feet_and_events_set_by_hand_are_said(drawn):
-    motion = drawn["motion"].drop(columns=["l_toe_speed_m_s", "r_toe_speed_m_s"])
-    events = {**drawn["events"], "toe_off": {"time_s": None, "method": "absent"}}
-    events["release"] = {**events["release"], "method": "declared"}
-    figure = events_figure({**drawn, "motion": motion, "events": events})
-    assert "no markers on the feet" in words_in(figure)
-    assert "release (set by hand)" in words_in(figure)
-    assert len(vertical_lines(figure.axes[0])) == 4
-
-
 def test_table_2_1_shows_the_analogues_and_every_reference_it_names(tmp_path):
     pictures = [analogue_picture(model) for model in TABLE_2_1]
     assert len(set(pictures)) == len(TABLE_2_1)
@@ -312,21 +261,6 @@ def test_table_2_1_shows_the_analogues_and_every_reference_it_names(tmp_path):
     assert [unescape(words) for _, words in shown] == table.frame["mechanical_analogue"].tolist()
     named = re.findall(r"(\w+) (\d{4})", " ".join(table.frame["references"]))
     assert all(any(name in full and year in full for full in REFERENCES) for name, year in named)
-
-
-def test_figure_1_1_names_the_chapters_that_make_the_thesis_again_in_boxes_apart():
-    figure = outline_figure()
-    figure.canvas.draw()
-    (axis,) = figure.axes
-    boxes = [patch.get_window_extent() for patch in axis.patches if isinstance(patch, FancyBboxPatch)]
-    assert not any(first.overlaps(second) for first, second in itertools.combinations(boxes, 2))
-    words = [text for text in axis.texts if text.get_text()]
-    for text in words:
-        extent = text.get_window_extent()
-        assert any(box.contains(*extent.min) and box.contains(*extent.max) for box in boxes), text
-    said = " ".join(text.get_text() for text in words)
-    for name, place in PLACES.items():
-        assert (CHAPTERS[name].lower() in said) == (place != "beyond the thesis"), name
 
 
 def test_figure_4_1_draws_the_pendulum_of_the_total_body(drawn):
@@ -354,12 +288,6 @@ def test_figure_4_1_draws_the_pendulum_of_the_total_body(drawn):
         assert line.get_ydata() == pytest.approx(states[com, "flexion_extension"].to_numpy())
 
 
-def test_figure_4_1_says_why_there_is_no_total_body(drawn):
-    body = drawn["body"].drop(columns=[f"WHOLE_BODY_{axis}_m" for axis in "xyz"])
-    axes = pendulum_figure({**drawn, "body": body}, PendulumSettings()).axes
-    assert "no centre of mass of the total body" in " ".join(texts(axes[1])).replace("\n", " ")
-
-
 def test_figure_4_2_draws_the_segments_between_the_markers_and_the_ends_in_use(drawn):
     front, back, side = segments_figure(drawn).axes
     at_start = drawn["landmarks"].query("event == 'deposit_start'").set_index("point")
@@ -376,16 +304,6 @@ def test_figure_4_2_draws_the_segments_between_the_markers_and_the_ends_in_use(d
     bands = [line.get_xydata() for line in side.lines if line.get_linewidth() == 7]
     for band, pair in zip(bands, [("C7T1", "T12L1"), ("T12L1", "L4L5"), ("L4L5", "MID_HIP")], strict=True):
         assert np.allclose(band, at_start.loc[list(pair), ["y_m", "z_m"]].to_numpy(float))
-
-
-def test_one_marked_wrist_is_called_by_its_side(drawn):
-    def names(motion):
-        legend = events_figure({**drawn, "motion": motion}).axes[0].get_legend()
-        return [text.get_text() for text in legend.get_texts()]
-
-    one = {f"wrists_{quantity}": f"r_wrist_{quantity}" for quantity in ("height_m", "speed_m_s")}
-    assert names(drawn["motion"]) == ["box", "wrists"]
-    assert names(drawn["motion"].rename(columns=one)) == ["box", "right wrist"]
 
 
 @pytest.fixture
@@ -418,15 +336,6 @@ def test_comparison_shows_segment_residual_floor_and_shares(tests):
     texts = " ".join(text.get_text() for text in shares.texts)
     assert f"{found[0].vaf.value:.4g} %" in texts
     assert len({line.get_linestyle() for line in response_axis.lines}) == 2
-
-
-def test_comparison_without_a_floor(tests):
-    other, response = tests[1]
-    figure = comparison_figure(other, response, [compare_record(other, response)], "HO")
-    assert not figure.axes[1].patches
-    assert [text.get_text() for text in figure.axes[2].get_legend().get_texts()] == [
-        "noise and error of the model"
-    ]
 
 
 def test_the_default_segment_is_typical():

@@ -1,6 +1,5 @@
 """The report of a study: its page, and the thesis's statements held against a run's tables."""
 
-import json
 import pkgutil
 import re
 from html import unescape
@@ -65,14 +64,6 @@ def test_pictures_say_whom_they_show_and_where_the_data_come_from(entries):
     assert entries["table_3_1"].data == "synthetic twin"
 
 
-def test_a_diagnosis_is_said_in_a_sentence_and_its_page_is_linked(entries, page):
-    assert entries["diagnoses-one"].sentence == (
-        "The KB model is missing inertia. Error on unseen records (RMS): 0.4 N without and 0.123 N with the effects; "
-        "noise floor 0.1 N."
-    )
-    assert '<a href="improvement/one/diagnosis.html">' in page
-
-
 def test_published_cells_stand_beside_this_runs():
     found = beside(CLAIMS, "table_3_1")
     assert found.head == ("Trained on", "Model", "VAF (%)", "Order")
@@ -98,22 +89,6 @@ def test_what_fails_comes_before_what_warns(results, page):
         for words in ("exact: ρ is negative", "1 of the thesis's sentences", "MW is unstable")
     ]
     assert first == sorted(first) and first[-1] < page.index('id="chapter-tissue"')
-
-
-def test_troubles_are_told_in_words_not_in_names_of_files(tmp_path):
-    folder = tmp_path / "improvement" / "hip_moment"
-    folder.mkdir(parents=True)
-    tie = {"verdict": "tied", "selected": ["coulomb_friction"], "tied_with": ["hardening_stiffness+drift"]}
-    (folder / "diagnosis.json").write_text(json.dumps(tie | {"complete": None, "noise_floor_rms": 1.0}))
-    (found,) = troubles(tmp_path)
-    assert found.where == "diagnosis of hip moment"
-    assert found.sentence.endswith(": coulomb friction, hardening stiffness and drift")
-
-
-def test_what_was_not_made_is_said(entries, page):
-    assert entries["basins"].missing
-    assert "Not made: tables/basins.csv, tables/basins.tex, tables/basins.html." in page
-    assert "<b>Basins &lt;of&gt; attraction</b>: not made" in page
 
 
 def test_every_file_is_linked_and_nothing_comes_from_elsewhere(results, page):
@@ -287,10 +262,3 @@ def test_summary_counts_the_verdicts(published, thesis_as_results):
     table = summary_table(claims, "synthetic twin")
     assert len(table.frame) == len(claims)
     assert f"{len(claims)} claims" in table.notes[0]
-
-
-def test_the_page_begins_with_what_was_found(page):
-    told = page[page.index('<section id="found">') : page.index('<section id="state">')]
-    assert "KB model is missing inertia." in told and "KB model leaves is unexplained; inertia" in told
-    assert "fails: 3; warns: 4." in told
-    assert "does not hold" in told and 'href="#state-claims"' in told

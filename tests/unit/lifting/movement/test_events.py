@@ -377,19 +377,3 @@ def test_a_files_events_that_leave_a_doubt_are_refused_and_only_told_otherwise(l
         find_events(replace(lift, events=lift.events[-2:]), SETTINGS, "file")
     own = replace(SETTINGS, labels=EventLabels(deposit_start=("cough",)))
     assert find_events(lift, own, "file")["deposit_start"].time_s == 4.0
-
-
-def test_steps_of_a_real_gait_are_no_toe_off_of_a_lift(shared):
-    recording = read_markers(
-        shared / "real" / "lifting" / "ktk_pig_com_oracle" / "gait.c3d", MarkerLayout(check_axes=False)
-    )
-    events = find_events(recording, SETTINGS)
-    assert all(event.file_s is None for event in events.values())
-    lines = comparison(recording, events, SETTINGS.labels)
-    assert [line.count(" s") > 0 for line in lines] == [True, True]
-    assert (
-        lines[0].startswith("events of the file whose labels mean none of a lift")
-        and "Foot Strike at 3.14" in lines[0]
-    )
-    assert "do not lie between a lift-off and a release: Foot Off at 2.73" in lines[1]
-    assert np.isclose(recording.events[0].time, 2.73, atol=0.01)

@@ -9,12 +9,8 @@ from force_driven import FORCE_IN, MASS, STEP, STIFFNESS, VISCOSITY, ZERO, forwa
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.settings.improvement import ImprovementSettings
-from lumbar.settings.study_settings import StudySettings
-from lumbar.study.load_study import load_settings
 from lumbar.tissue.diagnosis.forward import forward_diagnosis
 from lumbar.tissue.diagnosis.forward.forward_base import response_of
-from lumbar.tissue.diagnosis.linear.direction import FORWARD
 from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.fmu.build.effect_model import effect_model
 from lumbar.tissue.models.bases import BASES
@@ -120,27 +116,6 @@ def test_no_sensor_is_told_where_a_set_of_effects_that_was_not_selected_explains
     assert forward_diagnosis._behind_sensor(nothing, found.settings) is nothing
     alone = replace(nothing, ranking=[])
     assert forward_diagnosis._behind_sensor(alone, found.settings).path == [known.base, after]
-
-
-@pytest.mark.nightly
-def test_the_finding_prints_the_line_that_makes_the_study_run(friction, tmp_path):
-    """Recorded as force in, motion out and not said so: flagged, with the line of YAML that the settings take."""
-    records, _ = friction
-    once = StudySettings(improvement=ImprovementSettings(propose_law=False, most_effects=1))
-    told = str(lumbar.diagnose(records, train="train", base="KV-mass", settings=once))
-    assert "These records are not what the" in told
-    assert f"\n{FORWARD}\n" in told
-    line = tmp_path / "line.yaml"
-    line.write_text(FORWARD)
-    assert load_settings(line).improvement.forward
-
-
-def test_what_forward_records_do_not_do_yet_is_said():
-    records = forward_records("nothing")
-    with pytest.raises(InputError, match="no law is looked for"):
-        lumbar.propose(records, base="LE", train="train", settings=FORCE_IN)
-    with pytest.raises(InputError, match="base KV-contact: records with the force as input know"):
-        lumbar.diagnose(records, base="KV-contact", settings=FORCE_IN)
 
 
 def test_the_response_of_a_base_is_that_of_its_transfer_function():

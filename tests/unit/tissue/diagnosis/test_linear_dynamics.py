@@ -18,7 +18,6 @@ from lumbar.records.record import Record, RecordSet
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.study_settings import StudySettings
-from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.fitting.decimation import decimate
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
@@ -420,17 +419,6 @@ def test_the_lines_of_yaml_turn_the_records_round(tmp_path, wrong):
     turned = read_record(file, with_columns(wrong, **columns))
     np.testing.assert_allclose(turned["input"], position, atol=1e-12)
     np.testing.assert_allclose(turned["output"], force, atol=1e-12)
-
-
-def test_a_diagnosis_prints_the_lines_of_its_study(tmp_path):
-    """Columns are called as in the study's own files, not as in the reference's."""
-    force = drive(7)
-    position = lsim(COMPLIANCES["kelvin_voigt"], force, TIME)[1]
-    file = tmp_path / "record.csv"
-    write_columns(file, **{"t [s]": TIME, "u: force": -2 * force, "z": position + 2})
-    settings = StudySettings(tissue=TissueSettings(layout=RIGHT))
-    told = str(lumbar.diagnose(lumbar.read(file, layout=RIGHT), settings=settings))
-    assert "column: 'u: force'" in told and "scale: -0.5" in told
 
 
 def test_no_finding_in_any_labelled_experiment(shared):

@@ -147,22 +147,6 @@ def test_detection_lines_tell_even_from_odd():
     assert "no nonlinearity exceeds the noise on the lines that were left out" in linear.sentence
 
 
-def test_odd_nonlinearity_is_extrapolated_to_the_excited_lines():
-    """Of a cubic error on an odd grid with random phases, most of what lies on excited lines is not linear dynamics."""
-    position = multisine(8, 500, DETECTION_GRID, 3)
-    error = 0.002 * position**3
-    gain = error @ position / (position @ position)
-    location = located(lambda z, v, t: 0.002 * z**3 - gain * z, lines=DETECTION_GRID, seed=3)
-    sentence = location.views["frequency"].sentence
-    assert "were it as strong on the excited lines" in sentence
-
-
-def test_a_full_grid_says_that_it_cannot_tell():
-    sentence = located(ERRORS["quadratic"]).views["frequency"].sentence
-    assert "lies above them" in sentence
-    assert "an odd grid with detection lines would" in sentence
-
-
 def test_lines_are_found_and_classed():
     lines = np.array(DETECTION_GRID)
     found = excited_lines(multisine(1, 500, lines))

@@ -11,8 +11,6 @@ from periodic_records import multisine, noise, record, relaxing_force
 import lumbar
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
-from lumbar.tissue.diagnosis.evidence.discrimination import Separation, separation_sentence
-from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import add, fit_base
@@ -22,7 +20,7 @@ from lumbar.tissue.diagnosis.selection.diagnose import base_beside, choose_base,
 from lumbar.tissue.diagnosis.selection.findings import apparent_zeros, zeros_moved
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.selection.verdict import CONDITIONAL, details, distinguishing_digits, headline
+from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
@@ -112,20 +110,6 @@ def test_scores_equal_to_rounding_are_ordered_by_name(sign):
     assert [item.effects[0] for item in found] == ["c", "a", "b"]
 
 
-@pytest.mark.parametrize("distance", [9.3, 9.7])
-def test_an_excitation_worse_than_the_record_at_hand_is_not_proposed(distance):
-    excitation = SimpleNamespace(words="a chirp", within=True)
-    found = Separation(excitation, distance, 0.1, 9.6, ("drift",), 42)
-    training = SimpleNamespace(name="multisine")
-    diagnosis = SimpleNamespace(
-        selected=("hysteresis",), experiment=SimpleNamespace(output_unit="N", training=training)
-    )
-    sentence = separation_sentence(found, diagnosis)
-    assert found.improves == (distance > 9.6)
-    assert ("record a chirp" in sentence) == found.improves
-    assert ("records at hand separate hysteresis from drift better" in sentence) != found.improves
-
-
 @pytest.fixture(scope="module")
 def found():
     """Coulomb friction, found beside noise of 0.05."""
@@ -135,24 +119,6 @@ def found():
         force = relaxing_force(position) + 0.4 * np.sign(np.gradient(position))
         records.append(record(position, force + 0.05 * noise(len(position), seed + 20), name))
     return diagnose(records, DiagnosisSettings(train="multisine", most_effects=1))
-
-
-def test_the_headline_says_the_share_of_the_error_that_is_removed(found):
-    removed = 100 * (1 - found.model.test_rms / found.base.test_rms)
-    assert (
-        f"coulomb friction: with it the error on unseen records falls by {removed:.0f} %, from"
-        in headline(found)
-    )
-
-
-def test_what_removes_little_only_looks_like_it(found):
-    weak = replace(found.model, test_rms=0.8 * found.base.test_rms)
-    little = replace(found, verdict="unexplained", path=[found.base, weak], explainable_share_removed=0.2)
-    assert headline(little).endswith(
-        "it looks a little like coulomb friction, which removes 20 % of the error on unseen records."
-    )
-    much = replace(little, path=found.path, explainable_share_removed=0.98)
-    assert "coulomb friction, which comes nearest, removes" in headline(much)
 
 
 def test_a_share_is_one_of_the_base_s_own_error(found):
@@ -171,36 +137,6 @@ def test_no_name_from_a_fit_that_has_not_converged(found):
     assert selection.verdict(stopped, [], 0.99) == "unexplained"
     settled = selection.settled(stopped)
     assert settled.fit.converged and settled.test_rms == pytest.approx(found.model.test_rms, rel=1e-6)
-
-
-def test_a_runner_up_that_is_worse_than_the_base_is_said_to_be(found):
-    first, second = found.ranking[0], found.ranking[1]
-    worse = replace(second, candidate=replace(second.candidate, test_rms=2 * found.base.test_rms))
-    lines = details(replace(found, ranking=[first, worse]), TISSUE)
-    assert any(
-        line.startswith("Runner-up") and f"worse than {found.base.fit.structure.base.name} alone" in line
-        for line in lines
-    )
-    assert not any("worse than" in line for line in details(found, TISSUE))
-
-
-def test_intervals_are_said_to_hang_on_the_base_once_where_they_are_printed(found):
-    zero = Finding.of("force_offset", 0.3, "N", force="force", low=0.2, high=0.4, position="position")
-    said = [
-        details(replace(found, findings=findings), TISSUE).count(CONDITIONAL)
-        for findings in ((), (zero, zero))
-    ]
-    assert said == [0, 1]
-
-
-def test_a_gain_beyond_chance_beside_nothing_missing_is_explained(found):
-    """The very small probability of a candidate does not stand there alone."""
-    adequate = replace(found, verdict="adequate", path=[found.base])
-    line = next(line for line in details(adequate, TISSUE) if line.startswith("Best candidate"))
-    assert (
-        "gains more in training than chance would and is not named: " in line
-        and "would be needed" not in line
-    )
 
 
 def judged(*errors: np.ndarray):

@@ -318,11 +318,6 @@ def test_two_forces_that_are_alike_are_there_together():
     ]
 
 
-def test_a_base_of_which_nothing_is_left_is_told(linear, base):
-    gone = replace(base, linear=np.zeros(2))
-    assert contradictions(gone, linear) == ["nothing is left of KB: all its stiffnesses are 0"]
-
-
 @pytest.mark.parametrize(
     ("effect", "name", "parameter"),
     [("backlash", "play", "half_gap"), ("delay", "pure", "delay"), ("softening", "time", "time_constant")],

@@ -147,24 +147,6 @@ def test_the_same_name_twice_is_refused(tmp_path):
         catalogue_with([written(tmp_path, RIBS), written(tmp_path, RIBS, "again.yaml")])
 
 
-def test_the_page_names_all_signals_functions_and_keys(project):
-    from lumbar.tissue.effects import notation
-    from lumbar.tissue.models.expression import OPERANDS
-    from lumbar.tissue.models.motion import SIGNALS
-    from lumbar.tissue.models.parameter import SCALES
-
-    page = (project / "docs" / "tissue" / "own_effect.md").read_text(encoding="utf-8")
-    keys = {
-        *notation._EFFECT_KEYS,
-        *notation._FORM_KEYS,
-        *notation._STATE_KEYS,
-        *notation._NONLINEAR_KEYS,
-        "sign",
-    } - {"name"}
-    for name in (*SIGNALS, *OPERANDS, *SCALES, *keys):
-        assert re.search(rf"`{name}[`:(]", page), name
-
-
 def test_the_pages_examples_are_read(project, tmp_path):
     page = (project / "docs" / "tissue" / "own_effect.md").read_text(encoding="utf-8")
     effect, base = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)

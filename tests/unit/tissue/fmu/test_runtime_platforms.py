@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from c_programs import ON_LINUX, WINE, loader_program, with_wine, write_sources
 from effect_entries import COMBINATIONS, FIVE_EFFECTS, effect_entry
-from runtime_models import POSITION, SETTINGS, TARGET, entry, get, models_json, put, selected
+from runtime_models import SETTINGS, TARGET, entry, models_json, selected
 from spatial_models import FIVE, integrated, spatial_export
 
 from lumbar.base.errors import InputError
@@ -201,22 +201,15 @@ def test_misuse_is_answered_and_sanitizers_find_nothing(kind, tmp_path):
 
 
 FOLDER = Path(os.environ.get("LUMBAR_IMPORTERS", "absent"))
-"""Made by tests/get_importers.sh."""
-GET_IMPORTERS = "tests/get_importers.sh FOLDER and set LUMBAR_IMPORTERS=FOLDER"
-PYTHON = FOLDER / "python" / "bin" / "python"
+"""Made by tests/get_fmusim.sh."""
+GET_FMUSIM = "tests/get_fmusim.sh FOLDER and set LUMBAR_IMPORTERS=FOLDER"
 FMUSIM = FOLDER / "bin" / "fmusim"
-PLAYERS = Path(__file__).parents[3] / "importers"
 EFFECTS = effect_entry(*COMBINATIONS[1])
 NAMES = ["IL", "MW", "KB", "HO", "KB+coulomb_friction", EFFECTS["name"]]
 STEP = "0.01"
-with_python = pytest.mark.skipif(not PYTHON.exists(), reason=f"no libcosim and Ecos: {GET_IMPORTERS}")
-with_java = pytest.mark.skipif(
-    not (FOLDER / "jars").is_dir() or shutil.which("java") is None,
-    reason=f"no FMI4j: apt-get install default-jre maven, then {GET_IMPORTERS}",
-)
 with_fmusim = pytest.mark.skipif(
     not FMUSIM.exists(),
-    reason=f"no fmusim: apt-get install cargo, put its sources there, then {GET_IMPORTERS}",
+    reason=f"no fmusim: apt-get install cargo, put its sources into LUMBAR_SHARED/importers/fmusim, then {GET_FMUSIM}",
 )
 
 
@@ -226,62 +219,6 @@ def folder(fmu_folder, zig_cache):
     chosen = selected(models_json(EFFECTS), changed(SETTINGS, models=[EFFECTS["name"]]))
     export_fmus(chosen, fmu_folder, "synthetic twin", TARGET, zig_cache)
     return fmu_folder
-
-
-@pytest.fixture(scope="module")
-def positions_file(fmu_positions, tmp_path_factory):
-    """Return a CSV file with time and position."""
-    path = tmp_path_factory.mktemp("positions") / "positions.csv"
-    rows = [f"{k * float(STEP)!r},{value!r}" for k, value in enumerate(fmu_positions.tolist())]
-    path.write_text("\n".join(["time,position", *rows]) + "\n")
-    return path
-
-
-@pytest.fixture
-def expected(folder, fmu_instance, fmu_positions):
-    """Return a function that plays the positions through fmpy as importers do: set, step, get."""
-
-    def forces(name: str, version: int) -> list[float]:
-        slave = fmu_instance(name, version)
-        slave.exitInitializationMode()
-        read = []
-        for k, position in enumerate(fmu_positions.tolist()):
-            put(slave, POSITION, position)
-            slave.doStep(k * float(STEP), float(STEP))
-            read.append(get(slave))
-        return read
-
-    return forces
-
-
-def printed(command: list, **environment: str) -> list[float]:
-    """Forces that a program prints, one in a line; importers print lines of their own between them."""
-    done = subprocess.run(
-        [*map(str, command)], capture_output=True, text=True, check=False, env={**os.environ, **environment}
-    )
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    lines = [line for line in done.stdout.splitlines() if line.startswith(("0x", "-0x"))]
-    return [float.fromhex(line) for line in lines]
-
-
-def players() -> list:
-    """Command, version of FMI (libcosim of libcosimpy 0.0.6 and FMI4j 0.38 have no FMI 3.0) and mark of each that plays rows."""
-    java = ["java", "-cp", f"{FOLDER}/jars/*", PLAYERS / "PlayFmi4j.java"]
-    ecos = [PYTHON, PLAYERS / "play_ecos.py"]
-    return [
-        pytest.param([PYTHON, PLAYERS / "play_libcosim.py"], 2, marks=with_python, id="libcosim-fmi2"),
-        *(pytest.param(ecos, version, marks=with_python, id=f"ecos-fmi{version}") for version in (2, 3)),
-        pytest.param(java, 2, marks=with_java, id="fmi4j-fmi2"),
-    ]
-
-
-@ON_LINUX
-@pytest.mark.parametrize(("player", "version"), players())
-@pytest.mark.parametrize("name", NAMES)
-def test_another_importer_reads_the_forces(name, player, version, folder, positions_file, expected):
-    command = [*player, folder / f"{name}_fmi{version}.fmu", positions_file, STEP]
-    libraries = {"LD_LIBRARY_PATH": str(FOLDER / "python" / "lib")} if "play_ecos" in str(player[-1]) else {}
-    assert printed(command, **libraries) == expected(name, version)
 
 
 def fmusim(fmu: Path, folder: Path, *options: str, step: str = STEP) -> list:

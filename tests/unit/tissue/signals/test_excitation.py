@@ -299,17 +299,6 @@ def test_peaks_of_a_sine_between_its_samples(frequency, phase):
     assert motion.acceleration == pytest.approx(3 * omega**2, rel=3e-3)
 
 
-def test_every_violation_is_named_with_value_limit_and_factor():
-    motions = {"chirp": Kinematics(40, 10, 10), "noise": Kinematics(1, 1500, 30000)}
-    with pytest.raises(InputError) as error:
-        check_machine_limits(motions, LIMITS)
-    text = str(error.value)
-    assert "3 problems" in text
-    assert "chirp: peak displacement is 40 mm, the machine's limit is 30 mm" in text
-    assert "noise: peak velocity is 1500 mm/s, the machine's limit is 1000 mm/s" in text
-    assert "at most 0.750" in text and "at most 0.666" in text
-
-
 @pytest.mark.parametrize("excess", [1.0001, 1.37, 7.3, 12345.6])
 def test_following_the_advice_is_enough(excess):
     with pytest.raises(InputError) as error:
