@@ -65,7 +65,7 @@ update-reference: results ## take the default study's numbers as the new referen
 
 # Sizes are small: without options the scripts take hours, and --markdown renews the table of a page.
 benchmark: environment ## accuracy of the diagnosis, timings and memory, printed: half an hour
-	snakemake --cores $(CORES) lifting tissue
+	snakemake --cores $(CORES) lifting
 	python benchmarks/timings.py
 	python benchmarks/growth.py
 	python benchmarks/stability.py --starts 1000
