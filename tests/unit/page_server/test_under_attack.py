@@ -16,9 +16,9 @@ from forged_files import SECRET, write_forged
 from test_trust import packed, sent
 
 from column_files import write_records
-from lumbar.base.child import MEMORY, SECONDS
 from lumbar.page_server.own_handlers import MOST_HELD
 from lumbar.page_server.trust import HOST, TOKEN, Visitors
+from lumbar.records.child_process import MEMORY, SECONDS
 from lumbar.twin.examples import example_records
 from patience import PATIENCE_S, seen
 
@@ -99,7 +99,7 @@ def test_forged_files_on_the_page(server, tmp_path_factory):
     """Each is given to the page as a browser gives it: refused in words or shown, and forgotten."""
     process, visitors = server
     folder = tmp_path_factory.mktemp("forged")
-    names = write_forged(folder, drawn_too=270, seed=28)
+    names = [path.name for path in write_forged(folder, drawn_too=270, seed=28)]
     assert len(names) >= 300
     tab = ask(visitors, "GET", "/_own")[1]["Location"].partition("tab=")[2]
     before, peak, refused = memory(process), 0, 0

@@ -33,7 +33,6 @@ EXPLORED = Path("explored")
 
 def run_explore(options) -> None:
     """Serve the page until it is interrupted."""
-    from lumbar.base import child_template
     from lumbar.page_server.background import WRITING
     from lumbar.page_server.index import INDEX
     from lumbar.page_server.served_sets import OWN
@@ -42,9 +41,6 @@ def run_explore(options) -> None:
     options.output = options.output and options.output.resolve()  # what a person names may be a link
     index, own, first = _what_is_shown(options)
     server, visitors = new_server(index, options.port, own)
-    child_template.start(
-        "lumbar.records.importing.variables"
-    )  # which takes a while, in which nobody waits for it
     server.start()
     addresses = {INDEX: "all pages"}
     addresses |= {address: f"what is missing in {item.words}" for address, item in index.sets.given.items()}

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
-from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
 from lumbar.base.files import require_file, write_csv, write_json
 
@@ -87,12 +83,7 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.DataFrame(confined(partial(_columns, path, what), path, require_file(path)))
-
-
-def _columns(path: str | os.PathLike, what: str) -> dict[str, np.ndarray | list]:
-    import pandas as pd
-
+    require_file(path)
     try:
         frame = pd.read_csv(path)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
@@ -101,8 +92,7 @@ def _columns(path: str | os.PathLike, what: str) -> dict[str, np.ndarray | list]
         raise InputError(
             f"{path}: rows have more cells than the header names; numbers need a decimal point, no comma"
         )
-    numeric = {name for name, kind in frame.dtypes.items() if kind.kind in "biuf"}
-    return {name: values.to_numpy() if name in numeric else list(values) for name, values in frame.items()}
+    return frame
 
 
 class Result:

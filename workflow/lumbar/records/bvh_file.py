@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.marker_file import MarkerFile, split_points
-from lumbar.records.text_rows import RATES_HZ, read_rows
+from lumbar.records.marker_file import RATES_HZ, MarkerFile, split_points
+from lumbar.records.text_rows import read_rows
 
 _CHANNELS = [f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ"]
 _MOST_JOINTS = 1000

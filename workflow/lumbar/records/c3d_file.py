@@ -7,12 +7,15 @@ in the byte order and the format of reals of the processor that the file names (
 
 import itertools
 import os
+from dataclasses import astuple
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lumbar.records.c3d_structure import C3dStructure, check_structure, integers, reals
 from lumbar.records.marker_file import MarkerFile, RecordedEvent, mark_missing, split_points
+from lumbar.records.unpacking import read_readable
 
 
 def read_coordinates(path: Path, structure: C3dStructure) -> np.ndarray:
@@ -61,20 +64,48 @@ def read_c3d(path: str | os.PathLike) -> MarkerFile:
     InputError
         The file is broken, cut short or contradicts itself.
     """
-    path = Path(path)
+    return c3d_markers(c3d_content(path), str(path))
+
+
+def c3d_markers(content: dict[str, Any], source: str) -> MarkerFile:
+    """Return the markers of `c3d_content`.
+
+    Raises
+    ------
+    ValueError
+        The content is of another form.
+    """
+    points, labels, time = (content[name] for name in ("points", "labels", "time"))
+    if points.shape != (len(time), len(labels), 3):
+        raise ValueError(f"{source}: {points.shape} coordinates, {len(time)} times, {len(labels)} labels")
+    events = tuple(RecordedEvent(*event) for event in content["events"])
+    return split_points(source, **content | {"events": events, "notes": tuple(content["notes"])})
+
+
+def c3d_content(path: str | os.PathLike) -> dict[str, Any]:
+    """Return numbers and texts of a C3D file, also a packed one, by the names of `lumbar.records.marker_file.split_points`.
+
+    Raises
+    ------
+    InputError
+        As of `read_c3d`.
+    """
+    return read_readable(Path(path), _content)
+
+
+def _content(path: Path) -> dict[str, Any]:
     structure = check_structure(path)
     labels = list(map(str, parameter_list(structure.parameters, "POINT:LABELS")))[: structure.n_points]
-    return split_points(
-        source=str(path),
-        time=(structure.first_frame - 1 + np.arange(structure.n_frames)) / structure.rate,
-        rate=structure.rate,
-        unit=(structure.parameters.get("POINT:UNITS") or [""])[0],
-        labels=labels + [""] * (structure.n_points - len(labels)),
-        points=mark_missing(read_coordinates(path, structure)),
-        listed=_listed_kinds(structure),
-        events=_events(structure.parameters),
-        notes=structure.notes,
-    )
+    return {
+        "time": (structure.first_frame - 1 + np.arange(structure.n_frames)) / structure.rate,
+        "rate": structure.rate,
+        "unit": (structure.parameters.get("POINT:UNITS") or [""])[0],
+        "labels": labels + [""] * (structure.n_points - len(labels)),
+        "points": mark_missing(read_coordinates(path, structure)),
+        "listed": _listed_kinds(structure),
+        "events": [astuple(event) for event in _events(structure.parameters)],
+        "notes": structure.notes,
+    }
 
 
 def _events(parameters: dict[str, list]) -> tuple[RecordedEvent, ...]:

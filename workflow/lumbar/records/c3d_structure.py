@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.text_rows import RATES_HZ
+from lumbar.records.marker_file import RATES_HZ
 
 INTEL, DEC, MIPS = 84, 85, 86
 _ITEM_BYTES = {-1: 1, 1: 1, 2: 2, 4: 4}

@@ -22,16 +22,15 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.confined import confined
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
+from lumbar.records.child_process import read_in_child
 from lumbar.records.record import (
     FEWEST_SAMPLES,
     LARGEST,
@@ -43,7 +42,7 @@ from lumbar.records.record import (
 )
 from lumbar.records.stretches import check_clipping
 from lumbar.records.text_rows import number, stop_at_many
-from lumbar.records.unpacking import PACKED, read_readable, stem_of
+from lumbar.records.unpacking import read_readable, stem_of
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 LONGEST_GAP = 10
@@ -190,15 +189,10 @@ def _read_columns(
 ) -> tuple[dict[str, np.ndarray], Sequence[int] | None]:
     """Columns by role, and the line of each sample where the format has lines."""
     if layout.format == "mat":
-        from lumbar.records.matlab_file import load_matlab
-
-        return confined(partial(_read_mat, path, layout, load_matlab), path, size), None
+        return _read_mat(path, layout), None
     if size >= _LARGE:
         print(f"{path.name}: reading {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
-
-    return confined(
-        partial(read_readable, path, _read_either, layout), path, size, harmless=path.suffix.lower() != PACKED
-    )
+    return read_readable(path, _read_either, layout)
 
 
 def _read_either(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray], Sequence[int]]:
@@ -371,27 +365,39 @@ def _numbers(
     return values
 
 
-def _read_mat(path: Path, layout: ColumnLayout, load_matlab: Callable[..., dict]) -> dict[str, np.ndarray]:
-    content = load_matlab(
-        path.read_bytes(), str(path), "not a MATLAB file of version 4 to 7.2", squeeze_me=True
-    )
+def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
+    content = read_in_child(_vectors_of_mat, path)
     problems = Problems(str(path))
-    values = {}
-    names = [name for name in content if not name.startswith("__")]
+    values: dict[str, np.ndarray] = {}
+    names = list(content)
     for role, column in _along_axes(layout.columns, names, problems).items():
-        found = content.get(str(column.column))
-        if found is None and column.optional:
+        name = str(column.column)
+        if name not in content and column.optional:
             continue
-        if found is None:
+        if name not in content:
             problems.add(role, f"no variable {column.column!r}", f"the file has {', '.join(names)}")
-        elif np.ndim(found) != 1 or np.asarray(found).dtype.kind not in "fiu":
+        elif content[name] is None:
             problems.add(role, f"{column.column} is not a vector of real numbers")
         else:
-            values[role] = np.asarray(found, dtype=float)
+            values[role] = content[name].astype(float)
     if len({len(value) for value in values.values()}) > 1:
         problems.add("", "variables of different lengths", "time, input and output need one value per sample")
     problems.raise_if_any()
     return values
+
+
+def _vectors_of_mat(path: str) -> dict[str, np.ndarray | None]:
+    """Variables of a MATLAB file that are vectors of real numbers, and None for each of the others."""
+    from lumbar.records.matlab_file import load_matlab
+
+    content = load_matlab(
+        Path(path).read_bytes(), path, "not a MATLAB file of version 4 to 7.2", squeeze_me=True
+    )
+    found = {name: np.asarray(value) for name, value in content.items() if not name.startswith("__")}
+    return {
+        name: value if value.ndim == 1 and value.dtype.kind in "fiu" else None
+        for name, value in found.items()
+    }
 
 
 def column_of(columns: Mapping[str, ColumnSettings], role: str) -> ColumnSettings:

@@ -13,6 +13,9 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 
+RATES_HZ = (1e-3, 1e6)
+"""Rates of recording that are read."""
+
 
 class NoMarkers(InputError):
     """A table that holds something else than markers."""
@@ -111,12 +114,13 @@ def split_points(
         Labels that the file itself lists as angles, forces, … with the reason.
     """
     listed = listed or {}
+    points = np.ascontiguousarray(points.swapaxes(0, 1))  # each trajectory in one piece
     counts = Counter(labels)
     axes = _segment_axes(labels)
     positions, model_points, dropped = {}, {}, {}
     for index, label in enumerate(labels):
         name = label.rpartition(":")[2]
-        values = points[:, index]
+        values = points[index]
         if label in listed:
             dropped[label] = listed[label]
         elif not label or _UNLABELLED.match(name):

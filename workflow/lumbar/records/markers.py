@@ -21,14 +21,13 @@ before them; BOX_1, BOX_2 and so on for markers on the box.
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
 from lumbar.base.files import require_file
+from lumbar.records.child_process import read_in_child
 from lumbar.records.marker_file import MarkerFile, RecordedEvent
 from lumbar.records.unpacking import ending_of, read_readable, stem_of
 from lumbar.settings.layout import MarkerLayout
@@ -170,12 +169,14 @@ def read_markers(
 
 
 def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
-    size = require_file(path)
+    require_file(path)
     ending = ending_of(path)
     read: Callable[..., MarkerFile]
     if ending == ".c3d":
-        from lumbar.records.c3d_file import read_c3d as read
-    elif ending == ".trc":
+        from lumbar.records.c3d_file import c3d_content, c3d_markers
+
+        return c3d_markers(read_in_child(c3d_content, path), str(path))
+    if ending == ".trc":
         from lumbar.records.trc_file import read_trc as read
     elif ending in (".csv", ".tsv"):
         from lumbar.records.marker_table import read_marker_table as read
@@ -187,8 +188,7 @@ def _read_file(path: Path, layout: MarkerLayout) -> MarkerFile:
             f"{ending or 'a file without suffix'!r}"
         )
     options = (layout.rate_Hz,) if ending in (".csv", ".tsv") else ()
-    parse = partial(read_readable, path, read, *options)
-    return replace(confined(parse, path, size, (MarkerFile, RecordedEvent)), source=str(path))
+    return replace(read_readable(path, read, *options), source=str(path))
 
 
 def _at_rate(file: MarkerFile, rate: float | None) -> MarkerFile:

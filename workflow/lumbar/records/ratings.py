@@ -19,12 +19,10 @@ import csv
 import os
 from collections import Counter
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from lumbar.base.confined import confined
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
 from lumbar.settings.survey import RatingsLayout
@@ -92,7 +90,8 @@ def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     path = Path(path)
     _check_layout(layout)
     columns = _columns(layout)
-    rows = confined(partial(_read_rows, path, layout), path, require_file(path), harmless=True)
+    require_file(path)
+    rows = _read_rows(path, layout)
     problems = Problems(str(path))
     missing = [column for column in columns if column not in rows[0]]
     for column in missing:

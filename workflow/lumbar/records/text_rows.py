@@ -10,8 +10,6 @@ from lumbar.records.record import CLOCK_TOLERANCE, LARGEST
 
 MOST_PROBLEMS = 20
 """Problems of one file that are told; a file of another kind has one in every line."""
-RATES_HZ = (1e-3, 1e6)
-"""Rates of recording that are read."""
 
 
 def number(text: str) -> float:

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.marker_file import MarkerFile, mark_missing, split_points
-from lumbar.records.text_rows import RATES_HZ, check_even, number, read_lines, read_rows, stop_at_many
+from lumbar.records.marker_file import RATES_HZ, MarkerFile, mark_missing, split_points
+from lumbar.records.text_rows import check_even, number, read_lines, read_rows, stop_at_many
 
 _RATE_TOLERANCE = 1e-4
 

@@ -2,13 +2,12 @@
 
 import hashlib
 import io
-from functools import partial
-from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
-from lumbar.base.confined import confined
 from lumbar.base.errors import InputError
-from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate
+from lumbar.records.child_process import read_in_child
+from lumbar.records.importing.raw_table import Asked, RawTable
 from lumbar.records.importing.recording import record_name
 from lumbar.records.importing.text_table import read_text, table_of_lines
 from lumbar.records.unpacking import MOST_NUMBERS, check_zip, ending_of, stem_of, unpack
@@ -22,16 +21,7 @@ def read_workbook(content: bytes, source: str, asked: Asked) -> RawTable:
     InputError
         If several sheets hold something, or there is no table.
     """
-    import openpyxl
-
-    check_zip(content, source)
-    try:
-        book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        sheets = _sheets(book, source)
-    except InputError:
-        raise
-    except Exception as error:  # a zip that is no workbook, or a broken one, leads to errors of many kinds
-        raise InputError(f"{source}: not an Excel workbook that can be read ({error})") from error
+    sheets: dict[str, list[str]] = read_in_child(_sheets, source, content)
     filled = {title: lines for title, lines in sheets.items() if any(line.strip() for line in lines)}
     if not filled:
         raise InputError(f"{source}: no sheet holds anything")
@@ -45,8 +35,21 @@ def read_workbook(content: bytes, source: str, asked: Asked) -> RawTable:
     return table_of_lines(filled[title], source, f"sheet {title!r}")
 
 
-def _sheets(book, source: str) -> dict[str, list[str]]:
-    """Lines of every sheet, by title; one cell far away stands for all the empty ones before it."""
+def _sheets(source: str, content: bytes) -> dict[str, list[str]]:
+    """Lines of every sheet, by title."""
+    import openpyxl
+
+    check_zip(content, source)
+    try:
+        return _lines(openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True), source)
+    except InputError:
+        raise
+    except Exception as error:  # a zip that is no workbook, or a broken one, leads to errors of many kinds
+        raise InputError(f"{source}: not an Excel workbook that can be read ({error})") from error
+
+
+def _lines(book, source: str) -> dict[str, list[str]]:
+    """Lines of every sheet; one cell far away stands for all the empty ones before it."""
     sheets: dict[str, list[str]] = {}
     left = MOST_NUMBERS
     for sheet in book:
@@ -62,8 +65,6 @@ def _sheets(book, source: str) -> dict[str, list[str]]:
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _OLD_EXCEL = b"\xd0\xcf\x11\xe0"
 _GZIP = b"\x1f\x8b"
-_SHORT, _SHORT_LINE = 250_000, 500
-"""Bytes of a text, and of its lines, in which units and rates are looked for within seconds, whatever stands there."""
 
 
 def read_content(stored: bytes, path: Path, asked: Asked) -> tuple[RawTable, str]:
@@ -81,28 +82,15 @@ def read_content(stored: bytes, path: Path, asked: Asked) -> tuple[RawTable, str
     InputError
         If there is no table in it, or no package that reads it.
     """
+    content = stored
     if stored.startswith(_GZIP):
-        read, parse = None, partial(_read_packed, stored, path, asked)
-    else:
-        read = _reader(stored, path)
-        parse = partial(read, stored, str(path), asked)
-    harmless = (
-        read is read_text and len(stored) <= _SHORT and max(map(len, stored.split(b"\n"))) <= _SHORT_LINE
-    )
-    kinds = (RawTable, RawColumn, StatedRate)
-    found = confined(parse, path, len(stored), kinds, opens=False, harmless=harmless)
-    return found, hashlib.sha256(stored).hexdigest()
-
-
-def _read_packed(stored: bytes, path: Path, asked: Asked) -> RawTable:
-    file = io.BytesIO()
-    unpack(stored, path, file)
-    content = file.getvalue()
-    return _reader(content, path)(content, str(path), asked)
+        unpack(stored, path, file := io.BytesIO())
+        content = file.getvalue()
+    return _reader(content, path)(content, str(path), asked), hashlib.sha256(stored).hexdigest()
 
 
 def _reader(content: bytes, path: Path):
-    """Find the reader of this content, and import what it needs: called with content, source and what is asked."""
+    """Find the reader of this content: called with content, source and what is asked."""
     kind = ending_of(path)
     if content.startswith(_HDF5) or content[512:520] == _HDF5:  # MATLAB 7.3 puts 512 bytes of its own before
         _require("h5py", "an HDF5 file (MATLAB 7.3 writes them too)", path)
@@ -110,7 +98,6 @@ def _reader(content: bytes, path: Path):
 
         return read_hdf5
     if content.startswith(b"MATLAB 5.0 MAT-file") or kind == ".mat":
-        import_module("lumbar.records.matlab_file")  # once for all children
         from lumbar.records.importing.variables import read_matlab
 
         return read_matlab
@@ -125,13 +112,9 @@ def _reader(content: bytes, path: Path):
 
 
 def _require(package: str, kind: str, path: Path) -> None:
-    """Import a package, or say what needs it."""
-    try:
-        import_module(package)
-    except ImportError as error:
-        raise InputError(
-            f"{path}: {kind} needs the package {package}: pip install 'lumbar[import]'"
-        ) from error
+    """Say what needs a package that is not there."""
+    if find_spec(package) is None:
+        raise InputError(f"{path}: {kind} needs the package {package}: pip install 'lumbar[import]'")
 
 
 def file_name(path: Path) -> str:

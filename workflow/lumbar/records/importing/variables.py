@@ -2,13 +2,13 @@
 
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from functools import cache
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.records.child_process import read_in_child
 from lumbar.records.importing.dialect import FEWEST_ROWS
 from lumbar.records.importing.raw_table import Asked, RawColumn, RawTable, StatedRate, name_and_unit
 from lumbar.records.unpacking import check_size
@@ -135,6 +135,18 @@ def read_matlab(content: bytes, source: str, asked: Asked) -> RawTable:
     InputError
         If it is none, or holds no vectors of one length.
     """
+    found = read_in_child(_matlab_variables, source, content)
+    arrays, opaque = found["arrays"], found["opaque"]
+    if opaque and not arrays:
+        raise InputError(
+            f"{source}: holds MATLAB objects (tables, timetables, …), which other programs cannot read; save their columns "
+            "as variables, or the table T as table2struct(T, 'ToScalar', true)"
+        )
+    return to_table(arrays, source, "MATLAB", asked)
+
+
+def _matlab_variables(source: str, content: bytes) -> dict[str, Any]:
+    """Numbers of a MATLAB file by path, and the paths of what only MATLAB reads."""
     from lumbar.records.matlab_file import load_matlab
 
     broken = "not a MATLAB file that can be read"
@@ -144,12 +156,7 @@ def read_matlab(content: bytes, source: str, asked: Asked) -> RawTable:
     for name, value in variables.items():
         if not name.startswith("__") or name == "__function_workspace__":
             _collect(name, value, arrays, opaque)
-    if opaque and not arrays:
-        raise InputError(
-            f"{source}: holds MATLAB objects (tables, timetables, …), which other programs cannot read; save their columns "
-            "as variables, or the table T as table2struct(T, 'ToScalar', true)"
-        )
-    return to_table(arrays, source, "MATLAB", asked)
+    return {"arrays": arrays, "opaque": opaque}
 
 
 _LABELS = ("label", "Label", "name", "Name")
@@ -208,6 +215,12 @@ def read_hdf5(content: bytes, source: str, asked: Asked) -> RawTable:
     InputError
         If the file is broken, leads to another or holds no vectors of one length.
     """
+    found = read_in_child(_hdf5_variables, source, content)
+    return to_table(found["arrays"], source, "HDF5", asked, found["units"])
+
+
+def _hdf5_variables(source: str, content: bytes) -> dict[str, Any]:
+    """Numbers of an HDF5 file by path, and the units of some."""
     import h5py
 
     arrays: dict[str, np.ndarray] = {}
@@ -246,27 +259,7 @@ def read_hdf5(content: bytes, source: str, asked: Asked) -> RawTable:
         raise
     except Exception as error:  # a broken file leads h5py to errors of many kinds
         raise InputError(f"{source}: a broken HDF5 file ({error})") from error
-    numbers = {path: values for path, values in arrays.items() if values.dtype.kind in "fiu"}
-    return to_table(numbers, source, "HDF5", asked, units)
-
-
-def rehearse() -> None:
-    """Read small files of both kinds, which the next is read faster for."""
-    for read, content in _small_files():
-        read(content, "", Asked())
-
-
-@cache
-def _small_files() -> Sequence[tuple[Callable[[bytes, str, Asked], RawTable], bytes]]:
-    from scipy.io import savemat
-
-    columns = {name: np.arange(2.0 * FEWEST_ROWS) for name in ("time_s", "position_mm", "force_N")}
-    savemat(file := io.BytesIO(), columns)
-    found = [(read_matlab, file.getvalue())]
-    with suppress(ImportError):
-        import h5py
-
-        with h5py.File(file := io.BytesIO(), "w") as written:
-            written.update(columns)
-        found.append((read_hdf5, file.getvalue()))
-    return found
+    return {
+        "arrays": {path: values for path, values in arrays.items() if values.dtype.kind in "fiu"},
+        "units": units,
+    }

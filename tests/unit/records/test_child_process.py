@@ -1,0 +1,150 @@
+"""A parser of a stranger's file answers in numbers and texts, and ends at its limits, whatever this process does meanwhile."""
+
+import os
+import re
+import threading
+from pathlib import Path
+
+import child_readers as readers
+import numpy as np
+import psutil
+import pytest
+
+from lumbar.base.errors import InputError
+from lumbar.records import child_process
+from lumbar.records.child_process import read_in_child
+
+limited = pytest.mark.skipif(not Path("/proc").exists(), reason="only Linux has all limits")
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "trial.bin"
+    path.write_text("1 2 3")
+    return path
+
+
+def test_what_is_parsed_comes_back_as_it_was(path):
+    found = read_in_child(readers.all_kinds, path, b"12345")
+    arrays = found.pop("array")
+    assert found == {
+        "texts": ["é\ud800", None, True, -0.0, float("inf")],
+        "number": 2.0,
+        "pair": [1, 2],
+        "size": 5,
+    }
+    np.testing.assert_array_equal(arrays["rows"], [[0, 2], [4, 6], [8, 10]])
+    np.testing.assert_array_equal(arrays["big"], range(5))
+    assert arrays["none"].shape == (0, 3)
+    arrays["rows"][0] = 7  # belongs to whoever asked
+
+
+def test_a_path_is_meant_from_where_one_works_and_nothing_there_is_imported(path, monkeypatch):
+    monkeypatch.chdir(path.parent)
+    (path.parent / "numpy.py").write_text("raise SystemExit")
+    monkeypatch.syspath_prepend("")
+    monkeypatch.setenv("PYTHONPATH", str(path.parent))
+    assert read_in_child(readers.of_a_path, Path(path.name)) == "1 2 3"
+    assert "" not in read_in_child(readers.where_modules_are_looked_for, path)
+
+
+def test_an_error_for_the_user_comes_back_in_its_words(path):
+    with pytest.raises(InputError) as caught:
+        read_in_child(readers.refusing, path)
+    assert str(caught.value) == f"{path}: line 3: force is 'x'; a number is needed"
+
+
+@limited
+@pytest.mark.parametrize("bomb", [readers.without_memory, readers.hiding_it, readers.growing])
+def test_memory_ends_at_its_limit_in_words(path, bomb, monkeypatch):
+    monkeypatch.setattr(child_process, "MEMORY", 400_000_000)
+    with pytest.raises(
+        InputError, match=r"trial\.bin: its 5e-06 MB need more memory than a reader has, 400 MB"
+    ):
+        read_in_child(bomb, path)
+
+
+@limited
+def test_a_processors_time_ends_at_its_limit_in_words(path, monkeypatch):
+    monkeypatch.setattr(child_process, "SECONDS", 1)
+    with pytest.raises(InputError, match=r"trial\.bin: its 5e-06 MB take longer than 1 s to read"):
+        read_in_child(readers.endless, path)
+
+
+def test_one_that_waits_is_given_up_and_ended(path, monkeypatch):
+    before = set(psutil.Process().children())
+    monkeypatch.setattr(child_process, "PATIENCE_S", 2)
+    with pytest.raises(InputError, match=r"trial\.bin: its 5e-06 MB take longer than"):
+        read_in_child(readers.sleeping, path)
+    assert set(psutil.Process().children()) <= before
+
+
+@pytest.mark.parametrize(
+    "reader, said",
+    [
+        (readers.crashing, r"its reader ended \(SIGABRT\); copy or export it again"),
+        (readers.leaving, "its reader answers what no file of its kind holds"),
+        (readers.mistaken, r"its reader stopped at KeyError \('x'; child_readers.py, line \d+\)"),
+        (readers.of_objects, r"its reader stopped at TypeError \(no numbers: ndarray"),
+    ],
+)
+def test_a_reader_that_fails_is_told_with_the_file(path, reader, said):
+    with pytest.raises(InputError, match=rf"{re.escape(str(path))}: broken: {said}"):
+        read_in_child(reader, path)
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        readers.no_archive, readers.pickled, readers.of_texts, readers.too_few_arrays, readers.no_json, readers.a_bomb,
+    ],
+)  # fmt: skip
+def test_an_answer_that_lies_is_refused(path, forged, monkeypatch):
+    monkeypatch.setattr(child_process, "LARGEST_ANSWER", 1_000_000)
+    with pytest.raises(
+        InputError, match=r"trial\.bin: broken: its reader answers what no file of its kind holds"
+    ):
+        read_in_child(forged, path)
+
+
+@limited
+def test_an_answer_without_end_is_cut(path, monkeypatch):
+    monkeypatch.setattr(child_process, "LARGEST_ANSWER", 3_000_000)
+    with pytest.raises(InputError, match=r"trial\.bin: broken: its reader ended"):
+        read_in_child(readers.without_end, path)
+
+
+def test_what_is_no_file_is_not_opened(path):
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(InputError, match=r"trial\.bin: a pipe or a device"):
+        read_in_child(readers.of_a_path, path)
+
+
+def test_files_are_read_while_other_threads_compute_and_nothing_is_left(path):
+    """A bare fork of this process would end the threads of OpenBLAS on which another waits."""
+    opened, children = Path("/proc/self/fd"), set(psutil.Process().children())
+    before = set(opened.iterdir()) if opened.is_dir() else set()
+    done, matrix, found = threading.Event(), np.ones((300, 300)), []
+
+    def compute():
+        while not done.is_set():
+            matrix @ matrix
+
+    other = threading.Thread(target=compute)
+    other.start()
+    asking = [
+        threading.Thread(target=lambda: found.append(read_in_child(readers.of_a_path, path)))
+        for _ in range(4)
+    ]
+    try:
+        for thread in asking:
+            thread.start()
+        for thread in asking:
+            thread.join(timeout=120)
+    finally:
+        done.set()
+        other.join(timeout=60)
+    assert found == ["1 2 3"] * 4 and not other.is_alive()
+    assert set(psutil.Process().children()) <= children
+    assert not before or set(opened.iterdir()) == before
