@@ -28,7 +28,7 @@ TISSUE = [
     ["signals", "effects"],
     ["models"],
 ]
-LIFTING = [["stability", "measures"], ["movement"], ["quality", "population"]]
+LIFTING = [["stability"], ["measures"], ["movement"], ["quality"]]
 """The rooms of the two wings, likewise."""
 
 

@@ -32,7 +32,7 @@ def test_groups_of_drawn_people_are_compared(study):
     results = study / "results" / "cohort"
     table = pd.read_csv(results / "tables" / "measure_comparison.csv")
     assert set(table["comparison"]) == {"expert_vs_novice"} and set(table["data"]) == {"synthetic twin"}
-    assert table["low"].notna().all() and (table["df"] == 4).all()
+    assert table["low"].notna().all() and table["df"].between(2, 4).all()
     # What the distributions say most clearly, 60 against 82 degrees, is seen with three persons already.
     inclination = table[table["measure"] == "trunk_inclination_peak"].iloc[0]
     assert inclination["difference"] < -10
@@ -47,8 +47,6 @@ def test_groups_of_drawn_people_are_compared(study):
     }
     assert {"basin_area_pelvis_inverted", "margin_of_stability", "l5s1_moment_peak"} <= set(long["measure"])
     assert (results / "figures" / "measure_comparison.svg").is_file()
-    planning = pd.read_csv(results / "tables" / "measure_planning.csv")
-    assert (planning["persons_with_1_trial"] >= 3).all()
 
 
 def test_one_person_more_is_all_that_is_made(study):

@@ -14,7 +14,6 @@ from lumbar.interface.lift_page import lift_page as lift_page
 from lumbar.interface.movement import measure_movement as measure_movement
 from lumbar.interface.participants import analyse_survey as analyse_survey
 from lumbar.interface.people import compare_groups as compare_groups
-from lumbar.interface.people import sample_size as sample_size
 from lumbar.interface.reading import read as read
 from lumbar.interface.refinement import compare as compare
 from lumbar.interface.refinement import locate as locate

@@ -47,7 +47,7 @@ if study.has("population"):
         input:
             persons=[f"<results>/population/persons/{person}.csv" for person in study.subjects],
         output:
-            **published("measure_comparison", "measure_planning", "measure_comparison_figure"),
+            **published("measure_comparison", "measure_comparison_figure"),
             measures="<results>/population/measures.csv",
         log:
             "<logs>/compare_people.log",
@@ -59,7 +59,6 @@ if study.has("population"):
             **job_size(peak_mb=205 + 0.03 * len(study.lifts), seconds=10 + 0.01 * len(study.lifts)),
         params:
             code=library_code("compare_people.py"),
-            settings=plain(settings.population),
             groups=lambda wildcards: list(settings.stability.compare.groups),
             labels=study.labels,
             data=DATA,

@@ -2,13 +2,10 @@
 
 from job import run, stem
 
-from lumbar.settings.population import PopulationSettings
-
 
 def main(
     input,
     output,
-    settings: PopulationSettings,
     labels: dict[str, str],
     groups: tuple[str, str],
     data: str,
@@ -23,9 +20,8 @@ def main(
     table = pd.concat([pd.read_csv(path) for path in input.persons], ignore_index=True)
     table.insert(2, "group", table["person"].map(labels))
     write_csv(output.measures, table)
-    compared = compare_groups(table, groups=groups, settings=settings, data=data)
+    compared = compare_groups(table, groups=groups, data=data)
     compared.table.write(stem(output.measure_comparison))
-    compared.planning.write(stem(output.measure_planning))
     save(compared.figure(), stem(output.measure_comparison_figure), data)
 
 

@@ -43,8 +43,7 @@ def run_lift(options) -> None:
     measures.save(options.output)
     print(found if found.analysed.states else found.seen)  # why there is no pendulum stands at the end
     print(measures)
-    print("\n".join(found.checks))
-    print("\n".join(_closing(found, options.output)))
+    print("\n".join([*found.checks, *_closing(found, options.output)]))
     if options.page:
         from lumbar.interface.lift_page import lift_page
 

@@ -1,4 +1,4 @@
-"""``lumbar.compare_groups`` and ``lumbar.sample_size``: what differs between people, and how many it takes to see it."""
+"""``lumbar.compare_groups``: what differs between groups of people, and between their boxes."""
 
 from __future__ import annotations
 
@@ -12,15 +12,7 @@ import pandas as pd
 
 from lumbar.base.errors import InputError
 from lumbar.interface.verb import Result, data_label, read_table
-from lumbar.lifting.population.comparison import (
-    Comparison,
-    check_long_table,
-    compare_people,
-    comparison_table,
-    planning_table,
-)
-from lumbar.lifting.population.sample_size import MOST_PERSONS, assured_sd, person_mean_sd, persons_needed
-from lumbar.settings.population import PopulationSettings
+from lumbar.lifting.measures.compare_groups import Comparison, compare_people, comparison_table
 from lumbar.settings.stability import GROUPS
 from lumbar.tables.table import Table
 
@@ -32,7 +24,6 @@ def compare_groups(
     table: pd.DataFrame | str | os.PathLike | Sequence[str | os.PathLike],
     *,
     groups: tuple[str, str] | None = None,
-    settings: PopulationSettings | None = None,
     data: str = "",
 ) -> PeopleCompared:
     """Compare two groups of people at the same box, and the boxes within each group, measure by measure.
@@ -63,18 +54,32 @@ def compare_groups(
     ... ]
     >>> table = pd.DataFrame(rows).assign(box_mass_kg=15, measure="margin", plane="all", unit="mm", safer="higher")
     >>> print(lumbar.compare_groups(table))
-    expert_vs_novice, 15 kg, margin, all: 10.5 mm (5.95 to 15.1), p = 0.0013, 4 + 4 persons: expert is safer
+    expert_vs_novice, 15 kg, margin, all: 10.5 mm (5.86 to 15.1), p = 0.0017, 4 + 4 persons: expert is safer
     """
-    settings = settings or PopulationSettings()
     frame, sources = _read(table)
-    check_long_table(frame)
+    _check_long_table(frame)
     chosen = groups or _groups_of(frame)
     unknown = [group for group in chosen if group not in set(frame["group"])]
     if unknown:
         there = ", ".join(sorted(map(str, frame["group"].unique())))
         raise InputError(f"groups: nobody is labelled {' or '.join(map(repr, unknown))}; there are: {there}")
     found = tuple(compare_people(frame, chosen))
-    return PeopleCompared(found, chosen, settings, data_label(data, sources))
+    return PeopleCompared(found, chosen, data_label(data, sources))
+
+
+NEEDED = ("person", "group", "box_mass_kg", "measure", "plane", "value")
+"""Columns of a long table, one row per lift, measure and plane."""
+
+
+def _check_long_table(table: pd.DataFrame) -> None:
+    lacking = [name for name in NEEDED if name not in table]
+    if lacking:
+        raise InputError(
+            f"no columns {', '.join(lacking)}; a comparison needs {', '.join(NEEDED)}, one row per lift and measure"
+        )
+    groups = table.groupby("person")["group"].nunique()
+    if (groups > 1).any():
+        raise InputError(f"{groups.idxmax()}: a person of {groups.max()} groups; each belongs to one")
 
 
 def _read(table) -> tuple[pd.DataFrame, list[str]]:
@@ -102,18 +107,12 @@ class PeopleCompared(Result):
 
     comparisons: tuple[Comparison, ...]
     groups: tuple[str, str]
-    settings: PopulationSettings
     data: str
 
     @cached_property
     def table(self) -> Table:
         """Differences with intervals and p values."""
         return comparison_table(self.comparisons, self.data)
-
-    @cached_property
-    def planning(self) -> Table:
-        """Scatter between people and trials, and how many persons a study needs."""
-        return planning_table(self.comparisons, self.settings, self.data)
 
     def figure(self) -> Figure:
         """Return all measures at one glance: who is safer, and how certain that is."""
@@ -122,9 +121,8 @@ class PeopleCompared(Result):
         return comparison_figure(self.comparisons, self.groups)
 
     def files(self) -> Iterator[tuple[str, Any]]:
-        """``measure_comparison`` and ``measure_planning`` as tables, and the figure."""
+        """``measure_comparison`` as a table and as a figure."""
         yield "measure_comparison", self.table
-        yield "measure_planning", self.planning
         yield "measure_comparison", self.figure()
 
     def __str__(self) -> str:
@@ -137,80 +135,10 @@ class PeopleCompared(Result):
 
 
 def _sentence(item: Comparison) -> str:
-    contrast, interval = item.contrast, item.contrast.interval
-    persons = " + ".join(str(len(side)) for side in item.values)
-    start = f"{item.name}, {item.box} kg, {item.measure}, {item.plane}: {contrast.difference:.3g} {item.unit}".rstrip()
-    if not interval.is_known:
-        return f"{start}, {interval.remark}"
+    found = item.found
+    start = f"{item.name}, {item.box} kg, {item.measure}, {item.plane}: {found.difference:.3g} {item.unit}".rstrip()
+    if found.low is None:
+        return f"{start}, {found.remark}"
+    persons = " + ".join(map(str, found.persons))
     verdict = f"{item.verdict} is safer" if item.verdict in item.sides else item.verdict
-    return f"{start} ({interval.low:.3g} to {interval.high:.3g}), p = {contrast.p_value:.2g}, {persons} persons: {verdict}"
-
-
-def sample_size(
-    difference: float,
-    *,
-    person_sd: float,
-    trial_sd: float = 0.0,
-    trials: int = 1,
-    paired: bool = False,
-    power: float = 0.8,
-    significance: float = 0.05,
-    pilot_df: float | None = None,
-    assurance: float = 0.8,
-) -> int:
-    """Return how many persons (of each group; altogether if paired) a study needs to see a difference.
-
-    Standard deviations from a pilot are uncertain: planned with them as they are, fewer than half of all studies have the power
-    wanted. With `pilot_df` the size is the one that has it in a share `assurance` of pilots.
-
-    Parameters
-    ----------
-    difference : float
-        That is to be seen.
-    person_sd : float
-        Standard deviation between people of a group; if paired, between people's changes. With `trial_sd` it is a column
-        of the table ``measure_planning``.
-    trial_sd : float
-        Standard deviation between the trials of one person under one condition.
-    trials : int
-        Of each person and condition.
-    paired : bool
-        Whether every person goes through both conditions.
-    power : float
-        Probability to see the difference.
-    significance : float
-        Level of the two-sided t test on the persons' means.
-    pilot_df : float, optional
-        Degrees of freedom with which the standard deviations were estimated (``df`` in the table ``measure_comparison``: the
-        pilot's persons less its groups); without them they count as known.
-
-    Raises
-    ------
-    InputError
-        For numbers that make no study, and where more than 100 000 persons would be needed.
-
-    Examples
-    --------
-    >>> import lumbar
-    >>> lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=1), lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=5)
-    (27, 19)
-    >>> lumbar.sample_size(10, person_sd=10, trial_sd=8, trials=5, pilot_df=18)  # a pilot of 10 + 10 persons
-    26
-    """
-    if min(person_sd, trial_sd) < 0 or trials < 1 or not 0 < significance < power < 1:
-        raise InputError(
-            f"person_sd {person_sd:g}, trial_sd {trial_sd:g}, trials {trials:g}, power {power:g}, significance "
-            f"{significance:g}: deviations from 0 on, trials from 1 on, 0 < significance < power < 1"
-        )
-    # A paired difference has the trials' scatter of both conditions.
-    sd = person_mean_sd(person_sd, trial_sd, trials / 2 if paired else trials)
-    if pilot_df is not None:
-        if not (pilot_df > 0 and 0.5 <= assurance < 1):
-            raise InputError(
-                f"pilot_df {pilot_df:g}, assurance {assurance:g}: pilot_df above 0, assurance from 0.5 to below 1"
-            )
-        sd = assured_sd(sd, pilot_df, assurance)
-    found = persons_needed(difference, sd, paired=paired, power_wanted=power, significance=significance)
-    if found is None:
-        raise InputError(f"difference {difference:g}: more than {MOST_PERSONS} persons would be needed")
-    return found
+    return f"{start} ({found.low:.3g} to {found.high:.3g}), p = {found.p_value:.2g}, {persons} persons: {verdict}"

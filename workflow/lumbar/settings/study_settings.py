@@ -5,7 +5,6 @@ from typing import Annotated, Literal
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.key import SEED, UNIQUE, FolderName, key, required, section, settings
 from lumbar.settings.lifting import LiftingSettings
-from lumbar.settings.population import PopulationSettings
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
 from lumbar.settings.stability import StabilitySettings
@@ -57,5 +56,4 @@ class StudySettings:
     survey: SurveySettings = section(default_factory=SurveySettings)
     lifting: LiftingSettings = section(default_factory=LiftingSettings)
     stability: StabilitySettings = section(default_factory=StabilitySettings)
-    population: PopulationSettings = section(default_factory=PopulationSettings)
     twin: TwinSettings = section(default_factory=TwinSettings)

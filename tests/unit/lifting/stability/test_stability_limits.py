@@ -1,10 +1,12 @@
 """The torque's limits, a better V, and verdicts: closed forms and brute force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from lifting_cases import GRAVITY, WEIGHTS, minimum_jerk, pendulums_of
 
-from lumbar.lifting.population.contrast import Interval
+from lumbar.lifting.measures.compare_groups import Difference
 from lumbar.lifting.stability.comparison.table_4_1_controls import verdict
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels, reachable_area
 from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
@@ -66,13 +68,15 @@ def test_best_v_of_a_linear_loop_reaches_liouvilles_area():
 
 def test_verdicts():
     changed = {"Q divided": 9.0, "R divided": 11.0}
-    unknown = Interval(remark="no interval: 1 person (expert), at least 3 are needed")
+    unknown = Difference(3.0, 2.0, (1, 5), remark="no interval: 1 person (expert), at least 3 are needed")
     assert verdict(10.0, 0.9, changed, unknown).startswith("survives parts")
     assert verdict(10.0, 0.9, changed, unknown).endswith(
         "(no interval: 1 person (expert), at least 3 are needed)"
     )
     assert "90 % of it come from duration" in verdict(10.0, 0.1, changed, unknown)
     assert "sign turns with Q divided" in verdict(10.0, 0.9, {**changed, "Q divided": -1.0}, unknown)
-    assert "contains 0" in verdict(10.0, 0.9, changed, Interval(-2.0, 20.0))
-    assert "[+5.00, +20.00]" in verdict(10.0, 0.9, changed, Interval(5.0, 20.0))
+    known = Difference(2.2, 2.0, (5, 5), low=-0.04, high=0.4)
+    assert "contains 0" in verdict(10.0, 0.9, changed, known)
+    # In percent of the mean that is compared with.
+    assert "[+5.00, +20.00]" in verdict(10.0, 0.9, changed, replace(known, low=0.1))
     assert verdict(None, None, {}, unknown) == "not testable in this study"

@@ -12,7 +12,7 @@ from lumbar.lifting.measures.registry import measure_in_words
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure
 
 if TYPE_CHECKING:
-    from lumbar.lifting.population.comparison import Comparison
+    from lumbar.lifting.measures.compare_groups import Comparison
 
 FIRST, SECOND, UNDECIDED = "#0072B2", "#D55E00", "#8c8c8c"
 _MARKERS = ("o", "s", "D", "^", "v")
@@ -28,7 +28,7 @@ def comparison_figure(comparisons: Sequence[Comparison], groups: tuple[str, str]
     """
     between = [item for item in comparisons if not item.paired]
     boxes = list(dict.fromkeys(item.box for item in between))
-    known = [item for item in between if not item.contrast.remark]
+    known = [item for item in between if not item.found.remark]
     rows, hidden = _sorted_rows(known)
     figure, axes = new_figure(DOUBLE_COLUMN, 1.5 + 0.19 * max(len(rows), 4))
     height = {row: -number for number, row in enumerate(rows)}
@@ -72,10 +72,8 @@ def _sorted_rows(known: Sequence[Comparison]) -> tuple[list[tuple[str, str]], in
 
 def _effect(item: Comparison) -> np.ndarray:
     """Difference and its interval in standard deviations between people, positive where the first group is safer."""
-    interval = item.contrast.interval
-    sign = -1 if item.safer == "lower" else 1
-    values = sign * np.array([item.contrast.difference, interval.low, interval.high])
-    return values / item.contrast.person_mean_sd
+    found, sign = item.found, -1 if item.safer == "lower" else 1
+    return sign * np.array([found.difference, found.low, found.high]) / found.person_sd
 
 
 def _draw(axes, item: Comparison, height: float, marker: str) -> None:
@@ -96,10 +94,10 @@ def _label(row: tuple[str, str]) -> str:
 
 def _title(between: Sequence[Comparison], known: Sequence[Comparison], hidden: int) -> str:
     if not known:
-        reason = between[0].contrast.remark if between else "the groups have no box in common"
+        reason = between[0].found.remark if between else "the groups have no box in common"
         return f"Nothing can be compared: {reason}"
     persons = " and ".join(
-        f"{len(side)} {name}" for side, name in zip(known[0].values, known[0].sides, strict=True)
+        f"{count} {name}" for count, name in zip(known[0].found.persons, known[0].sides, strict=True)
     )
     more = f"; {hidden} measures with smaller differences are in the table alone" if hidden else ""
     first, second = known[0].sides

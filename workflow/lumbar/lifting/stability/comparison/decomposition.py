@@ -13,7 +13,6 @@ from math import factorial
 import numpy as np
 import pandas as pd
 
-from lumbar.lifting.population.contrast import jackknife_interval
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
@@ -62,6 +61,16 @@ def contributions(areas: np.ndarray) -> np.ndarray:
                 total = total + weight * (areas[..., index[taken | {part}]] - areas[..., index[taken]])
         found.append(100 * total / areas[..., 0])
     return np.stack(found, axis=-1)
+
+
+def jackknife_interval(value: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Student's 95 % interval of an estimate from those without each person, shape (persons, ...)."""
+    from scipy.stats import t
+
+    count = len(left_out)
+    error = np.sqrt((count - 1) * np.var(left_out, axis=0))
+    reach = t.ppf(0.975, count - 1) * error
+    return value - reach, value + reach
 
 
 def decomposition_table(study: Study) -> tuple[Table, list[Failure]]:

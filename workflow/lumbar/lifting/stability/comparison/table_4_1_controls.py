@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from lumbar.base.errors import NumericalError
-from lumbar.lifting.population.contrast import Interval, percent_interval
+from lumbar.lifting.measures.compare_groups import Difference, compare_means
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
@@ -197,8 +197,8 @@ def controls_table(
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
             entry["movement_share"] = share = shares.get((*key, plane))
             entry |= _controls(percents)
-            interval = _interval(areas, sides, row, plane)
-            entry["verdict"] = _verdict(row["status"], share, percents, interval)
+            persons = _difference(areas, sides, row, plane)
+            entry["verdict"] = _verdict(row["status"], share, percents, persons)
             rows.append(entry)
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
@@ -230,21 +230,22 @@ def _controls(percents: dict[str, float | None]) -> dict[str, float | None]:
     }
 
 
-def _verdict(status: str, share: float | None, percents: dict[str, float | None], interval: Interval) -> str:
+def _verdict(status: str, share: float | None, percents: dict[str, float | None], persons: Difference) -> str:
     percent = percents["headline"]
     if status.startswith("no basin") and percent is None:
         return status
     changed = {words: percents[name] for name, words in CHANGES.items() if name in percents}
-    return verdict(percent, share, changed, interval)
+    return verdict(percent, share, changed, persons)
 
 
 def verdict(
-    percent: float | None, movement: float | None, changed: dict[str, float | None], interval: Interval
+    percent: float | None, movement: float | None, changed: dict[str, float | None], persons: Difference
 ) -> str:
     """Return the sentence on a percentage, None where the study cannot tell.
 
     `movement` is the share that comes from the posture at the start and the course, None where that is not known; `changed` has
-    the percentage under each change, by its name; `interval` is that over persons.
+    the percentage under each change, by its name; `persons` is the difference over persons. Its interval is given in percent of
+    the mean that is compared with.
     """
     if percent is None:
         return "not testable in this study"
@@ -259,33 +260,28 @@ def verdict(
         unknown.append("its parts exchanged")
     if unknown:
         reasons.append(f"no basin with {', '.join(unknown)}")
-    if interval.is_known and interval.low <= 0 <= interval.high:
-        reasons.append("its interval over persons contains 0")
-    certainty = (
-        f"95 % interval over persons [{interval.low:+.2f}, {interval.high:+.2f}] %"
-        if interval.is_known
-        else interval.remark
-    )
+    certainty = persons.remark
+    if persons.low is not None and persons.high is not None:
+        if persons.low <= 0 <= persons.high:
+            reasons.append("its interval over persons contains 0")
+        low, high = (100 * end / persons.second for end in (persons.low, persons.high))
+        certainty = f"95 % interval over persons [{low:+.2f}, {high:+.2f}] %"
     if reasons:
         return f"does not survive: {'; '.join(reasons)} ({certainty})"
     return f"survives parts and sensitivity ({certainty})"
 
 
-def _interval(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane: str) -> Interval:
-    """Interval over persons of one percentage, or why there is none."""
+def _difference(areas: pd.DataFrame, compared_sides: list[tuple], row: dict, plane: str) -> Difference:
+    """Compare the areas behind one percentage over persons, or say why there is no interval."""
     found = {name: (before, after) for name, before, after, _ in compared_sides}
     before, after = found[row["comparison"]]
     if before is None:
-        return Interval(remark="nothing to compare")
+        return Difference(np.nan, np.nan, (0, 0), remark="nothing to compare")
     here = areas[(areas["com"] == row["com"]) & (areas["plane"] == plane)]
     sides = [
-        here[(here["experience"] == experience) & (here["box_mass_kg"] == mass)].groupby("subject")[
-            "mean_area"
-        ]
+        here[(here["experience"] == experience) & (here["box_mass_kg"] == mass)]
+        .groupby("subject")["mean_area"]
+        .mean()
         for experience, mass in (after, before)
     ]
-    return percent_interval(
-        *({person: values.to_numpy() for person, values in side} for side in sides),
-        paired=before[0] == after[0],
-        names=(after[0], before[0]),
-    )
+    return compare_means(*sides, paired=before[0] == after[0], names=(after[0], before[0]))

@@ -1,0 +1,138 @@
+"""Groups and boxes compared: Welch's and the paired interval in closed form and by scipy, verdicts, tables by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+import lumbar
+from lumbar.base.errors import InputError
+from lumbar.lifting.measures.compare_groups import compare_means
+
+NAMES = ("expert", "novice")
+
+
+def by_person(values) -> pd.Series:
+    return pd.Series(values, index=[f"p{number}" for number in range(len(values))], dtype=float)
+
+
+def test_groups_are_compared_by_welchs_test():
+    rng = np.random.default_rng(1)
+    first, second = rng.normal(3.0, 1.0, 6), rng.normal(2.0, 3.0, 9)
+    found = compare_means(by_person(first), by_person(second), paired=False, names=NAMES)
+    parts = first.var(ddof=1) / 6, second.var(ddof=1) / 9
+    freedom = sum(parts) ** 2 / (parts[0] ** 2 / 5 + parts[1] ** 2 / 8)
+    half_width = stats.t.ppf(0.975, freedom) * np.sqrt(sum(parts))
+    difference = first.mean() - second.mean()
+    assert (found.first, found.second) == pytest.approx((first.mean(), second.mean()))
+    assert (found.low, found.high) == pytest.approx((difference - half_width, difference + half_width))
+    assert found.freedom == pytest.approx(freedom) and found.persons == (6, 9)
+    expected = stats.ttest_ind(first, second, equal_var=False)
+    assert found.p_value == pytest.approx(expected.pvalue) and found.freedom == pytest.approx(expected.df)
+    assert (found.low, found.high) == pytest.approx(tuple(expected.confidence_interval()))
+    pooled = np.sqrt((5 * first.var(ddof=1) + 8 * second.var(ddof=1)) / 13)
+    assert found.person_sd == pytest.approx(pooled)
+    assert found.percent == pytest.approx(100 * difference / second.mean())
+
+
+def test_boxes_are_compared_within_the_persons_who_lifted_both():
+    before, after = by_person([3.0, 5.0, 4.0, 8.0, 99.0]), by_person([4.0, 5.5, 6.0, 9.0])
+    found = compare_means(after, before, paired=True, names=NAMES)
+    changes = np.array([1.0, 0.5, 2.0, 1.0])
+    half_width = stats.t.ppf(0.975, 3) * changes.std(ddof=1) / 2
+    assert found.difference == pytest.approx(changes.mean()) and found.persons == (4, 4)
+    assert (found.low, found.high) == pytest.approx(
+        (changes.mean() - half_width, changes.mean() + half_width)
+    )
+    assert found.freedom == 3 and found.person_sd == pytest.approx(changes.std(ddof=1))
+    assert found.p_value == pytest.approx(stats.ttest_rel(after, before[:4]).pvalue)
+
+
+def test_no_interval_without_persons_or_scatter():
+    two, five = by_person([1.0, 2.0]), by_person(range(5))
+    found = compare_means(two, five, paired=False, names=NAMES)
+    assert found.p_value is None and found.low is None and found.difference == pytest.approx(-0.5)
+    assert found.remark == "no interval: 2 persons (expert), at least 3 are needed"
+    paired = compare_means(two, five, paired=True, names=NAMES)
+    assert paired.remark == "no interval: 2 persons (expert), at least 3 are needed"
+    alike = compare_means(by_person([1.0] * 4), by_person([2.0] * 4), paired=False, names=NAMES)
+    assert alike.remark == "no interval: all persons have the same value" and alike.p_value is None
+    assert compare_means(five, by_person([-1.0, -2.0, 0.0]), paired=False, names=NAMES).percent is None
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Three measures of 5 experts and 4 novices with two boxes, two trials each: two differ, one does not."""
+    rng, rows = np.random.default_rng(1), []
+    for group, count, margin in (("expert", 5, 40.0), ("novice", 4, 20.0)):
+        for person in range(count):
+            own = rng.normal(margin, 4)
+            for mass in (15, 23):
+                for _ in range(2):
+                    key = (f"{group}_{person}", group, mass)
+                    rows.append((*key, "margin", own - (mass - 15) / 2 + rng.normal(0, 2), "mm", "higher"))
+                    rows.append((*key, "moment", 300 - own + rng.normal(0, 2), "N·m", "lower"))
+                    rows.append((*key, "sway", rng.normal(10, 3), "mm", "lower"))
+    columns = ["person", "group", "box_mass_kg", "measure", "value", "unit", "safer"]
+    frame = pd.DataFrame(rows, columns=columns).assign(plane="all")
+    frame.loc[frame.index[0], "value"] = np.nan
+    return frame
+
+
+@pytest.fixture(scope="module")
+def compared(table):
+    return lumbar.compare_groups(table)
+
+
+def test_the_safer_side_follows_from_the_measure(compared):
+    frame = compared.table.frame.set_index(["comparison", "box_mass_kg", "measure"]).sort_index()
+    for box in ("15", "23"):
+        assert (frame.loc[("expert_vs_novice", box), "safer"] == ["expert", "expert", "not decided"]).all()
+        assert frame.loc[("expert_vs_novice", box, "moment"), "difference"] < 0
+    assert frame.loc[("decrease_in_mass_expert", "15 vs 23", "margin"), "safer"] == "15 kg"
+    assert frame.loc[("decrease_in_mass_expert", "15 vs 23", "margin"), "df"] == 4
+    first = frame.loc[("expert_vs_novice", "15", "margin")]
+    assert first["persons"] == "5 + 4" and first["trials"] == "9 + 8"
+
+
+def test_p_values_are_adjusted_after_holm_by_comparison_and_box(compared):
+    for _, family in compared.table.frame.groupby(["comparison", "box_mass_kg"]):
+        ranked = family.sort_values("p")
+        steps = np.maximum.accumulate(ranked["p"].to_numpy() * [3, 2, 1])
+        assert ranked["p_holm"].to_numpy() == pytest.approx(np.minimum(steps, 1.0))
+
+
+def test_trials_are_no_people(table, compared):
+    """Every trial counted twice changes no interval: a person is one value."""
+    twice = lumbar.compare_groups(pd.concat([table, table])).table.frame
+    columns = ["low", "high", "df", "p"]
+    np.testing.assert_allclose(twice[columns], compared.table.frame[columns], rtol=1e-9)
+
+
+def test_picture_has_the_safer_group_on_its_side(compared):
+    axes = compared.figure().axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["Margin", "Moment", "Sway"]
+    effects = [line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 1]
+    # The expert is safer in margin and moment, with either box.
+    assert len(effects) == 6 and min(effects[:4]) > 0
+
+
+def test_too_few_people_are_named_and_not_tested(table):
+    few = lumbar.compare_groups(table[table["person"].isin(["expert_0", "expert_1", "novice_0"])])
+    between = few.table.frame[few.table.frame["comparison"] == "expert_vs_novice"]
+    assert between["p"].isna().all() and (between["safer"] == "cannot be told").all()
+    assert "2 persons (expert), 1 person (novice), at least 3" in between["remark"].iloc[0]
+    assert "Nothing can be compared" in few.figure().get_suptitle()
+    assert "at least 3 are needed" in str(few)
+
+
+def test_wrong_tables_are_refused(table, tmp_path):
+    with pytest.raises(InputError, match="no columns person"):
+        lumbar.compare_groups(table.drop(columns="person"))
+    with pytest.raises(InputError, match="nobody is labelled 'trained'"):
+        lumbar.compare_groups(table, groups=("trained", "novice"))
+    with pytest.raises(InputError, match="expert_0: a person of 2 groups"):
+        lumbar.compare_groups(pd.concat([table, table.head(1).assign(group="novice")]))
+    (tmp_path / "broken.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match=r"broken\.csv: not a table"):
+        lumbar.compare_groups(tmp_path / "broken.csv")

@@ -1,0 +1,149 @@
+"""Groups of people and their boxes compared, measure by measure: Welch's test on person means, paired for two boxes."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from lumbar.tables.described import described
+from lumbar.tables.table import Table
+
+MIN_PERSONS = 3
+"""Persons of a group below which there is no interval."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Two means over persons and their difference, with a 95 % interval."""
+
+    first: float
+    second: float
+    persons: tuple[int, int]
+    person_sd: float = np.nan
+    """Standard deviation of the person means within the groups, or of the changes of paired persons."""
+    low: float | None = None
+    high: float | None = None
+    freedom: float | None = None
+    p_value: float | None = None
+    remark: str = ""
+    """Why there is no interval and no test; empty otherwise."""
+
+    @property
+    def difference(self) -> float:
+        """First less second."""
+        return self.first - self.second
+
+    @property
+    def percent(self) -> float | None:
+        """100(first − second)/second; None for a mean that is not positive, such as that of a signed measure."""
+        return 100 * self.difference / self.second if self.second > 0 else None
+
+
+def compare_means(first: pd.Series, second: pd.Series, paired: bool, names: tuple[str, str]) -> Difference:
+    """Compare the means of persons, one value each, by person; `names` are those of the sides, for messages."""
+    from statsmodels.stats.weightstats import CompareMeans, DescrStatsW
+
+    if paired:
+        shared = first.index.intersection(second.index)
+        first, second, names = first[shared], second[shared], names[:1]
+    persons = len(first), len(second)
+    counts = dict(zip(names, persons, strict=False))
+    short = [f"{n} person{'' if n == 1 else 's'} ({name})" for name, n in counts.items() if n < MIN_PERSONS]
+    means = (float(side.mean()) if len(side) else np.nan for side in (first, second))
+    if short:
+        remark = f"no interval: {', '.join(short)}, at least {MIN_PERSONS} are needed"
+        return Difference(*means, persons, remark=remark)
+    sides = [DescrStatsW(first - second)] if paired else [DescrStatsW(first), DescrStatsW(second)]
+    sd = float(np.sqrt(sum(side.sumsquares for side in sides) / sum(side.nobs - 1 for side in sides)))
+    if not sd > 0:
+        return Difference(*means, persons, sd, remark="no interval: all persons have the same value")
+    if paired:
+        interval, (_, p, freedom) = sides[0].tconfint_mean(), sides[0].ttest_mean()
+    else:
+        welch = CompareMeans(*sides)
+        interval, (_, p, freedom) = welch.tconfint_diff(usevar="unequal"), welch.ttest_ind(usevar="unequal")
+    return Difference(*means, persons, sd, *map(float, interval), float(freedom), float(p))
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """One measure compared between two sides, at a box or within the persons who lifted both boxes (`paired`)."""
+
+    name: str
+    box: str
+    measure: str
+    plane: str
+    unit: str
+    safer: str
+    """Which values are the safer ones: ``higher``, ``lower`` or empty."""
+    sides: tuple[str, str]
+    paired: bool
+    trials: tuple[int, int]
+    found: Difference
+
+    @property
+    def verdict(self) -> str:
+        """Which side is safer, or that the interval contains both answers."""
+        low, high = self.found.low, self.found.high
+        if low is None:
+            return "cannot be told"
+        if low <= 0 <= high:
+            return "not decided"
+        higher, lower = self.sides if low > 0 else self.sides[::-1]
+        return {"higher": higher, "lower": lower}.get(self.safer, f"{higher} higher")
+
+
+def compare_people(table: pd.DataFrame, groups: tuple[str, str]) -> Iterator[Comparison]:
+    """Compare two groups at every box that both lifted, and the lightest with the heaviest box in each group.
+
+    `table` has the columns ``person, group, box_mass_kg, measure, plane, value``, and ``unit`` and ``safer`` if they are known.
+    """
+    for (measure, plane), rows in table.groupby(["measure", "plane"], sort=False):
+        words = [str(rows[name].fillna("").iloc[0]) if name in rows else "" for name in ("unit", "safer")]
+        for name, box, sides, paired, selected in _pairs(rows, groups):
+            known = [side.dropna(subset="value") for side in selected]
+            found = compare_means(*(side.groupby("person")["value"].mean() for side in known), paired, sides)
+            if all(found.persons):
+                keys, trials = (name, box, str(measure), str(plane), *words), (len(known[0]), len(known[1]))
+                yield Comparison(*keys, sides, paired, trials, found)
+
+
+def _pairs(rows: pd.DataFrame, groups: tuple[str, str]) -> Iterator[tuple]:
+    """Yield name, boxes, names of the sides, whether the same persons are on both, and the rows of either side."""
+    cells = dict(list(rows.groupby(["group", "box_mass_kg"])))
+    masses = {
+        group: sorted(mass for name, mass in cells if name == group) for group in rows["group"].unique()
+    }
+    for mass in sorted(set(masses.get(groups[0], [])) & set(masses.get(groups[1], []))):
+        yield "_vs_".join(groups), f"{mass:g}", groups, False, [cells[group, mass] for group in groups]
+    for group, found in masses.items():
+        if len(found) > 1:
+            boxes = found[0], found[-1]
+            box, sides = "{:g} vs {:g}".format(*boxes), tuple(f"{mass:g} kg" for mass in boxes)
+            yield f"decrease_in_mass_{group}", box, sides, True, [cells[group, mass] for mass in boxes]
+
+
+def comparison_table(comparisons: Sequence[Comparison], data: str) -> Table:
+    """Return what differs between groups and boxes, with p values adjusted after Holm for each comparison and box."""
+    from statsmodels.stats.multitest import multipletests
+
+    rows: list[dict] = []
+    families: dict[tuple[str, str], list[dict]] = {}
+    for item in comparisons:
+        found, persons, trials = item.found, item.found.persons, item.trials
+        keys = {"comparison": item.name, "box_mass_kg": item.box, "measure": item.measure}
+        keys |= {"plane": item.plane, "unit": item.unit or "not said"}
+        means = {"first": found.first, "second": found.second, "difference": found.difference}
+        interval = {"low": found.low, "high": found.high, "df": found.freedom, "p": found.p_value}
+        rest = {"percent": found.percent, "safer": item.verdict, "remark": found.remark or "none"}
+        counts = {"persons": "{} + {}".format(*persons), "trials": "{} + {}".format(*trials)}
+        rows.append({**keys, **means, **interval, **rest, **counts})
+        families.setdefault((item.name, item.box), []).extend(rows[-1:] if found.p_value is not None else [])
+    for tested in filter(None, families.values()):
+        adjusted = multipletests([row["p"] for row in tested], method="holm")[1]
+        for row, value in zip(tested, adjusted, strict=True):
+            row["p_holm"] = value
+    sizes = " or ".join(map(str, sorted(set(map(len, families.values())))))
+    words = {"fewest": MIN_PERSONS, "sizes": sizes or "no"}
+    return described(__file__, "measure_comparison", rows, data, words)
