@@ -185,8 +185,6 @@ class C3dStructure:
     first_frame: int
     n_analog: int
     """Analog samples per frame of points, over all channels."""
-    analog_per_frame: int
-    """Analog samples per frame of points, of each channel."""
     rate: float
     """Frames of points per second."""
     parameters: dict[str, list]
@@ -250,10 +248,10 @@ def _of_processor(path: Path, content: mmap.mmap, start: int, processor: int) ->
         known = ", ".join(f"{number} ({name})" for number, name in _PROCESSORS.items())
         raise InputError(f"{path}: processor type {processor}; allowed are {known}")
     order = ">" if processor == MIPS else "<"
-    points, analog, first, last, _, _, _, data_block, per_frame = struct.unpack(order + "9H", content[2:20])
+    points, analog, first, last, _, _, _, data_block, _ = struct.unpack(order + "9H", content[2:20])
     notes: list[str] = []
     scale, rate = real(content[12:16], processor), real(content[20:24], processor)
-    sizes, data_start = (points, last - first + 1, first, analog, per_frame), (data_block - 1) * BLOCK
+    sizes, data_start = (points, last - first + 1, first, analog), (data_block - 1) * BLOCK
     within = start < data_start < len(content)
     end = data_start if within else min(start + content[start + 2] * BLOCK, len(content))
     parameters = read_parameters(path, content, start + 4, end, processor, notes)
