@@ -135,7 +135,6 @@ WHOLE = HEAD + rows(",")
 CLOCKLESS = "position_mm,force_N\n" + rows(",", columns=(POSITION, FORCE))
 TWO_RATES = "Sample rate: 200 Hz\nSampling interval: 4 ms\n" + CLOCKLESS
 IN_MILLISECONDS = "time,position_mm,force_N\n" + rows(",", columns=(1e3 * TIME, POSITION, FORCE))
-COARSE = rows("\t", columns=(TIME, np.round(POSITION, 1), FORCE))
 TWO_TABLES = WHOLE + "\nSecond cycle\n" + HEAD + rows(",", columns=(TIME, 2 * POSITION, FORCE))
 MICROSECONDS = "time [µs],position [mm],force [N]\n" + rows(",")
 THOUSANDS = "t (s);z (µm);F (N)\n" + "".join(
@@ -164,7 +163,6 @@ def stamped(moved: dict[int, int]) -> str:
         ("time_s,a,b\n" + rows(","), {}, "choose by --position NAME or NUMBER among column 2 'a', column 3 'b'"),
         (MICROSECONDS, {}, "are 2e+08 Hz, which no testing machine records at; give --time-unit"),
         (IN_MILLISECONDS, {}, "time is column 1 'time', by its name, without a unit; give --time-unit"),
-        (COARSE, {"position_unit": "mm", "force_unit": "N"}, "no column says that it is position"),
         (CLOCKLESS, {}, "no column of time and no rate is stated; give --time COLUMN or --rate HZ"),
         *((f"{line}\n{CLOCKLESS}", {}, "no rate is stated") for line in (
             "Samples: 600", "Sample: 7", "Sample diameter 10 mm", "Sample rate: 60 per min", "Frequency: 2 Hz")),
@@ -191,6 +189,31 @@ def stamped(moved: dict[int, int]) -> str:
 )  # fmt: skip
 def test_what_a_file_does_not_say_or_says_twice_is_asked_for(tmp_path, text, told, words):
     assert words in refusal(imported, tmp_path, text, **told)
+
+
+def test_columns_without_names_are_taken_in_order(tmp_path):
+    units = {"position_unit": "mm", "force_unit": "N"}
+    coarse = np.round(POSITION, 1)
+    of_three = imported(tmp_path, rows("\t", columns=(TIME, coarse, FORCE)), **units)
+    of_two = imported(tmp_path, rows("\t", columns=(coarse, FORCE)), rate=RATE, **units)
+    for one in (of_three, of_two):
+        assert one.record["input"] == pytest.approx(coarse, abs=1e-9)
+        assert one.record["output"] == pytest.approx(FORCE, abs=2e-5)
+    why = "by its order: columns without names are time, position, force"
+    assert all(why in one for one in of_three.grounds.values())
+    assert "columns without names are position, force;" in of_two.grounds["force"]
+
+
+def test_everything_that_is_missing_is_asked_for_at_once(tmp_path):
+    told = refusal(imported, tmp_path, "a,b,load [V]\n" + rows(",", columns=(POSITION, POSITION, FORCE)))
+    for words in (
+        "no column of time and no rate is stated; give --time COLUMN or --rate HZ",
+        "no column says that it is position; choose by --position NAME or NUMBER among column 1 'a', column 2 'b'",
+        "as in --force-unit '35.15 N', or --force-unit V",
+    ):
+        assert words in told
+    told = refusal(imported, tmp_path, rows(",", columns=(POSITION, FORCE)))
+    assert all(f"give --{role}-unit if" in told for role in ("position", "force")) and "--rate HZ" in told
 
 
 @pytest.mark.parametrize(

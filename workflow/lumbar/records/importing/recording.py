@@ -232,7 +232,7 @@ def to_records(
         If a column, a unit, the rate or a part cannot be told; with all parts in which time stands or goes back, samples are
         missing, or that cannot be analysed.
     """
-    roles = find_roles_of_axes(table, choices.wishes())
+    roles = find_roles_of_axes(table, choices.wishes(), choices.rate)
     time, from_where = _clock(table, roles.get("time"), choices)
     grounds = {"time": from_where}
     grounds |= {role: f"{item.column.label}, {item.why}" for role, item in roles.items() if role != "time"}

@@ -1,4 +1,4 @@
-"""Which column is time, which position, which force: as a person says, by names in several languages, by units and numbers."""
+"""Which column is time, which position, which force: as a person says, by names in several languages, units and order."""
 
 import re
 import unicodedata
@@ -10,6 +10,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.base.yaml_file import shipped_yaml
+from lumbar.records.importing.clock import stated_time
 from lumbar.records.importing.raw_table import SPEEDS, Asked, RawColumn, RawTable, Unit, find_unit, told_unit
 
 ROLES = ("time", "position", "force")
@@ -24,10 +25,6 @@ _WEAK = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
 """Names of one letter, which others use for other things."""
 _OTHERS = frozenset([*_VELOCITIES, *_UNMEASURED, *SAID["others"].split()])
 """Words of what is measured or commanded beside the three; a column named so is taken on request only."""
-_SMOOTHER = 5.0
-"""How many times smoother one of two nameless columns must be to pass for the position."""
-_COARSE = 1e-4
-"""Smallest step between values, as a share of their range, from which a column tells nothing by its smoothness."""
 
 
 Wishes = dict[str, tuple[str | None, str | None]]
@@ -129,51 +126,114 @@ def named_so(name: str, role: str) -> int:
 
 
 def find_roles(
-    table: RawTable, wishes: Wishes, wanted: Sequence[str] = ROLES, beside: Collection[int] = ()
+    table: RawTable,
+    wishes: Wishes,
+    wanted: Sequence[str] = ROLES,
+    beside: Collection[int] = (),
+    rate: float | None = None,
 ) -> dict[str, Role]:
     """Find the columns of time (unless there is none), position and force with their units.
+
+    A column has a role by its name, else by its unit. Columns without name and unit take the roles that are then left in
+    the order time, position, force, if there is one for each; without one for the time if the rate is known.
 
     Parameters
     ----------
     wishes : dict of str to tuple
-        By role, what a person said of column (name or number) and unit, None where nothing; `NONE` as the column of
+        By role, the column (name or number) and the unit that the user gave, None if nothing; `NONE` as the column of
         time says that there is none.
     wanted : sequence of str
         Roles that are found.
     beside : collection of int
-        Numbers of the columns that are none of them.
+        Numbers of the columns that have no role.
+    rate : float, optional
+        Sampling rate that the user gave, Hz.
 
     Raises
     ------
     InputError
-        With the candidates and the options to choose among them, for all roles that stay open.
+        With all that is missing, the candidates, and the option that gives each.
     """
-    problems: list[str] = []
-    roles: dict[str, Role] = {}
+    found: dict[str, tuple[RawColumn, str]] = {}
+    problems: dict[str, str] = {}
+    missing: list[str] = []
     taken: set[int] = set(beside)
     for role in wanted:
-        wish, unit = wishes.get(role, (None, None))
+        wish, _ = wishes.get(role, (None, None))
         if role == "time" and wish == NONE:
             continue
-        others = {other for name, (other, _) in wishes.items() if name != role and other}
-        free = [
-            column
-            for column in table.columns
-            if column.number not in taken and not others & {column.name, str(column.number)}
-        ]
         try:
-            column, why = wished(table.columns, wish, role) if wish else _found(free, role)
-            if column is not None:
-                if column.number in taken:
-                    raise InputError(f"--{role}: {column.label} is taken already")
-                taken.add(column.number)
-                check_twice(column, wish, table, role)
-                roles[role] = in_unit(column, role, unit, why)
+            given = (
+                wished(table.columns, wish, role)
+                if wish
+                else _by_name(_free(table, wishes, taken, role), role)
+            )
+            if given is None:
+                missing.append(role)
+                continue
+            column = given[0]
+            if column.number in taken:
+                raise InputError(f"--{role}: {column.label} is taken already")
+            taken.add(column.number)
+            check_twice(column, wish, table, role)
+            found[role] = given
         except InputError as error:
-            problems.append(str(error))
+            problems[role] = str(error)
+    without_time = _rate_missing(table, rate)
+    found |= _by_order(table, wishes, taken, missing, not without_time)
+    for role in missing:
+        if role in found:
+            continue
+        if role == "time":
+            problems |= {role: without_time} if without_time else {}
+        else:
+            labels = ", ".join(column.label for column in _free(table, wishes, taken, role))
+            problems[role] = (
+                f"no column says that it is {role}; choose by --{role} NAME or NUMBER among {labels}, and give --{role}-unit "
+                "if the file does not say it"
+            )
+    roles: dict[str, Role] = {}
+    for role in (role for role in wanted if role in found):
+        try:
+            roles[role] = in_unit(found[role][0], role, wishes.get(role, (None, None))[1], found[role][1])
+        except InputError as error:
+            problems[role] = str(error)
     if problems:
-        raise cannot_tell(table, problems)
+        raise cannot_tell(table, [problems[role] for role in wanted if role in problems])
     return roles
+
+
+def _free(table: RawTable, wishes: Wishes, taken: Collection[int], role: str) -> list[RawColumn]:
+    """Columns that have no role yet and that the user gave no other one."""
+    others = {other for name, (other, _) in wishes.items() if name != role and other}
+    return [
+        column
+        for column in table.columns
+        if column.number not in taken and not others & {column.name, str(column.number)}
+    ]
+
+
+def _rate_missing(table: RawTable, rate: float | None) -> str:
+    """Why the rate of a table without a column of time is not known; empty if it is."""
+    try:
+        stated_time(0, rate, table.rates, table.source)
+    except InputError as error:
+        return str(error).removeprefix(f"{table.source}: ")
+    return ""
+
+
+def _by_order(
+    table: RawTable, wishes: Wishes, taken: Collection[int], missing: Sequence[str], rate_is_known: bool
+) -> dict[str, tuple[RawColumn, str]]:
+    """Columns without name and unit by the roles that no name and no unit gave, in their order."""
+    nameless = [column for column in _free(table, wishes, taken, "") if not column.name and not column.unit]
+    open_roles = list(missing)
+    if len(nameless) != len(open_roles) and rate_is_known:
+        open_roles = [role for role in missing if role != "time"]
+    if open_roles == ["time"] or len(nameless) != len(open_roles):
+        return {}
+    why = f"by its order: columns without names are {', '.join(open_roles)}"
+    return {role: (column, why) for role, column in zip(open_roles, nameless, strict=True)}
 
 
 def cannot_tell(table: RawTable, problems: Iterable[str]) -> InputError:
@@ -219,13 +279,13 @@ def ranked(free: Iterable[RawColumn], role: str) -> dict[tuple[int, bool], list[
         unit, named = find_unit(column.unit), named_so(column.own_name, role)
         fits = unit is not None and unit.quantity in QUANTITIES[role]
         contradicts = unit is not None and not fits and unit.quantity != "reading"
-        if named >= 0 and not contradicts and (named or fits) and not (role == "time" and not _grows(column)):
+        if named >= 0 and not contradicts and (named or fits):
             ranks.setdefault((named, fits), []).append(column)
     return ranks
 
 
-def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
-    """Find a column by its name, else by its unit, else by its numbers; none for a time that is not there."""
+def _by_name(free: list[RawColumn], role: str) -> tuple[RawColumn, str] | None:
+    """Find a column by its name, else by its unit, else as the only velocity; None if no column says the role."""
     if ranks := ranked(free, role):
         (named, _), best = max(ranks.items())
         if len(best) > 1:
@@ -236,9 +296,7 @@ def _found(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
     if len(speeds) > 1:
         labels = " or ".join(column.label for column in speeds)
         raise InputError(f"position may be {labels}, integrated; choose by --position NAME or NUMBER")
-    if speeds:
-        return speeds[0], "the only velocity where no column is position"
-    return _by_numbers(free, role)
+    return (speeds[0], "the only velocity where no column is position") if speeds else None
 
 
 def named_velocity(name: str) -> bool:
@@ -252,45 +310,6 @@ def _is_speed(column: RawColumn) -> bool:
     if unit is not None and unit.quantity != "reading":
         return unit.quantity in SPEEDS.values() and not others
     return not column.unit and named_velocity(column.own_name)
-
-
-def _grows(column: RawColumn) -> bool:
-    """Whether a column grows on the whole, as a clock with faults still does."""
-    steps = np.diff(column.values)
-    return len(steps) > 0 and bool(np.mean(steps > 0) > 0.5) and bool(column.values[-1] > column.values[0])
-
-
-def _by_numbers(free: list[RawColumn], role: str) -> tuple[RawColumn | None, str]:
-    nameless = [column for column in free if not column.name and not column.unit]
-    if role == "time":
-        clocks = [
-            column
-            for column in nameless
-            if np.all(np.diff(column.values) > 0) and not np.all(np.diff(column.values) == 1)
-        ]
-        return (clocks[0], "as it grows with every row") if len(clocks) == 1 else (None, "")
-    if role == "position" and len(nameless) == 2 and not any(map(_is_coarse, nameless)):
-        rough, smooth = sorted(nameless, key=_roughness, reverse=True)
-        if _roughness(rough) > _SMOOTHER * _roughness(smooth):
-            return smooth, "as it is the smoother of two columns without names"
-    if role == "force" and len(nameless) == 1:
-        return nameless[0], "as it is the only column left"
-    labels = ", ".join(column.label for column in free)
-    raise InputError(f"no column says that it is {role}; choose by --{role} NAME or NUMBER among {labels}")
-
-
-def _roughness(column: RawColumn) -> float:
-    """Fourth differences against the spread: large for noise, small for a designed motion."""
-    values = column.values[np.isfinite(column.values)]
-    return (
-        float(np.std(np.diff(values, 4)) / np.std(values)) if len(values) > 8 and np.ptp(values) else np.inf
-    )
-
-
-def _is_coarse(column: RawColumn) -> bool:
-    """Whether a converter's steps are so large that they, and not the signal, make the differences."""
-    levels = np.unique(column.values[np.isfinite(column.values)])
-    return len(levels) < 2 or bool(np.diff(levels).min() > _COARSE * np.ptp(levels))
 
 
 _SLOWEST_HZ = 20.0

@@ -93,7 +93,7 @@ def find_axes(columns: Sequence[RawColumn]) -> list[Axes]:
     return found
 
 
-def find_roles_of_axes(table: RawTable, wishes: Wishes) -> dict[str, Role]:
+def find_roles_of_axes(table: RawTable, wishes: Wishes, rate: float | None = None) -> dict[str, Role]:
     """Find the columns of one axis as `find_roles` does, or else those of several: ``position_x``, …, ``force_z``.
 
     Columns that a person names are parted by commas. Otherwise a triple is taken where no single column has its role as
@@ -105,7 +105,7 @@ def find_roles_of_axes(table: RawTable, wishes: Wishes) -> dict[str, Role]:
         With the candidates and the options to choose among them.
     """
     try:
-        return find_roles(table, wishes)
+        return find_roles(table, wishes, rate=rate)
     except InputError:
         chosen = _chosen(table, wishes)
         if chosen is None:
@@ -132,7 +132,7 @@ def find_roles_of_axes(table: RawTable, wishes: Wishes) -> dict[str, Role]:
     if problems:
         raise cannot_tell(table, problems)
     taken = {item.column.number for item in roles.values()}
-    return {**find_roles(table, wishes, ("time",), taken), **roles}
+    return {**find_roles(table, wishes, ("time",), taken, rate), **roles}
 
 
 def _chosen(table: RawTable, wishes: Wishes) -> dict[str, dict[str, RawColumn]] | None:
