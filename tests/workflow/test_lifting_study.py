@@ -57,7 +57,7 @@ def test_labels_that_are_not_compared_end_the_run_before_anything_runs(study):
 def test_another_label_recomputes_no_basin(study):
     (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")
     planned = set(plan(study, "--dry-run", "stability").jobs)
-    assert planned == {"stability", "stability_tables", "stability_figures", "measure_movement"}
+    assert planned == {"stability", "stability_tables", "measure_movement"}
 
 
 def test_a_person_whose_file_was_copied_is_all_that_is_lifted_and_computed_anew(study):
@@ -74,7 +74,6 @@ def test_a_person_whose_file_was_copied_is_all_that_is_lifted_and_computed_anew(
     pooled = (
         "check_lifting_recordings",
         "stability_tables",
-        "stability_figures",
         "measure_movement",
         "show_lifts",
     )

@@ -1,4 +1,4 @@
-# From the pendulums of the deposit to basins of attraction: one job per lift, one for the tables, one for the figures.
+# From the pendulums of the deposit to basins of attraction: one job per lift, one for tables and figures.
 
 # Settings of the chapter that make the basins of a lift, and those that its measures need.
 BASINS = ("pendulum", "regulator", "goal_level", "knots", "checks", "proof", "thesis_method", "attack")
@@ -40,6 +40,7 @@ if study.has("stability"):
         input:
             boa=[f"<results>/stability/{lift}/boa.csv" for lift in study.lifts],
             failures=[f"<results>/stability/{lift}/failures.csv" for lift in study.lifts],
+            funnels=[f"<results>/stability/{lift}/funnel.csv" for lift in study.lifts],
             states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
             thesis=[f"<results>/lifting/{lift}/thesis_pendulum.csv" for lift in study.lifts],
             facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
@@ -47,7 +48,7 @@ if study.has("stability"):
         output:
             **published(
                 *("table_4_1", "table_4_1_controls", "table_4_1_parts", "table_4_1_alternations"),
-                *("basin_areas", "missing_basins"),
+                *("basin_areas", "missing_basins", "figure_4_3", "figure_4_4", "basin_comparison"),
             ),
             boa="<results>/stability/boa.csv",
             failures="<results>/stability/failures.csv",
@@ -60,43 +61,16 @@ if study.has("stability"):
         conda:
             CONDA
         resources:
-            **job_size(peak_mb=220 + 0.2 * len(study.lifts), seconds=10 + len(study.lifts)),
+            **job_size(peak_mb=220 + 0.2 * len(study.lifts), seconds=15 + len(study.lifts)),
         params:
             code=library_code("stability_tables.py"),
             settings=plain(settings.stability),
             labels=study.labels,
             data=DATA,
         message:
-            "Table 4.1, its controls and parts, and the areas of all basins"
+            "Table 4.1, its controls and parts, the areas of all basins, Figures 4.3 and 4.4"
         script:
             "../scripts/stability_tables.py"
-
-    rule stability_figures:
-        input:
-            funnels=[f"<results>/stability/{lift}/funnel.csv" for lift in study.lifts],
-            states=[f"<results>/lifting/{lift}/pendulum.csv" for lift in study.lifts],
-            facts=[f"<results>/lifting/{lift}/pendulum.json" for lift in study.lifts],
-        output:
-            **published("figure_4_3", "figure_4_4", "basin_comparison"),
-        log:
-            "<logs>/stability_figures.log",
-        benchmark:
-            "<benchmarks>/stability_figures.tsv"
-        group:
-            "lift_pages"
-        conda:
-            CONDA
-        resources:
-            **job_size(peak_mb=160 + 0.2 * len(study.lifts), seconds=6 + len(study.lifts)),
-        params:
-            code=library_code("stability_figures.py"),
-            settings=plain(settings.stability),
-            labels=study.labels,
-            data=DATA,
-        message:
-            "Figures 4.3 and 4.4: basins of attraction"
-        script:
-            "../scripts/stability_figures.py"
 
     rule measure_movement:
         input:

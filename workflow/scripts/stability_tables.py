@@ -1,4 +1,4 @@
-"""Table 4.1, its controls and parts, and the areas of all basins of attraction."""
+"""Table 4.1, its controls and parts, the areas of all basins, Figures 4.3 and 4.4 and the methods compared."""
 
 from job import run, stem
 
@@ -6,7 +6,7 @@ from lumbar.settings.stability import StabilitySettings
 
 
 def main(input, output, settings: StabilitySettings, labels: dict[str, str], data: str):
-    """Collect the areas of all lifts, compare them, write the tables and name what is missing."""
+    """Collect the areas of all lifts, compare them, write tables and figures and name what is missing."""
     import sys
 
     import pandas as pd
@@ -54,6 +54,31 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     failures_table(failures, data).write(stem(output.missing_basins))
     if len(failures):
         print(announcement(output.failures), file=sys.stderr)
+    _draw(input, output, facts, settings, labels, data)
+
+
+def _draw(input, output, facts: list[dict], settings: StabilitySettings, labels: dict[str, str], data: str):
+    """Choose the lift shown, read its funnels, draw."""
+    import pandas as pd
+
+    from lumbar.lifting.stability.model.trajectories import trajectories_of_lift
+    from lumbar.publishing.figures.stability_figures import (
+        comparison_figure,
+        figure_4_3,
+        figure_4_4,
+        shown_lift,
+    )
+    from lumbar.publishing.figures.style import person_and_box, save
+
+    chosen = shown_lift(facts, labels, settings.compare.groups[0])
+    funnels, states = pd.read_csv(input.funnels[chosen]), pd.read_csv(input.states[chosen])
+    person, pendulum = person_and_box(facts[chosen]), settings.pendulum
+    save(figure_4_3(funnels, settings), stem(output.figure_4_3), data, who=person)
+    save(figure_4_4(funnels, settings), stem(output.figure_4_4), data, who=person)
+    trajectories, _ = trajectories_of_lift(states, facts[chosen], pendulum.mass, pendulum.time)
+    who = f"{person}, {pendulum.sign}, {pendulum.time} time"
+    comparison = comparison_figure(trajectories, funnels, settings, who)
+    save(comparison, stem(output.basin_comparison), data, who=person)
 
 
 run(main, snakemake)
