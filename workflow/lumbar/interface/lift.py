@@ -18,7 +18,7 @@ from lumbar.lifting.movement.events import comparison, event_sources
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.screening import Screening, naming, read_screened
 from lumbar.lifting.quality.sheet import QualitySheet
-from lumbar.records.markers import MarkerRecording, Mend, read_markers
+from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.plain import plain
@@ -92,14 +92,12 @@ def lift(
     return Lift(analysed, subject, trial, settings, data, sheet)
 
 
-def labelled_markers(
-    path: str | os.PathLike, layout: MarkerLayout, height_m: float, mend: Mend | None = None
-) -> MarkerRecording:
+def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> MarkerRecording:
     """Markers of a file by their own labels, in metres and standard axes, without what cannot be a body's."""
     bare = replace(layout, aliases={}, required=None, check_axes=False)
     screening = Screening(height_m, layout.aliases)
     with naming(path):
-        return read_markers(path, bare, minimum_frames=1, screen=screening, mend=mend)
+        return read_markers(path, bare, minimum_frames=1, screen=screening)
 
 
 def subject_of(subject: SubjectSettings | str | os.PathLike) -> SubjectSettings:
