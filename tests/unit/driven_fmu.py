@@ -1,11 +1,13 @@
 """An exported FMU that a test drives: values by their names, states, resets, steps in parts, and motions to play."""
 
+import json
 import random
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
 
-from lumbar.tissue.fmu.conventions import REFERENCE
+from lumbar.tissue.fmu.conventions import ANNOTATION, REFERENCE
 from lumbar.tissue.fmu.instance import Instance, UnzippedFmu
 
 
@@ -158,3 +160,20 @@ class Motion:
 def modes(fmu: DrivenFmu) -> list[bool]:
     """Whether with event mode: the ways in which the FMU can be played."""
     return [False, True] if fmu.version == 3 and fmu.description.coSimulation.hasEventMode else [False]
+
+
+def told_meaning(root: Element) -> dict | None:
+    """Return what the annotation of a model description holds; None where there is none that can be read."""
+    element = root.find(f"VendorAnnotations/Tool[@name='{ANNOTATION}']/Meaning")
+    if element is not None:
+        return {key: _value(text) for key, text in element.attrib.items()}
+    told = _value(root.findtext(f"Annotations/Annotation[@type='{ANNOTATION}']", ""))
+    return told if isinstance(told, dict) else None
+
+
+def _value(text: str):
+    """What is written, as JSON where it is."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return text

@@ -5,9 +5,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 
 import numpy as np
-from driven_fmu import DrivenFmu, DrivenInstance, Motion, modes
+from driven_fmu import DrivenFmu, DrivenInstance, Motion, modes, told_meaning
 
-from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, along_axes, slow_push, told_meaning
+from lumbar.tissue.fmu.conventions import REFERENCE, WITHOUT_EVENT_MODE, along_axes, slow_push
 
 REFERENCE_TOLERANCE = 1e-9
 """Largest difference from the reference, relative to its largest force: the reference comes from Python, and rounding differs."""

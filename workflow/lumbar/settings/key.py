@@ -129,12 +129,6 @@ def _each_once(entries: tuple) -> tuple:
     return entries
 
 
-def _ascending(entries: tuple) -> tuple:
-    if list(entries) != sorted(entries):
-        raise ValueError(f"{', '.join(f'{entry:g}' for entry in entries)} do not ascend")
-    return entries
-
-
 def _no_device(name: str) -> str:
     """Refuse names of devices: files of that name cannot be copied to Windows."""
     if is_device(name):
@@ -143,7 +137,6 @@ def _no_device(name: str) -> str:
 
 
 UNIQUE, NO_DEVICE = Checked(_each_once, uniqueItems=True), Checked(_no_device)
-ASCENDING = Checked(_ascending)
 Positive = Annotated[float, Each(gt=0)]
 Word = Annotated[str, Each(min_length=1)]
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"

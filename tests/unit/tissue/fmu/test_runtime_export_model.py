@@ -8,6 +8,7 @@ import fmpy
 import numpy as np
 import pytest
 from c_programs import ON_LINUX
+from driven_fmu import told_meaning
 from effect_entries import effect_entry
 from runtime_models import RANGE, SETTINGS, about, entry, exported, models_json, selected
 
@@ -15,7 +16,6 @@ import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.tissue.effects.catalogue import CATALOGUES
 from lumbar.tissue.fmu.build.description import sentence
-from lumbar.tissue.fmu.conventions import told_meaning
 from lumbar.tissue.models.fitted_model import FittedModel, models_document, read_models
 from lumbar.tissue.models.model_data import MotionRange, identifier
 from lumbar.tissue.signals.spectrum import motion_range

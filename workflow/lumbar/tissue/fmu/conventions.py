@@ -3,7 +3,6 @@
 import json
 from functools import cache
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -50,23 +49,6 @@ ELEMENT = 16
 def along_axes(way, axes: int) -> np.ndarray:
     """A way along a line as positions in space, half as far along each axis as along the one before; of none as it is."""
     return np.multiply.outer(way, 0.5 ** np.arange(axes)) if axes else way
-
-
-def told_meaning(root: Element) -> dict | None:
-    """Return what the annotation of a model description holds; None where there is none that can be read."""
-    element = root.find(f"VendorAnnotations/Tool[@name='{ANNOTATION}']/Meaning")
-    if element is not None:
-        return {key: _value(text) for key, text in element.attrib.items()}
-    told = _value(root.findtext(f"Annotations/Annotation[@type='{ANNOTATION}']", ""))
-    return told if isinstance(told, dict) else None
-
-
-def _value(text: str):
-    """What is written, as JSON where it is."""
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        return text
 
 
 BASE_UNITS = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))

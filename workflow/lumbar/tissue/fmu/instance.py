@@ -134,7 +134,7 @@ class Instance:
             if self.event_mode:
                 self.put(source, position)
         if self.event_mode:
-            self.next_event = self.slave.updateDiscreteStates()[-1]
+            self.slave.updateDiscreteStates()
         read = self.read(force)
         if self.event_mode:
             self.slave.enterStepMode()

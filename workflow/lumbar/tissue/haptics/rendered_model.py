@@ -1,4 +1,4 @@
-"""A model as the device meets it, exported or an FMU: linear ones exactly, with effects through their linearisations."""
+"""An exported model as the device meets it: linear ones exactly, with effects through their linearisations."""
 
 import tempfile
 from collections.abc import Callable, Iterator
@@ -107,6 +107,8 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
 
     Parameters
     ----------
+    model : ExportModel
+        Its `resistance`, 1 or -1, is the sign of the force that resists where it is displayed.
     late : bool
         Whether the client reads the force before it has set the position of the same sample, as FMI 2.0 has it: the
         feed-through is one sample late, with effects the whole force.
@@ -129,10 +131,22 @@ def render_model(model: ExportModel, device: DeviceSettings, *, late: bool = Fal
         found = [item.scaled(unit).late(model.sampling_time if late else 0.0) for item in found]
     average = np.full(model.moving_average, 1.0 / model.moving_average)
     found = [replace(item, numerator=np.convolve(item.numerator, average)) for item in found]
-    rendered = in_units(
-        found, model.name, model.input, model.output, model.output_limit, device, model.resistance, held=late
+    metre, newton = scale_of(model.name, model.input, model.output)
+    signed = model.resistance * newton
+    sampled = tuple(item.scaled(signed / metre) for item in found)
+    loops = tuple(loop for item in sampled for loop in on_servo(item, device, held=late))
+    return RenderedModel(
+        model.name,
+        sampled,
+        loops,
+        metre,
+        signed,
+        model.input,
+        model.output,
+        newton * model.output_limit,
+        reach,
+        beside(model.guards.rate_limit > 0, still),
     )
-    return replace(rendered, reach=reach, beside=beside(model.guards.rate_limit > 0, still))
 
 
 Responses = list[tuple[str, np.ndarray]]
@@ -158,29 +172,6 @@ def linearised(
     found = impulse_responses(limited, model.name, model.sampling_time, device, reach, axes or 1)
     still = limited(np.zeros((watched(model.sampling_time), axes or 1)))
     return found, reach if len(found) > 1 else None, still
-
-
-def in_units(
-    found: list[SampledModel],
-    name: str,
-    input: Port,
-    output: Port,
-    limit: float,
-    device: DeviceSettings,
-    resistance: float,
-    *,
-    held: bool = False,
-) -> RenderedModel:
-    """Return a model or its linearisations, given in its own units as `limit` is, in those of the device.
-
-    `resistance`, 1 or -1, is the sign of the force that resists where it is displayed, as of `ExportModel.resistance`; `held` as
-    of `on_servo`; errors as of `render_model`.
-    """
-    metre, newton = scale_of(name, input, output)
-    signed = resistance * newton
-    sampled = tuple(item.scaled(signed / metre) for item in found)
-    loops = tuple(loop for item in sampled for loop in on_servo(item, device, held=held))
-    return RenderedModel(name, sampled, loops, metre, signed, input, output, newton * limit)
 
 
 def scale_of(name: str, input: Port, output: Port) -> tuple[float, float]:
