@@ -75,8 +75,8 @@ def deposits(results: Path) -> list[Trajectory]:
     for path in sorted((results / "lifting").glob("*/pendulum.csv")):
         facts = read_json(path.with_suffix(".json"))
         facts["experience"] = facts["subject"]  # the twin's two people are called so
-        others = path.with_name("other_pendulums.csv")
-        found += LiftStates(pd.read_csv(path), facts, pd.read_csv(others)).trajectories(THESIS)[0]
+        in_thesis = pd.read_csv(path.with_name("thesis_pendulum.csv"))
+        found += LiftStates(pd.read_csv(path), facts, in_thesis).trajectories(THESIS)[0]
     return found
 
 
