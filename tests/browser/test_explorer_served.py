@@ -14,12 +14,9 @@ from accessibility import WIDTHS, fits, serious
 from explorer_steps import CASE, add, errors_of
 
 from lumbar.page_server.recording_preview import OF_SEVERAL_AXES
-from running import copy_project, snakemake
 from space_records import TABLE
 
 pytestmark = pytest.mark.nightly
-
-STUDY = Path(__file__).with_name("blind_study.yaml").read_text(encoding="utf-8")
 
 
 @contextmanager
@@ -40,41 +37,15 @@ def serving(folder: Path, *arguments: str):
 
 @pytest.fixture
 def served(shared, tmp_path):
-    """Project with a study of a blind experiment, and the addresses at which it is served."""
-    project = copy_project(tmp_path / "project")
-    shutil.copytree(shared / "hidden_effects" / CASE, project / "data")
-    study = project / "config" / "studies" / "blind.yaml"
-    study.write_text(STUDY, encoding="utf-8")
-    with serving(project, "config/studies/blind.yaml") as addresses:
-        yield project, addresses
+    """A folder of a blind experiment, and the addresses at which it is served."""
+    folder = shutil.copytree(shared / "hidden_effects" / CASE, tmp_path / "data")
+    with serving(tmp_path, str(folder)) as addresses:
+        yield tmp_path, addresses
 
 
-def keep(page, button: str) -> None:
-    """Keep what is on the ladder in the study."""
-    page.get_by_role("button", name=button).click()
-    page.wait_for_selector("#diff:has-text('effects')")
-    page.get_by_role("button", name="Write it").click()
-    page.wait_for_function("document.getElementById('message').textContent.includes('is written')")
-
-
-def error_of(page, key: str) -> float:
-    """Error of a model on unseen records, as the page knows it."""
-    return page.evaluate(
-        "key => JSON.parse(document.getElementById('page-data').textContent).models[key].test_rms", key
-    )
-
-
-def made(project, *targets: str) -> list[dict]:
-    """Run the workflow; return the last model of every file."""
-    files = [f"results/blind/{target}" for target in targets]
-    given = ("--cores", "1", *files, "--configfile", "config/studies/blind.yaml")
-    snakemake(project, *given).whole()
-    return [json.loads(Path(project, file).read_text(encoding="utf-8"))["models"] for file in files]
-
-
-def test_from_a_blind_experiment_to_the_workflow(new_page, served):
-    project, addresses = served
-    page, other = new_page(addresses["/tissue"], color_scheme="dark"), new_page(addresses["/again"])
+def test_from_a_blind_experiment_to_a_model(new_page, served):
+    folder, addresses = served
+    page = new_page(addresses["/records"], color_scheme="dark")
     mine = new_page(addresses["/_own"], ready="#choose")
     page.get_by_role("button", name="Base alone").click()
     add(page, "Coulomb friction")
@@ -93,24 +64,14 @@ def test_from_a_blind_experiment_to_the_workflow(new_page, served):
     with page.expect_download() as given:
         page.get_by_role("button", name="Excitation file that tells Hysteresis").click()
     assert Path(given.value.path()).read_text(encoding="utf-8").startswith("time_s,position_mm")
-    keep(page, "Keep these effects")
-    other.get_by_role("button", name="Base alone").click()
-    add(other, "Coulomb friction")
-    keep(other, "Keep these effects")
-    give_own(mine, project / "foreign")
-    keep(mine, "Keep these recordings")
-    kept, of_again, of_own = made(
-        project, "tissue/models.json", "improvement/again/refined.json", "improvement/mine/refined.json"
+    page.get_by_role("button", name="Write model, tables, figures and FMU").click()
+    page.wait_for_function("document.getElementById('message').textContent.includes('files written')")
+    written = json.loads((folder / "explored" / "data" / "refined.json").read_text(encoding="utf-8"))
+    shown = page.evaluate(
+        "JSON.parse(document.getElementById('page-data').textContent).models.coulomb_friction.test_rms"
     )
-    model = next(item for item in kept if item["name"] == "KB+coulomb_friction")
-    assert model["scores"]["test_rms"] == pytest.approx(error_of(page, "coulomb_friction"), rel=1e-6)
-    for shown, models in ((other, of_again), (mine, of_own)):
-        assert models[-1]["name"].endswith("+coulomb_friction")
-        assert models[-1]["scores"]["test_rms"] == pytest.approx(
-            error_of(shown, "coulomb_friction"), rel=1e-9
-        )
-    study = (project / "config/studies/blind.yaml").read_text(encoding="utf-8")
-    assert "# the page may add to this file" in study and "# the same records" in study
+    assert written["models"][-1]["scores"]["test_rms"] == pytest.approx(shown, rel=1e-9)
+    give_own(mine, folder / "foreign")
 
 
 SCRIPT = "<img src=x onerror=alert(1)>"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import http.client
-import json
 import threading
 from collections.abc import Callable, Iterator
 from queue import Queue
@@ -60,13 +59,12 @@ def cookie(visitors) -> str:
     return f"{visitors.cookie}={visitors.token}"
 
 
-def ended(served, page: str) -> dict:
-    """What is said of a page's work once it has ended."""
-    page, _, asked_for = page.partition("?")
+def ended(served, page: str) -> str:
+    """The page of a set once its work has ended."""
 
-    def state():
-        status, _, text = served.get(f"/_progress?page={page}&{asked_for}")
+    def shown():
+        status, _, text = served.get(page)
         assert status == 200
-        return (found := json.loads(text))["done"] and found
+        return "location.reload()" not in text and text
 
-    return seen(state)
+    return seen(shown)

@@ -14,7 +14,6 @@ from lumbar.page_server.index import Index
 from lumbar.page_server.own_recordings import OwnDiagnosis
 from lumbar.page_server.served_sets import ExploredSet, ServedSets
 from lumbar.page_server.server import new_server
-from lumbar.page_server.study_change import with_value
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.twin.examples import example_records
@@ -25,23 +24,12 @@ QUICK = StudySettings(improvement=ImprovementSettings(most_effects=1, propose_la
 
 @pytest.fixture(scope="session")
 def explored(tmp_path_factory):
-    """A set whose effects a study keeps."""
-    folder = tmp_path_factory.mktemp("explored")
-    study = folder / "study.yaml"
-    study.write_text("study: a\n", encoding="utf-8")
+    """A set of two records."""
 
     def make():
         return lumbar.diagnose(example_records(), settings=QUICK)
 
-    keep = partial(with_value, study, ("improvement", "effects"))
-    return ExploredSet(
-        "records",
-        make,
-        folder / "out",
-        lambda effects: keep(list(effects)),
-        "study.yaml",
-        read=example_records,
-    )
+    return ExploredSet("records", make, tmp_path_factory.mktemp("explored") / "out")
 
 
 @pytest.fixture(scope="session")
@@ -77,7 +65,7 @@ def slow(explored, begin, tmp_path_factory):
         begin.wait()
         return explored.diagnosis
 
-    return ExploredSet("slow", make, tmp_path_factory.mktemp("slow"), read=example_records)
+    return ExploredSet("slow", make, tmp_path_factory.mktemp("slow"))
 
 
 @pytest.fixture(scope="session")

@@ -5,27 +5,23 @@ import http.client
 import io
 import json
 import re
-import select
 import shlex
-import socket
 
 import numpy as np
 import pytest
-from asking import ask, cookie, ended, serving
+from asking import cookie, ended
 
 from case_tables import cases
 from lumbar.base.errors import InputError
 from lumbar.cli.command import build_parser
 from lumbar.interface.importing import import_recordings
-from lumbar.page_server import own_handlers, own_recordings, server
-from lumbar.page_server.index import Index
+from lumbar.page_server import own_handlers, own_recordings
 from lumbar.page_server.own_handlers import MOST_TABS, OwnTabs
 from lumbar.page_server.own_recordings import OwnDiagnosis, OwnRecordings
 from lumbar.page_server.recording_preview import FIELDS, OF_SEVERAL_AXES, in_fields
-from lumbar.page_server.served_sets import ServedSets
 from lumbar.page_server.trust import HOST
 from lumbar.twin.examples import example_records
-from patience import PATIENCE_S, seen
+from patience import PATIENCE_S
 from space_records import TABLE
 
 SCRIPT = "<img src=x onerror=alert(1)>"
@@ -91,11 +87,11 @@ def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents, b
     begin.clear()
     status, answer = own_tab("start", wanted)
     assert status == 200
-    assert own_tab("start", wanted)[1]["error"].startswith("a diagnosis of this tab is under way")
+    first, (_, answer) = answer["address"], own_tab("start", wanted)  # in its place
     assert served.get(answer["address"])[0] == 200
     begin.set()
-    assert ended(served, answer["address"])["error"] == ""
-    _, _, text = served.get(answer["address"])
+    assert "another diagnosis was begun in its place" in ended(served, first)
+    text = ended(served, answer["address"])
     assert "missing coulomb friction" in text
     assert "other (training)" in text and "multisine (unseen)" in text
     assert not served.own.exists()
@@ -122,12 +118,8 @@ def test_recordings_of_several_axes_are_shown_axis_by_axis_and_their_diagnosis_a
     assert file["remark"] == OF_SEVERAL_AXES
     begin.clear()
     _, answer = own_tab("start", {"name": "v"})
-    waiting = served.get(answer["address"])[2]
-    assert [f"v: force {axis} from" in waiting for axis in "xyz"] == [True] * 3
-    assert waiting.count("<polyline") == 3
     begin.set()
-    assert ended(served, answer["address"])["error"] == ""
-    page = served.get(answer["address"])[2]
+    page = ended(served, answer["address"])
     assert "Stiffness and viscosity in space" in page and "All pages" in page and page.count("<figure>") == 4
     assert "lumbar.import_recordings(['v.csv']" in html.unescape(page)
 
@@ -138,17 +130,6 @@ def test_records_are_not_written_where_a_link_leads(tmp_path, contents):
     held.add("a.txt", contents["other.txt"])
     with pytest.raises(InputError, match=r"own/mine/records: leads by a link to .*elsewhere"):
         held.save({"choices": {"force_unit": "N"}, "name": "mine"}, OwnDiagnosis(None, tmp_path / "own"))
-
-
-def test_a_diagnosis_is_cancelled(own_tab, served, contents, begin):
-    for name, content in contents.items():
-        own_tab(f"file?name={name}", content)
-    begin.clear()
-    _, answer = own_tab("start", {"choices": {"force_unit": "N"}, "name": "cancelled"})
-    page, _, asked_for = answer["address"].partition("?")
-    assert served.post(f"/_cancel?page={page}&{asked_for}", "")[0] == 200
-    begin.set()
-    assert "cancelled" in ended(served, answer["address"])["error"]
 
 
 MALFORMED = {
@@ -234,122 +215,41 @@ def test_markers_are_answered_with_the_command_that_makes_their_page(name):
     assert (str(options.page), str(options.subject)) == ("lift.html", "PERSON.yaml")
 
 
-def test_too_many_and_large_packed_files_are_refused(monkeypatch):
+def test_too_many_files_are_refused(monkeypatch):
     held = OwnRecordings("")
     held.add("a.csv", b"x")
     held.add("a.csv", b"y")  # in its place
     monkeypatch.setattr(own_recordings, "MOST_FILES", 1)
     with pytest.raises(InputError, match="1 files are held at most"):
         held.add("b.csv", b"")
-    with pytest.raises(InputError, match="unpack it"):
-        OwnRecordings("").add("b.gz", b"\x1f\x8b" + b"\0" * own_recordings.MOST_PACKED)
 
 
-@pytest.fixture
-def tabs(monkeypatch):
+def test_a_file_beyond_what_all_tabs_may_hold_is_refused(own_tab, served, monkeypatch):
     monkeypatch.setattr(own_handlers, "MOST_HELD", 100)
-    return OwnTabs()
+    status, answer = own_tab("file?name=a.csv", b"1,2\n" * 100)
+    assert status == 400 and "take a file away" in answer["error"]
+    assert own_tab("look", {})[1]["files"] == []
 
 
-def with_file(tabs, size, name="a.csv"):
-    """Name of a new tab with a file of so many bytes."""
-    tab = tabs.new()
-    held = tabs.find(tab)
-    tabs.expect(held, name, size)
-    held.files[name] = b"x" * size
-    tabs.arrived(size)
-    return tab
-
-
-def test_opening_the_page_lets_no_files_go(tabs):
-    full, empty = with_file(tabs, 60), tabs.new()
-    others = [tabs.new() for _ in range(2 * MOST_TABS)]
-    assert tabs.find(full).files and tabs.find(empty) is None
-    assert [tabs.find(name) is not None for name in others] == [False] * MOST_TABS + [True] * MOST_TABS
-
-
-def test_a_file_that_is_given_takes_the_room_of_the_tab_used_longest_ago(tabs):
-    first, second, third = with_file(tabs, 40), with_file(tabs, 30), with_file(tabs, 20)
-    tabs.find(first)
-    fourth = with_file(tabs, 35)
-    assert [tabs.find(name) is not None for name in (first, second, third, fourth)] == [
-        True,
-        False,
-        True,
-        True,
-    ]
-    tabs.expect(tabs.find(fourth), "a.csv", 100)  # in the place of the other
-    assert tabs.find(first) is tabs.find(third) is None
-    with pytest.raises(InputError, match=r"b.csv: .*this tab holds and expects"):
-        tabs.expect(tabs.find(fourth), "b.csv", 1)
-
-
-def test_many_tabs_may_hold_little(tabs):
-    names = [with_file(tabs, 1) for _ in range(MOST_TABS + 3)]
-    assert [tabs.find(name) is not None for name in names] == [False] * 3 + [True] * MOST_TABS
-
-
-@pytest.fixture
-def small_server(monkeypatch, tmp_path):
-    """Start a server that holds 40 MB and waits so long for the rest of a request."""
-    monkeypatch.setattr(own_handlers, "MOST_HELD", 40_000_000)
-
-    def start(slowest_s: float):
-        monkeypatch.setattr(server, "SLOWEST_S", slowest_s)
-        return serving(lambda: server.new_server(Index("", ServedSets([])), 0, OwnDiagnosis(None, tmp_path)))
-
-    return start
-
-
-def new_tab(visitors) -> str:
-    return ask(visitors, "GET", "/_own")[1]["Location"].partition("tab=")[2]
-
-
-def begun(visitors, tab: str, name: str, size: int) -> socket.socket:
-    """A file that begins to be sent."""
-    line = socket.create_connection((HOST, visitors.port), timeout=PATIENCE_S)
-    head = f"POST /_own/file?name={name} HTTP/1.1\r\nHost: {HOST}:{visitors.port}\r\nX-Lumbar-Tab: {tab}\r\n"
-    line.sendall(f"{head}Cookie: {cookie(visitors)}\r\nContent-Length: {size}\r\n\r\n1,2,3\n".encode())
-    return line
-
-
-def test_stalled_files_count(small_server):
-    with small_server(PATIENCE_S) as visitors:
-        tab = new_tab(visitors)
-        lines = [begun(visitors, tab, f"{number}.csv", 19_000_000) for number in range(3)]
-        refused, *_ = select.select(lines, [], [], PATIENCE_S)  # whichever the server reads last
-        assert [b"413" in line.recv(100) for line in refused] == [True]
-        for line in lines:
-            line.close()
-
-
-def test_stalled_files_are_ended_and_leave_their_room(small_server):
-    with small_server(0.5) as visitors:
-        tab = new_tab(visitors)
-        assert begun(visitors, tab, "a.csv", 39_000_000).recv(100) == b""
-
-        def taken():
-            name, file = "/_own/file?name=c.csv", b"1,2\n" * 500_000
-            return ask(visitors, "POST", name, file, X_Lumbar_Tab=tab)[0] == 200
-
-        assert seen(taken)
-
-
-def test_a_large_file_is_refused_before_it_is_read(served, own_tab):
-    status, answer = own_tab("look", {})
-    assert status == 200
+def test_a_file_larger_than_any_is_not_read(served, own_tab):
     connection = http.client.HTTPConnection(HOST, served.visitors.port, timeout=PATIENCE_S)
     connection.putrequest("POST", "/_own/file?name=large.csv")
     connection.putheader("Content-Length", str(200_000_000))
-    connection.putheader("X-Lumbar-Tab", "any")
     connection.putheader("Cookie", cookie(served.visitors))
     connection.endheaders()  # and not a byte of the file
-    answer = connection.getresponse()
-    assert answer.status == 413
-    assert "large.csv: larger than 50 MB" in answer.read().decode()
-    for size, expected in (("-1", (400, 411)), ("x", (400, 411)), ("9" * 5000, (400, 413))):
-        assert served.post("/_own/file?name=a.csv", b"", Content_Length=size)[0] in expected
-    assert served.post("/_own/file?name=a.csv", b"", Transfer_Encoding="chunked")[0] == 411
+    assert connection.getresponse().status == 400
+
+
+def test_of_many_tabs_one_without_files_is_let_go_first():
+    tabs = OwnTabs()
+    full, empty = tabs.new(), tabs.new()
+    tabs.find(full).files["a.csv"] = b"x"
+    others = [tabs.new() for _ in range(MOST_TABS - 1)]
+    assert tabs.find(full) is not None and tabs.find(empty) is None
+    for name in others:
+        tabs.find(name).files["a.csv"] = b"x"
+    newest = tabs.new()
+    assert tabs.find(full) is None and all(map(tabs.find, [*others, newest]))
 
 
 def test_tabs_do_not_see_each_other(served, own_tab):

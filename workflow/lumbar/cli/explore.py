@@ -10,7 +10,7 @@ import webbrowser
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -106,9 +106,7 @@ def _example(options) -> ExploredSet:
 
     make = partial(diagnose, example_records(), settings=fit_settings(options), data="synthetic example")
     output = (options.output or EXPLORED) / "example"
-    reading = "from lumbar.twin.examples import example_records\n\nrecords = example_records()"
-    title = "an example to try"
-    return ExploredSet("_example", make, output, title=title, read=example_records, reading=reading)
+    return ExploredSet("_example", make, output, title="an example to try")
 
 
 def _of_results(options) -> list[ExploredSet]:
@@ -131,22 +129,20 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
         partial(diagnose, records, settings=settings, data=data),
         output,
         title=str(options.folder),
-        read=lambda: records,
     )
     return [explored], _own(settings, options.output or EXPLORED)
 
 
-def _own(settings: StudySettings, output: Path, *kept) -> OwnDiagnosis:
+def _own(settings: StudySettings, output: Path) -> OwnDiagnosis:
     """How a person's own files are diagnosed: each is taken for an experiment of its own."""
     from lumbar.interface.diagnosis import diagnose
     from lumbar.page_server.own_recordings import OwnDiagnosis
 
     alone = replace(settings, improvement=replace(settings.improvement, session=False))
-    return OwnDiagnosis(partial(diagnose, settings=alone), output / "own", *kept)
+    return OwnDiagnosis(partial(diagnose, settings=alone), output / "own")
 
 
 def _of_study(options) -> tuple[Study, list[ExploredSet], OwnDiagnosis]:
-    from lumbar.page_server.keeping import keep_records
     from lumbar.study.load_study import DEFAULT_FILES, load_study_file
 
     if not DEFAULT_FILES[0].is_file():
@@ -161,30 +157,28 @@ def _of_study(options) -> tuple[Study, list[ExploredSet], OwnDiagnosis]:
         _of_set(study, entry.name, file, output / entry.name)
         for entry in study.settings.improvement.record_sets
     ]
-    return study, sets, _own(study.settings, output, partial(keep_records, file, study), file.name)
+    return study, sets, _own(study.settings, output)
 
 
 def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
     """A record set, diagnosed as the workflow does."""
     from lumbar.interface.diagnosis import diagnose
-    from lumbar.page_server.keeping import keep_effects
     from lumbar.page_server.served_sets import ExploredSet, StoredVerdict
     from lumbar.settings.plain import plain
     from lumbar.study.load_study import DEFAULT_FILES
     from lumbar.study.study import settings_of_set
 
-    read = cache(partial(_records_of, study, name))
-
     def diagnosed() -> Diagnosis:
-        return diagnose(read(), settings=settings_of_set(study.settings, name), data=study.data_label)
+        return diagnose(
+            _records_of(study, name), settings=settings_of_set(study.settings, name), data=study.data_label
+        )
 
-    keep = partial(keep_effects, file, study.settings, name)
     stored = StoredVerdict(
         Path("results") / study.name / "improvement" / name,
         plain(study.settings),
         [*map(Path, _paths_of(study, name)), file, *DEFAULT_FILES],
     )
-    return ExploredSet(name, diagnosed, output, keep, file.name, read=read, stored=stored)
+    return ExploredSet(name, diagnosed, output, stored=stored)
 
 
 def _paths_of(study: Study, name: str) -> list[str]:

@@ -21,7 +21,7 @@ BESIDE = "beside the server"
 
 
 class Cancelled(LumbarError):
-    """Work that was ended by the one who asked for it."""
+    """Work that was ended since something else was asked for."""
 
 
 def page_message(error: Exception) -> str:
@@ -55,7 +55,7 @@ async def in_background(function: Callable, *arguments) -> Any:
 
 
 class Job:
-    """Work that runs once in a thread of its own; `words` say how far it is, `error` why it ended without success.
+    """Work that runs once in a thread of its own; `words` say how far it is, `error` why it failed, `done` that it has ended.
 
     Parameters
     ----------
@@ -66,18 +66,8 @@ class Job:
     def __init__(self, work: Callable[[], Any]):
         self.words, self.error = "reading the records", ""
         self._work, self._began = work, time.monotonic()
-        self._cancelled, self._done = threading.Event(), threading.Event()
+        self._cancelled, self.done = False, False
         threading.Thread(target=self._run, name=BESIDE, daemon=True).start()
-
-    @property
-    def cancelled(self) -> bool:
-        """Whether it was told to end."""
-        return self._cancelled.is_set()
-
-    @property
-    def done(self) -> bool:
-        """Whether it has ended, with success or without."""
-        return self._done.is_set()
 
     @property
     def seconds(self) -> float:
@@ -86,11 +76,7 @@ class Job:
 
     def cancel(self) -> None:
         """End it at its next step."""
-        self._cancelled.set()
-
-    def wait(self, timeout: float | None = None) -> bool:
-        """Wait until it has ended; return whether it has."""
-        return self._done.wait(timeout)
+        self._cancelled = True
 
     def _run(self) -> None:
         try:
@@ -99,9 +85,9 @@ class Job:
         except Exception as error:
             self.error = page_message(error)
         finally:
-            self._done.set()
+            self.done = True
 
     def _step(self, words: str) -> None:
         self.words = words or self.words
-        if self.cancelled:
-            raise Cancelled("cancelled; nothing was written")
+        if self._cancelled:
+            raise Cancelled("another diagnosis was begun in its place")

@@ -27,7 +27,6 @@ from lumbar.settings.key import NAME
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosed import Diagnosis
-    from lumbar.page_server.study_change import Change
 
 _TEXTS = ("time", "position", "force", "time_unit", "position_unit", "force_unit", "table", "encoding")
 _SWITCHES = ("flip_force", "accept_clipped")
@@ -109,30 +108,24 @@ def checked_training(given: Any, records: Sequence[Record]) -> list[str]:
     return [name for name in names if name in given]
 
 
-MOST_FILE, MOST_PACKED = 50_000_000, 5_000_000
-"""Bytes of one file, and of one packed file, which stands for many more."""
+MOST_FILE = 50_000_000
+"""Bytes of one file."""
 MOST_FILES = 12
 """Files of a tab."""
 _MARKERS = (
     "{name} holds markers of a movement, not force over position. Its page is made in the terminal: lumbar lift {quoted} "
     "--subject PERSON.yaml --output lift --page lift.html (lumbar new-study writes PERSON.yaml, to be filled in)"
 )
-_PACKED = (b"\x1f\x8b", b"PK\x03\x04")
 
 
 @dataclass(frozen=True)
 class OwnDiagnosis:
-    """How recordings that are given on the page are diagnosed and kept."""
+    """How recordings that are given on the page are diagnosed."""
 
     diagnose: Callable[..., Diagnosis]
     """Takes records, ``train`` and ``data``; returns the diagnosis."""
     output: Path
     """Folder below which files are written when they are asked for."""
-    keep: Callable[[str, ImportedRecordings, list[str], Sequence[str]], Change] | None = None
-    """Takes the name of the set, the imported recordings, the training records and effects; returns the
-    change of the study. None without a study."""
-    study: str = ""
-    """The study's file, for the page."""
 
 
 @dataclass(eq=False)
@@ -149,9 +142,10 @@ class OwnRecordings:
     _read: dict[tuple[str, Asked], ForeignFile] = field(default_factory=dict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
-    def size_besides(self, name: str = "") -> int:
-        """Bytes of all files but one."""
-        return sum(len(content) for key, content in self.files.copy().items() if key != name)
+    @property
+    def size(self) -> int:
+        """Bytes of all files."""
+        return sum(map(len, list(self.files.values())))
 
     def add(self, name: str, content: bytes) -> dict[str, Any]:
         """Hold a file more; return what `look` does.
@@ -159,7 +153,7 @@ class OwnRecordings:
         Raises
         ------
         InputError
-            If it cannot be held: without a name, too many, packed and too large.
+            If it cannot be held: without a name, markers, too many.
         """
         name = re.split(r"[/\\]", name)[-1][:LONGEST_TEXT]
         with self._one_at_a_time:
@@ -169,10 +163,6 @@ class OwnRecordings:
                 raise InputError(_MARKERS.format(name=name, quoted=shlex.quote(name)))
             if len(self.files.keys() - {name}) >= MOST_FILES:
                 raise InputError(f"{name}: {MOST_FILES} files are held at most; take one away")
-            if content.startswith(_PACKED) and len(content) > MOST_PACKED:
-                raise InputError(
-                    f"{name}: a packed file of more than {MOST_PACKED / 1e6:.0f} MB; unpack it, or save it as text"
-                )
             self._forget(name)
             self.files[name] = content
         return self.look(self.choices)
@@ -245,7 +235,7 @@ class OwnRecordings:
         return imported
 
     def start(self, asked: Mapping[str, Any], own: OwnDiagnosis, served: ServedSets) -> str:
-        """Begin the diagnosis; return the address of its page.
+        """Begin the diagnosis, in place of one of this tab that is under way; return the address of its page.
 
         Parameters
         ----------
@@ -255,23 +245,19 @@ class OwnRecordings:
         Raises
         ------
         InputError
-            If what was asked for cannot be used, or a diagnosis of this tab is under way.
+            If what was asked for cannot be used.
         """
         with self._one_at_a_time:
-            job = None if self._explored is None else self._explored.job
-            if job is not None and not (job.done or job.cancelled):
-                raise InputError("a diagnosis of this tab is under way: cancel it first")
             self.choices = checked_choices(asked.get("choices") or {})
             imported, name = self._imported(), checked_name(asked.get("name"))
             records = at_one_rate(imported.records)
             train = checked_training(asked.get("train"), records)
             make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
-            keep = None if own.keep is None else partial(own.keep, name, imported, train)
-            output = own.output / name
-            explored = ExploredSet(name, make, output, keep, own.study, self.address, read=lambda: records)
-            explored.begin()
-            self._explored = explored
-            return served.add_own(explored)
+            if self._explored is not None and self._explored.job is not None:
+                self._explored.job.cancel()
+            self._explored = ExploredSet(name, make, own.output / name, own=self.address)
+            self._explored.begin()
+            return served.add_own(self._explored)
 
     def save(self, asked: Mapping[str, Any], own: OwnDiagnosis) -> str:
         """Write tidy records and a study of their own, as ``lumbar import`` does; return what to do next."""

@@ -79,8 +79,7 @@ _HEADING = re.compile(r"(: \d+ problems?|: not everything can be told from the f
 
 _ROWS, _POINTS, _MOST_COLUMNS = 2, 300, 60
 OF_SEVERAL_AXES = (
-    "Records of several axes: the diagnosis is shown as lumbar diagnose writes it. No other models can be tried or pushed beside "
-    "it, and nothing is kept in a study."
+    "Records of several axes: the page shows what lumbar diagnose writes; no other models can be tried."
 )
 
 

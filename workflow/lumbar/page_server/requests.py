@@ -1,4 +1,4 @@
-"""What the served page may ask for, and send over its line: a model fitted, files written, effects kept in the study."""
+"""What the served page may ask for over its line: a model fitted, where it fails, an excitation, files written."""
 
 from __future__ import annotations
 
@@ -7,15 +7,10 @@ import threading
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from bokeh.protocol.exceptions import ProtocolError
-from bokeh.protocol.message import Message
-from bokeh.server.views.ws import WSHandler
-
 from lumbar.base.errors import InputError
 from lumbar.base.files import refuse_links
 from lumbar.page_server.background import DRAWING, WRITING, page_message
 from lumbar.page_server.served_sets import ExploredSet
-from lumbar.page_server.study_change import Change
 from lumbar.publishing.explorer.page import excitation_of, model_facts
 from lumbar.publishing.explorer.shown import ShownModel
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
@@ -23,44 +18,6 @@ from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 
 if TYPE_CHECKING:
     from lumbar.interface.refinement import Refinement
-
-MOST_BYTES = 10_000
-"""Largest message that a page may send: what it asks for is a line, what its pictures tell are a few numbers."""
-_MESSAGES = ("PULL-DOC-REQ", "PATCH-DOC")
-_TYPES = ("map", "number", "event")
-"""Values that Bokeh unfolds and that a page sends; others, among them packed bytes and whole models, fill the memory."""
-
-
-class PageSocket(WSHandler):
-    """Bokeh's, which takes the messages of a page and closes at any other."""
-
-    async def _receive(self, fragment: str | bytes) -> Message[Any] | None:
-        try:
-            if not isinstance(fragment, str):
-                raise ProtocolError("bytes from a page")
-            message = await super()._receive(fragment)
-            if message is not None and not (message.msgtype in _MESSAGES and is_plain(message.content)):
-                raise ProtocolError("a message that no page sends")
-        except (ProtocolError, RecursionError) as error:
-            self._protocol_error(str(error))
-            return None
-        return message
-
-
-def is_plain(content: Any) -> bool:
-    """Whether a message's content holds numbers, texts, lists and mappings of them alone.
-
-    Examples
-    --------
-    >>> is_plain({"new": {"type": "map", "entries": [["content", ["{}"]]]}})
-    True
-    >>> is_plain({"new": [{"type": "bytes", "data": "H4sIAAAAAAAC"}]})
-    False
-    """
-    if isinstance(content, dict):
-        return content.get("type", "map") in _TYPES and all(map(is_plain, content.values()))
-    return all(map(is_plain, content)) if isinstance(content, list) else True
-
 
 MOST_EFFECTS = 8
 """Most effects of a model that the page asks for."""
@@ -71,8 +28,6 @@ class TabRequests:
     """The requests of one tab, answered one after the other."""
 
     explored: ExploredSet
-    proposed: Change | None = field(default=None)
-    """The change of the study that was shown and not yet written."""
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def answer(self, text: str) -> tuple[dict[str, Any], list[ShownModel]]:
@@ -96,8 +51,6 @@ class TabRequests:
             "locate": self._locate,
             "separate": self._separate,
             "save": self._save,
-            "keep": self._keep,
-            "write": self._write,
         }
         try:
             asked = read_request(text)
@@ -154,23 +107,6 @@ class TabRequests:
         refit, folder = self.explored.refitted(effects), self.explored.output
         written = save_refinement(refit, folder)
         return {"text": f"{len(written)} files written to {folder}."}, []
-
-    def _keep(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
-        if self.explored.keep is None:
-            raise InputError("no study stands behind these records: 'lumbar explore' was given a folder")
-        # In the order in which they were fitted, whichever tab asked for them first: the workflow fits them so again.
-        self.proposed = self.explored.keep(self.explored.refitted(effects).effects)
-        if not self.proposed.diff:
-            return {"text": f"{self.proposed.path} holds this already."}, []
-        return {"text": "Look at the change, then write it.", "diff": self.proposed.diff}, []
-
-    def _write(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
-        if self.proposed is None:
-            raise InputError("no change was shown that could be written")
-        change, self.proposed = self.proposed, None
-        with WRITING:
-            change.write()
-        return {"text": f"{change.path} is written; 'snakemake' now makes the same model."}, []
 
 
 def read_request(text: str | bytes) -> dict[str, Any]:

@@ -19,13 +19,11 @@ from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, Job
 from lumbar.publishing.explorer.shown import ShownModel, model_key
-from lumbar.records.record import Record
 from lumbar.settings.stability import StabilitySettings
 
 if TYPE_CHECKING:
     from lumbar.interface.diagnosed import Diagnosis
     from lumbar.interface.refinement import Refinement
-    from lumbar.page_server.study_change import Change
     from lumbar.publishing.explorer.page import ExplorerPage
 
 
@@ -80,14 +78,8 @@ class ExploredSet:
     """Without arguments; returns the diagnosis. None: there is the stored one alone."""
     output: Path
     """Folder that the page may write to."""
-    keep: Callable[[Sequence[str]], Change] | None = None
-    """Takes effects, returns the change of the study that keeps them; None without a study."""
-    study: str = ""
-    """File that `keep` changes, for the page."""
     own: str = ""
     """Address of the page on which the records were given; empty for those of a study or folder."""
-    read: Callable[[], Sequence[Record]] = tuple
-    """Without arguments; returns the records, to be shown while they are diagnosed."""
     title: str = ""
     """Of a set that is not called by its name."""
     stored: StoredVerdict | None = None
@@ -118,7 +110,7 @@ class ExploredSet:
     @cached_property
     def variables(self) -> dict[str, Any]:
         """What the page's template shows; the same for every tab."""
-        return {**self.page.variables(served=True, study=self.study), "own": self.own}
+        return {**self.page.variables(served=True), "own": self.own}
 
     @property
     def ready(self) -> bool:
@@ -126,9 +118,9 @@ class ExploredSet:
         return "variables" in self.__dict__
 
     def begin(self) -> Job:
-        """Prepare the page beside the server, once; again where that failed or was cancelled."""
+        """Prepare the page beside the server, once."""
         with self._one_at_a_time:
-            if self.job is None or (self.job.done and self.job.error):
+            if self.job is None:
                 self.job = Job(self.prepare)
             return self.job
 

@@ -3,36 +3,31 @@
 from __future__ import annotations
 
 import json
-import secrets
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
 from bokeh.document import Document
 from bokeh.models import CustomJS
-from bokeh.server.views.ws import WSHandler
-from tornado.routing import AnyMatches, PathMatches, Rule
+from tornado.routing import AnyMatches, Rule
 
 from lumbar.base.errors import InputError
 from lumbar.base.templates import template
-from lumbar.page_server import requests, waiting
 from lumbar.page_server.background import in_background
 from lumbar.page_server.index import Index, IndexedHandler
-from lumbar.page_server.requests import PageSocket, TabRequests
+from lumbar.page_server.own_recordings import MOST_FILE, OwnDiagnosis
+from lumbar.page_server.requests import TabRequests
 from lumbar.page_server.served_sets import RESULT, ExploredSet, ServedSets
 from lumbar.page_server.trust import HOST, DoorHandler, Guarded, Outside, Visitors, log_refused
+from lumbar.page_server.waiting import NotReady, WaitingHandler
 from lumbar.publishing.explorer.page import PAGE
 from lumbar.publishing.explorer.plots import ANSWER, REQUEST
 
 if TYPE_CHECKING:
     from bokeh.server.server import Server
 
-    from lumbar.page_server.own_recordings import OwnDiagnosis
-
-MOST_BYTES = 100_000
-"""Largest request that is read; files have a limit of their own."""
-SLOWEST_S = 120
-"""Within this time a request must be there, a file too; else its connection is ended."""
+MOST_MESSAGE = 10_000
+"""Bytes of a message of a page: what it asks for is a line, what its pictures tell are a few numbers."""
 _LOST = """
 document.body.removeAttribute("aria-busy");
 const message = document.getElementById("message");
@@ -76,18 +71,11 @@ def new_server(index: Index, port: int, own: OwnDiagnosis) -> tuple[Server, Visi
             port=port,
             address=HOST,
             allow_websocket_origin=[f"{HOST}:{port}", f"localhost:{port}"] if port else None,
-            websocket_max_message_size=requests.MOST_BYTES,
-            # What a page is told of its session holds none of its cookies, and is taken from no other hand.
-            include_headers=[],
+            websocket_max_message_size=MOST_MESSAGE,
+            include_headers=[],  # what a page is told of its session holds none of its cookies
             include_cookies=[],
-            sign_sessions=True,
-            secret_key=secrets.token_bytes(32),
             log_function=log_refused,
-            http_server_kwargs={
-                "max_body_size": MOST_BYTES,
-                "max_buffer_size": 4_000_000,
-                "body_timeout": SLOWEST_S,
-            },
+            http_server_kwargs={"max_buffer_size": MOST_FILE},
         )
     except OSError as error:
         raise InputError(f"port {port}: {error.strerror or error}; choose another with --port") from error
@@ -109,14 +97,10 @@ def _route(server: Server, visitors: Visitors, index: Index, own: OwnDiagnosis) 
     inner[:] = [
         rule for rule in inner if rule.target not in (AutoloadJsHandler, MetadataHandler, RootHandler)
     ]
-    for rule in inner:
-        rule.target = PageSocket if rule.target is WSHandler else rule.target
     known = {"index": index}
     application.default_router.rules[:0] = [
         Rule(Outside(visitors), DoorHandler, {"visitors": visitors}),
-        Rule(waiting.NotReady(index.sets), waiting.WaitingHandler, known),
-        Rule(PathMatches(waiting.PROGRESS), waiting.ProgressHandler, known),
-        Rule(PathMatches(waiting.CANCEL), waiting.CancelHandler, known),
+        Rule(NotReady(index.sets), WaitingHandler, known),
         *own_rules(index, own),
         *index.rules(),
     ]

@@ -383,10 +383,6 @@ window.lumbar = (() => {
     if (answer.error) return;
     if (answer.excitation) give(answer.excitation);
     if (answer.text !== undefined) say(answer.text);
-    const proposal = element("proposal");
-    if (proposal === null) return;
-    proposal.hidden = answer.diff === undefined;
-    if (answer.diff !== undefined) element("diff").textContent = answer.diff;
   }
 
   function offer(key) {

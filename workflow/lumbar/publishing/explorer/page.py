@@ -115,10 +115,10 @@ class ExplorerPage:
             for picture in pictures:
                 document.add_root(picture)
 
-    def variables(self, served: bool = False, study: str = "") -> dict[str, Any]:
+    def variables(self, served: bool = False) -> dict[str, Any]:
         """Return what the template shows beside the pictures.
 
-        `served`: a server stands behind the page; `study`: file that chosen effects may be written to, empty without one.
+        `served`: a server stands behind the page.
         """
         verdict, experiment = self.verdict, self.verdict.experiment
         floor = experiment.floor
@@ -143,7 +143,6 @@ class ExplorerPage:
             "sections": self.sections,
             "step": self.step,
             "served": served,
-            "study": study,
             "content": self._content(served),
         }
 
