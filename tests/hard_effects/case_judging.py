@@ -9,7 +9,7 @@ from pathlib import Path
 
 import lumbar
 from answers import Answer, ask
-from lumbar.study.study import record_layout
+from lumbar.settings.study_settings import record_layout
 
 FINDINGS = {
     "pos_noise": "position_noise",

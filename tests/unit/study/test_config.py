@@ -17,10 +17,10 @@ from lumbar.base.yaml_file import read_yaml, shipped_yaml
 from lumbar.cli.command import main
 from lumbar.settings import key
 from lumbar.settings.plain import from_plain, plain
-from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.study_settings import StudySettings, record_layout
 from lumbar.study.artefacts import read_artefacts
 from lumbar.study.load_study import load_settings, load_study, load_study_file
-from lumbar.study.study import reading_plan, record_layout, record_set, recordings_of
+from lumbar.study.study import reading_plan, record_set, recordings_of
 from lumbar.study.validation import overlay
 from refusing import refusal
 from running import PROJECT

@@ -86,6 +86,10 @@ def _add_options(parser: Any, options: Sequence[str | Mapping], shared: Mapping[
 
 def given_settings(options: argparse.Namespace) -> StudySettings:
     """Return the settings that ``--config`` and ``--trust`` give; errors as of `lumbar.load_settings`."""
+    if not options.config:
+        from lumbar.settings.study_settings import StudySettings
+
+        return StudySettings()
     from lumbar.study.load_study import load_settings
 
     return load_settings(*options.config, trust=options.trust)

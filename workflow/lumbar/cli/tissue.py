@@ -68,7 +68,7 @@ def fit_settings(options) -> StudySettings:
 def read_folder(options) -> tuple[RecordSet, StudySettings, str]:
     """Return the records of the folder with their periods, how they are fitted, and what they are called."""
     from lumbar.interface.reading import read
-    from lumbar.study.study import record_layout
+    from lumbar.settings.study_settings import record_layout
     from lumbar.tissue.diagnosis.noise.periods import fold_periods
 
     settings = fit_settings(options)

@@ -2,8 +2,9 @@
 
 from typing import Annotated, Literal
 
-from lumbar.settings.improvement import ImprovementSettings
+from lumbar.settings.improvement import ImprovementSettings, system_of
 from lumbar.settings.key import SEED, UNIQUE, FolderName, key, required, section, settings
+from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.signals import SignalsSettings, SurgeonSettings
@@ -57,3 +58,10 @@ class StudySettings:
     lifting: LiftingSettings = section(default_factory=LiftingSettings)
     stability: StabilitySettings = section(default_factory=StabilitySettings)
     twin: TwinSettings = section(default_factory=TwinSettings)
+
+
+def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, float | None]:
+    """Layout of a base model's records, and the rate (Hz) to which they are resampled."""
+    if system_of(base) == "pendulum":
+        return settings.lifting.moment_layout, None
+    return settings.tissue.layout, settings.tissue.rate_Hz

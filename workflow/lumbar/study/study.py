@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from lumbar.settings.improvement import RecordSetSettings, system_of
+from lumbar.settings.improvement import RecordSetSettings
 from lumbar.settings.layout import ColumnLayout
 from lumbar.settings.plain import plain
-from lumbar.settings.study_settings import StudySettings
+from lumbar.settings.study_settings import StudySettings, record_layout
 from lumbar.settings.subject import SubjectSettings, TrialSettings
 from lumbar.settings.twin import CohortSettings
 from lumbar.study.artefacts import LIFTED, Artefact
@@ -117,13 +117,6 @@ def recordings_of(study: Study) -> dict[str, list[str]]:
         for chapter, names in files.items()
         if names and (lifted if chapter == "lifting" else study.has(chapter))
     }
-
-
-def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, float | None]:
-    """Layout of a base model's records, and the rate (Hz) to which they are resampled."""
-    if system_of(base) == "pendulum":
-        return settings.lifting.moment_layout, None
-    return settings.tissue.layout, settings.tissue.rate_Hz
 
 
 def record_set(settings: StudySettings, name: str) -> RecordSetSettings:

@@ -24,10 +24,9 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.linear.linear_dynamics import linear_dynamics
-from lumbar.tissue.diagnosis.linear.poles import Poles, forces, slope_forces
+from lumbar.tissue.diagnosis.linear.poles import Poles, forces, linear_base, slope_forces
 from lumbar.tissue.diagnosis.selection.candidate import evaluate, unseen_improvement
 from lumbar.tissue.diagnosis.selection.candidate import fit_base as fit_candidate
-from lumbar.tissue.diagnosis.selection.diagnose import linear_base
 from lumbar.tissue.diagnosis.selection.refine import refined_document
 from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.models.bases import BASES
@@ -36,6 +35,12 @@ from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 
 SIGMA = 0.002
+
+
+def base_of(prepared):
+    """The base of the linear dynamics of records."""
+    model = linear_dynamics(prepared)
+    return linear_base(model.poles, model.held)
 
 
 def motion(seed: int, seconds: float = 60.0, step: float = 0.01, fastest: float = 6.0) -> np.ndarray:
@@ -117,7 +122,7 @@ def test_linear_materials_are_recovered_to_the_noise(impedance):
 def test_dynamics_of_higher_order_are_a_base_with_an_equation(impedance):
     """Fitted anew as a base they leave as little, and their transfer function is the material's own."""
     prepared = experiment(impedance)
-    base = linear_base(linear_dynamics(prepared))
+    base = base_of(prepared)
     model = fit_candidate(base, prepared)
     assert model.fit.converged
     assert model.train_rms < 1.03 * SIGMA and model.test_rms < 1.15 * SIGMA
@@ -129,7 +134,7 @@ def test_dynamics_of_higher_order_are_a_base_with_an_equation(impedance):
 
 
 def test_dynamics_without_an_equation_are_no_base():
-    assert linear_base(linear_dynamics(experiment(late))) is None
+    assert base_of(experiment(late)) is None
 
 
 @pytest.mark.nightly
@@ -153,7 +158,7 @@ def test_the_best_linear_model_is_told_kept_and_exported(law, tmp_path):
 
 def test_its_picture_shows_the_material_s_response_and_poles():
     prepared = experiment(resonances)
-    model = fit_candidate(linear_base(linear_dynamics(prepared)), prepared)
+    model = fit_candidate(base_of(prepared), prepared)
     drawn = SimpleNamespace(experiment=prepared, base=base_candidate(prepared), linear=model)
     gain, _, plane = linear_figure(drawn).axes
     lines = {line.get_label(): line for line in gain.lines}

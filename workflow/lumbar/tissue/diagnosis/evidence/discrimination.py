@@ -23,7 +23,6 @@ from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text
 from lumbar.tissue.models.motion import Motion
-from lumbar.tissue.signals.multisine import schroeder_phases
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band, peak_kinematics
 
 _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
@@ -111,6 +110,8 @@ def _signals(reference: Motion, rounded: float, unit: str) -> Iterator[tuple[str
 
 
 def _multisines(time, middle, size, half, high, unit) -> Iterator[tuple[str, np.ndarray]]:
+    from lumbar.tissue.signals.multisine import schroeder_phases
+
     period, step = time[-1] / 3, time[1] - time[0]
     samples = round(period / step)
     for top in dict.fromkeys((0.3 * high, high, min(2 * high, 0.1 / step))):

@@ -8,19 +8,22 @@ import scipy
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings, prepare_for
+from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base as fit_structure
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
-from lumbar.tissue.diagnosis.linear.lead import force_leads
-from lumbar.tissue.diagnosis.linear.linear_dynamics import LinearDynamics, nonlinear_share
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     best_by_effect,
+    evaluate,
     exchange_base,
     fit_base,
     is_adequate,
     is_worthwhile,
     refit,
+    with_forms,
 )
 from lumbar.tissue.diagnosis.selection.findings import (
     apparent_zeros,
@@ -28,17 +31,16 @@ from lumbar.tissue.diagnosis.selection.findings import (
     linear_alternative,
     offsets,
     trained_otherwise,
+    whatever_the_speed,
     zeros_moved,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
-from lumbar.tissue.diagnosis.selection.rates import whatever_the_speed
-from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
-from lumbar.tissue.effects.catalogue import usable_effects
-from lumbar.tissue.effects.notation import carried_bases
+from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, TIED
+from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text
+from lumbar.tissue.effects.catalogue import TISSUE, usable_effects
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
-from lumbar.tissue.models.form import Effect
-from lumbar.tissue.models.state_equation import MOST_STATES
+from lumbar.tissue.models.form import Effect, Form
+from lumbar.tissue.models.structure import Structure
 
 _NONLINEAR = 0.1
 """Share of what the best linear model leaves that is surely not linear, from which on something nonlinear is missing."""
@@ -131,8 +133,11 @@ def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict
     alternative = linear_alternative(found.model, experiment)
     if alternative is None:
         return found, []
+    from lumbar.tissue.diagnosis.linear.linear_dynamics import nonlinear_share
+    from lumbar.tissue.diagnosis.linear.poles import linear_base
+
     linear, finding = alternative
-    base = linear_base(linear.fit)
+    base = linear_base(linear.fit.poles, linear.fit.held)
     found = replace(found, linear=base and fit_base(base, experiment))
     if (nonlinear_share(experiment, linear.fit) or 0.0) > _NONLINEAR:
         return replace(found, verdict="unexplained", tied_with=[]), [finding]
@@ -171,65 +176,6 @@ def _search(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
     if other is None:
         return found
     return Selection(*choose_base(experiment, other, settings.candidates), settings).diagnosis()
-
-
-NAME = "linear_dynamics"
-_DIRECT = (
-    ("k", "z", "stiffness", "{y}/{x}"),
-    ("b", "v", "viscosity", "{y} s/{x}"),
-    ("m", "a", "mass", "{y} s^2/{x}"),
-)
-"""Symbol, signal, name and unit of what acts beside the poles."""
-
-
-def linear_base(model: LinearDynamics) -> Base | None:
-    """The base whose equation a linear model is, its poles where a fit begins.
-
-    None for an input that is held between jumps, behind a delay, and for more poles than an equation has states.
-    """
-    poles = model.poles
-    if model.held or poles.delay or poles.order > MOST_STATES:
-        return None
-    direct = _DIRECT[: poles.direct - 1]
-    terms = [f"{symbol}*{signal}" for symbol, signal, *_ in direct]
-    parameters = {symbol: _linear(name, unit) for symbol, _, name, unit in direct}
-    states = {}
-    for number, (damping, square) in enumerate(poles.sections, 1):
-        # A pair of poles, s² + a s + c: its state p and the rate w of that.
-        slow, fast, a, c, f, g = (f"{letter}_{number}" for letter in "pwacfg")
-        states |= {slow: fast, fast: f"v - {a}*{fast} - {c}*{slow}"}
-        terms += [f"{f}*{slow}", f"{g}*{fast}"]
-        parameters |= {
-            f: _linear(f"pair_stiffness_rate_{number}", "{y}/({x} s)"),
-            g: _linear(f"pair_stiffness_{number}", "{y}/{x}"),
-            a: _nonlinear(f"pair_damping_{number}", "1/s", damping),
-            c: _nonlinear(f"pair_frequency_squared_{number}", "1/s^2", square),
-        }
-    for number, rate in enumerate(poles.rates, 1):
-        state, stiffness, symbol = (f"{letter}_{number}" for letter in "qhr")
-        states[state] = f"v - {symbol}*{state}"
-        terms.append(f"{stiffness}*{state}")
-        parameters |= {
-            stiffness: _linear(f"branch_stiffness_{number}", "{y}/{x}"),
-            symbol: _nonlinear(f"relaxation_rate_{number}", "1/s", rate),
-        }
-    definition = {
-        "name": NAME,
-        "mechanism": f"Linear dynamics of {poles.order} poles, without names.",
-        "equation": " + ".join(terms),
-        "state": states,
-        "parameters": parameters,
-    }
-    return carried_bases({"bases": {NAME: definition}})[NAME]
-
-
-def _linear(name: str, unit: str) -> dict:
-    return {"name": name, "unit": unit, "sign": "any"}
-
-
-def _nonlinear(name: str, unit: str, value: float) -> dict:
-    start = [float(value), float(value)]
-    return {"name": name, "unit": unit, "start": start, "scale": "one", "points": 1}
 
 
 TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
@@ -388,3 +334,75 @@ def with_surface(experiment: Experiment, model: Candidate, start: float) -> tupl
     )
     moved = experiment.with_origin(float(found.x))
     return moved, refit(model.fit.structure, model.fit.nonlinear, moved)
+
+
+_LEAD_BASES = ("LE", "KB")
+"""Tissues beside which a lead is looked for: the others make up for one by a dashpot of their own."""
+_LEAD_SAMPLES = (5, 14, 23)
+"""Longest lead that is looked for first, and next where it may be longer: a delay reaches over ten samples."""
+_LEAD_ROOM = 4
+"""Times as many samples that must count in every record."""
+_LEAD_LEAST = 0.2
+"""Samples of delay up to which the lead may be longer."""
+_LEAD_STARTS = (4.0, 1.5)
+"""Samples that the search for the delay begins at."""
+
+
+def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> Finding | None:
+    """By how much the force leads, where that explains all records surely better than what was selected; else None.
+
+    The force is put later, and what is then between it and the position is a delay like any other. The effects `linear` are
+    left out beside it: dashpots, masses and branches stand in for a lead.
+    """
+    base = model.fit.structure.base
+    replaced = linear & set(model.effects)
+    if base.contact or base.own or not (replaced or base.name == "KV" or not is_adequate(model, experiment)):
+        return None
+    kept = [form for form in model.fit.structure.forms if form.effect not in replaced | {"delay"}]
+    shortest = min(data.size for data in (*experiment.training.records, *experiment.tests))
+    for samples in (number for number in _LEAD_SAMPLES if _LEAD_ROOM * number <= shortest):
+        put_late = experiment.with_data(lambda data, by=samples: _late(data, by, by))
+        best = _with_delay(model, kept, put_late)
+        units = experiment.input_unit, experiment.output_unit
+        late = next(item for item in estimates(best.fit, put_late.training, *units) if item.effect == "delay")
+        step = experiment.training.motion.sampling_time
+        if late.low > 0 and late.value > _LEAD_LEAST * step:
+            break
+    else:
+        return None  # longer than what can be looked for: it has no size that could be told
+    first = samples * step
+    same = experiment.with_data(lambda data: _late(data, 0, samples))
+    rival = refit(model.fit.structure, model.fit.nonlinear, same)
+    likelier = best.score < rival.score - (TIED if best.parameters >= rival.parameters else 0)
+    # Beside another effect that is missing a lead may help a little: it is told where nothing is left.
+    whole = (
+        is_adequate(best, put_late)
+        if experiment.floor
+        else best.test_rms**2 < (1 - EXPLAINS) * rival.test_rms**2
+    )
+    if not (best.fit.converged and likelier and whole and late.high < first):
+        return None
+    low, lead, high = (1e3 * (first - value) for value in (late.high, late.value, late.low))
+    words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "lead": lead}
+    words |= {"low": low, "high": high, "error": best.test_rms, "refined": rival.test_rms}
+    words["model"] = effects_text([best.fit.structure.base.name, *(form.effect for form in kept)])
+    return Finding.of("force_leads", lead / 1e3, "s", channel_unit=experiment.output_unit, **words)
+
+
+def _with_delay(model: Candidate, kept: list[Form], put_late: Experiment) -> Candidate:
+    """The likeliest base with a delay, and with effects that the model has."""
+    (delay,) = TISSUE["delay"].forms
+    acting = with_forms(model.fit, kept).nonlinear[len(model.fit.structure.base.nonlinear) :]
+    step = put_late.training.motion.sampling_time
+    fits = (
+        fit_structure(Structure(BASES[name], (*kept, delay)), put_late.training, [*acting, samples * step])
+        for name in _LEAD_BASES
+        for samples in _LEAD_STARTS
+    )
+    return min((evaluate(fit, put_late) for fit in fits), key=lambda item: item.score)
+
+
+def _late(data: FitData, samples: int, longest: int) -> FitData:
+    """The record with its force so many samples later; of those at its start the `longest` do not count."""
+    force = np.concatenate([np.repeat(data.force[:1], samples), data.force[: len(data.force) - samples]])
+    return replace(data, force=force, settling=data.settling + longest)
