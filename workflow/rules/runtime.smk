@@ -39,7 +39,9 @@ rule export_fmus:
         effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
     output:
+        **published("fmu_check", "fmu_force"),
         fmus=FMUS,
+        checks="<results>/runtime/fmu_check.csv",
     log:
         "<logs>/export_fmus.log",
     benchmark:
@@ -53,40 +55,12 @@ rule export_fmus:
     params:
         code=library_code("export_fmus.py"),
         settings=plain(settings.runtime),
-        data=DATA,
-    message:
-        "FMUs of the identified models"
-    script:
-        "../scripts/export_fmus.py"
-
-
-rule check_fmus:
-    input:
-        fmus=FMUS,
-        models="<results>/tissue/models.json",
-        effects=EFFECT_FILES,
-    output:
-        **published("fmu_check", "fmu_force"),
-        checks="<results>/runtime/fmu_check.csv",
-    log:
-        "<logs>/check_fmus.log",
-    benchmark:
-        "<benchmarks>/check_fmus.tsv"
-    group:
-        "runtime"
-    conda:
-        CONDA
-    resources:
-        **job_size(peak_mb=220, seconds=6),
-    params:
-        code=library_code("check_fmus.py"),
-        settings=plain(settings.runtime),
         seed=settings.seed,
         data=DATA,
     message:
-        "Checks of the FMUs against the identified transfer functions"
+        "FMUs of the identified models, checked against the identified transfer functions"
     script:
-        "../scripts/check_fmus.py"
+        "../scripts/export_fmus.py"
 
 
 rule render_models:
