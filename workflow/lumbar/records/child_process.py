@@ -27,7 +27,7 @@ MEMORY, SECONDS = 1_000_000_000, 20
 """Bytes that the child may take, its program and the file's content among them, and seconds of a processor."""
 PATIENCE_S = 10 * SECONDS
 """After which a child that does nothing is ended."""
-LARGEST_ANSWER = 3 * LARGEST_FILE
+LARGEST_ANSWER, MOST_ARRAYS = 3 * LARGEST_FILE, 20_000
 _ARRAY = "\0"
 """Key that stands for an array: no name in a file holds it."""
 _START = "import json, sys; sys.path, asked = json.loads(sys.argv[1]); from {} import answer; answer(*asked)"
@@ -88,7 +88,8 @@ def read_in_child(read: Callable[..., Any], source: str | os.PathLike, content: 
 def _unpacked(answered) -> list:
     """Kind and value of an answer."""
     with np.load(answered, allow_pickle=False) as found:
-        if sum(item.file_size for item in found.zip.infolist()) > LARGEST_ANSWER:
+        sizes = [item.file_size for item in found.zip.infolist()]
+        if sum(sizes) > LARGEST_ANSWER or len(sizes) > MOST_ARRAYS + 1:
             raise ValueError("too large")
         *arrays, told = (found[name] for name in found.files)
     if any(array.dtype.kind not in "biuf" for array in arrays):
@@ -115,6 +116,8 @@ def answer(module: str, name: str, source: str, given: bool, memory: int, second
             return value.item()
         if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
             raise TypeError(f"no numbers: {type(value).__name__}")
+        if len(arrays) >= MOST_ARRAYS:
+            raise InputError(f"{source}: more than {MOST_ARRAYS} variables; save the recording by itself")
         arrays.append(value)
         return {_ARRAY: len(arrays) - 1}
 
