@@ -1,5 +1,6 @@
 """C3D: real awkward and broken files, and files built byte by byte from the C3D user guide."""
 
+import gzip
 import struct
 
 import c3d
@@ -10,9 +11,11 @@ from c3d_builder import DEC, INTEL, MIPS, build_c3d
 from lifting_cases import missing_share
 
 from lumbar.base.errors import InputError
+from lumbar.records import markers
 from lumbar.records.c3d_file import read_c3d, read_coordinates
 from lumbar.records.c3d_structure import check_structure
 from lumbar.records.markers import read_markers
+from lumbar.settings.layout import MarkerLayout
 from refusing import refusal
 
 LABELS = ["C7", "SACR", "LTOE"]
@@ -179,6 +182,33 @@ def test_points_listed_as_angles_are_dropped_whatever_their_name(tmp_path, point
         "SACR": "joint angle, not a position",
         "LTOE": "listed under POINT:TILTS, not a position",
     }
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_what_a_file_holds_comes_back_from_the_child_process(tmp_path, points, packed):
+    points[3, 1] = np.nan
+    event = {
+        "EVENT:USED": [1.0],
+        "EVENT:TIMES": [0.0, 0.1],
+        "EVENT:LABELS": ["Foot Off"],
+        "EVENT:CONTEXTS": ["Left"],
+    }
+    content = build_c3d(np.nan_to_num(points, nan=0.0), LABELS, extra=event | {"POINT:ANGLES": ["SACR"]})
+    direct = read_c3d(write(tmp_path, content))
+    path = write(tmp_path, gzip.compress(content), "trial.c3d.gz") if packed else tmp_path / "trial.c3d"
+    found = markers._read_file(path, MarkerLayout())
+    assert found.events == direct.events != () and found.dropped == direct.dropped != {}
+    for one, other in (
+        (found.time, direct.time),
+        *zip(found.positions.values(), direct.positions.values(), strict=True),
+    ):
+        np.testing.assert_array_equal(one, other)
+    assert (found.rate, found.unit, found.notes, found.source) == (
+        direct.rate,
+        direct.unit,
+        direct.notes,
+        str(path),
+    )
 
 
 def test_points_without_or_with_equal_labels_are_said(tmp_path):

@@ -10,6 +10,7 @@ from lifting_cases import missing_share
 from lumbar.base.errors import InputError
 from lumbar.lifting.quality.body import read_upright
 from lumbar.lifting.quality.screening import read_screened
+from lumbar.records import markers
 from lumbar.records.marker_axes import rotation_to_standard
 from lumbar.records.markers import METRES, read_markers
 from lumbar.settings.layout import MarkerLayout
@@ -28,6 +29,12 @@ BODY = {  # metres; x right, y forward, z up
     "R_TOE": (0.14, 0.14, 0.02),
 }
 STANDARD = dict(zip(BODY, BODY, strict=True))
+
+
+@pytest.fixture(autouse=True)
+def _in_this_process(monkeypatch):
+    """The child process that C3D files are read in has tests of its own, and takes longer than all else here."""
+    monkeypatch.setattr(markers, "read_in_child", lambda read, path: read(path))
 
 
 def layout_of(**keys) -> MarkerLayout:

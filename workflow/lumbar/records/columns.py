@@ -30,7 +30,6 @@ import numpy as np
 
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
-from lumbar.records.child_process import read_in_child
 from lumbar.records.record import (
     FEWEST_SAMPLES,
     LARGEST,
@@ -366,6 +365,8 @@ def _numbers(
 
 
 def _read_mat(path: Path, layout: ColumnLayout) -> dict[str, np.ndarray]:
+    from lumbar.records.child_process import read_in_child
+
     content = read_in_child(_vectors_of_mat, path)
     problems = Problems(str(path))
     values: dict[str, np.ndarray] = {}
