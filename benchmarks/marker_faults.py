@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -51,7 +50,6 @@ SOUND = {
     },
 }
 Points = dict[str, np.ndarray]
-"""Samples beyond a limit that make a fault of it."""
 
 
 @dataclass(frozen=True)
@@ -180,12 +178,15 @@ def verdict(case: Case) -> str:
     return "named" if right else "other"
 
 
-def main() -> int:
+def main() -> None:
     """Print and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--markdown", type=Path)
     options = parser.parse_args()
+    if not _folder().is_dir():
+        print(f"no recordings in {_folder()}: set LUMBAR_SHARED to the folder that holds real/")
+        return
     rng = np.random.default_rng(options.seed)
     count, found = alarms(rng)
     print("\n".join(found))
@@ -205,8 +206,7 @@ def main() -> int:
         shown = "|".join(str(verdicts[word]) for word in ("named", "other", "said", "missed"))
         lines.append(f"|{fault}|{shown}|")
     show_section(options.markdown, "marker faults", lines)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
