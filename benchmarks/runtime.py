@@ -1,4 +1,4 @@
-"""Time per step of exported FMUs in C and through fmpy, energy that passive models give out, sizes and build times.
+"""Time per step of exported FMUs in C and through fmpy, and energy that passive models give out.
 
     python benchmarks/runtime.py [--steps 1000000]
 
@@ -8,7 +8,6 @@ The limits are meant for an idle machine. A limit that was not kept is printed; 
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile
@@ -23,7 +22,7 @@ from effect_entries import COMBINATIONS, FIVE_EFFECTS, effect_entry  # noqa: E40
 from runtime_models import SETTINGS, models_json, selected  # noqa: E402
 from spatial_models import FIVE, spatial_export  # noqa: E402
 
-from lumbar.tissue.fmu.build.compiler import TARGETS, cache_folder, host_target, warm_cache  # noqa: E402
+from lumbar.tissue.fmu.build.compiler import TARGETS, cache_folder, host_target  # noqa: E402
 from lumbar.tissue.fmu.build.package import export_fmus  # noqa: E402
 from study_settings import changed  # noqa: E402
 
@@ -145,19 +144,6 @@ def through_fmpy(path: Path) -> tuple:
     return "through fmpy, KB, median", float(done.stdout.split()[-1]), "ns", None
 
 
-def builds(folder: Path, exported: list) -> list[tuple]:
-    """Processor time per model for all platforms with a warm cache, and the largest file."""
-    warm_cache(list(TARGETS), CACHE)
-    export_fmus(exported[:1], folder, "benchmark", list(TARGETS), CACHE)
-    begin = os.times()
-    written = export_fmus(exported[1:], folder, "benchmark", list(TARGETS), CACHE)
-    seconds = (sum(os.times()[:4]) - sum(begin[:4])) / len(exported[1:])
-    return [
-        ("all platforms, processor time per model", seconds, "s", 6),
-        ("largest FMU", max(path.stat().st_size for path in written) / 1000, "kB", 200),
-    ]
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -173,7 +159,6 @@ def main() -> None:
         rows = c_client(program, folder, exported)
         rows.append(through_fmpy(folder / "KB_fmi2.fmu"))
         rows += passivity(program, folder / "passive", options.steps)
-        rows += builds(folder / "all", exported[:4])
     for what, value, unit, limit in rows:
         verdict = "" if limit is None else f"  (limit {limit}: {'kept' if value <= limit else 'NOT KEPT'})"
         print(f"{what:72} {value:10.4g} {unit}{verdict}")

@@ -13,10 +13,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 from c3d_builder import build_c3d
-from fuzzed_files import changed, read_any, sound_files
 from scipy.io import savemat
 
-from lumbar.base.errors import InputError
+import lumbar
+from lumbar.base.errors import InputError, Problems
+from lumbar.base.yaml_file import read_yaml
+from lumbar.records.markers import read_markers
+from lumbar.settings.layout import MarkerLayout
 from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.model_data import Port
 from lumbar.tissue.models.transfer_function import TransferFunction
@@ -181,21 +184,8 @@ def workbook(rows: str, entities: str = "") -> bytes:
     return content.getvalue()
 
 
-def _packed_again(content: bytes, generator: np.random.Generator) -> bytes:
-    """A workbook of which one part is changed at random, not its packing."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        parts = {item.filename: archive.read(item) for item in archive.infolist()}
-    name = list(parts)[int(generator.integers(len(parts)))]
-    parts[name] = changed(parts[name], generator, text=True)
-    new = io.BytesIO()
-    with zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
-        for part, text in parts.items():
-            archive.writestr(zipfile.ZipInfo(part), text, zipfile.ZIP_DEFLATED)
-    return new.getvalue()
-
-
-def every_sound_file() -> dict[str, bytes]:
-    """Contents by name, of these kinds and of those of `fuzzed_files`."""
+def valid_files() -> dict[str, bytes]:
+    """Contents by name; the ending says which reader they are meant for."""
     time = np.arange(300) / 100
     columns = {"time_s": time, "position_mm": np.sin(time), "force_N": np.cos(time)}
     rows = [b"%.2f\t%.3f\t%.3f\n" % row for row in zip(*columns.values(), strict=True)]
@@ -204,8 +194,29 @@ def every_sound_file() -> dict[str, bytes]:
         for name, values in columns.items():
             file.create_dataset(f"trial/{name}", data=values, chunks=(50,), compression="gzip")
 
+    markers = np.cumsum(np.random.default_rng(3).normal(0, 3, (30, 4, 3)), axis=0) + np.array(
+        [300, -200, 900]
+    )
+    numbers = ["\t".join(f"{value:.3f}" for value in values) for values in markers.reshape(30, -1)]
+    header = ",".join(f"{name}_{axis}" for name in "ABCD" for axis in "xyz")
+    names = "A\t\t\tB\t\t\tC\t\t\tD"
+    record = "".join(
+        ",".join(f"{value:.3f}" for value in values) + "\n" for values in zip(*columns.values(), strict=True)
+    )
     return {
-        **sound_files(),
+        "integer.c3d": build_c3d(markers, list("ABCD"), scale=0.05),
+        "real.c3d": build_c3d(markers, list("ABCD"), scale=-1.0),
+        "cortex.trc": (
+            "PathFileType\t4\t(X/Y/Z)\tlift.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n60\t60\t30\t4\tmm\n"
+            f"Frame#\tTime\t{names}\t\t\n\t\tX1\tY1\tZ1\n\n"
+            + "".join(f"{n}\t{n / 60:.3f}\t{text}\t\n" for n, text in enumerate(numbers))
+        ).encode(),
+        "table.csv": (
+            f"time_s,{header}\n"
+            + "".join(f"{n / 60:.4f},{text}\n" for n, text in enumerate(numbers)).replace("\t", ",")
+        ).encode(),
+        "record.txt": f"{','.join(columns)}\n{record}".encode(),
+        "record.txt.gz": gzip.compress(f"{','.join(columns)}\n{record}".encode(), mtime=0),
         "sound.mat": _matlab(**columns),
         "packed.mat": _matlab(x0=1.0, **columns),
         "sound.h5": _hdf5(
@@ -220,17 +231,30 @@ def every_sound_file() -> dict[str, bytes]:
     }
 
 
+def changed(content: bytes, generator: np.random.Generator) -> bytes:
+    """Change one or two places: other bytes, bytes removed, a piece repeated, or the end cut off."""
+    for _ in range(int(generator.integers(1, 3))):
+        # Every second place is one of the first 1500 bytes, where a binary file says what it is.
+        at = int(
+            generator.integers(max(1, min(len(content), 1500) if generator.random() < 0.5 else len(content)))
+        )
+        length = int(generator.integers(1, 4))
+        piece, rest = content[at : at + length], content[at + length :]
+        kind = int(generator.integers(4))
+        digits = bytes(generator.choice(list(b"0123456789.,-e"), length).tolist())
+        other = generator.bytes(length) if generator.random() < 0.3 else digits
+        middle = (other, b"", piece * int(generator.integers(2, 50)), b"")[kind]
+        content = content[:at] + middle + rest * (kind < 3)
+    return content
+
+
 def drawn(count: int, seed: int) -> Iterator[tuple[str, bytes]]:
     """Names and contents of files that are changed at random, every kind in turn."""
     generator = np.random.default_rng(seed)
-    sound = list(every_sound_file().items())
+    valid = list(valid_files().items())
     for number in range(count):
-        name, content = sound[number % len(sound)]
-        if name.endswith(".xlsx"):
-            yield f"{number}_{name}", _packed_again(content, generator)
-        else:
-            binary = name.endswith((".c3d", ".gz", ".mat", ".h5"))
-            yield f"{number}_{name}", changed(content, generator, text=not binary)
+        name, content = valid[number % len(valid)]
+        yield f"{number}_{name}", changed(content, generator)
 
 
 def shows(found: object, canary: bytes) -> bool:
@@ -262,6 +286,23 @@ def write_forged(folder: Path, drawn_too: int, seed: int, without: Collection[st
     for name, content in drawn(drawn_too, seed):
         (files / name).write_bytes(content)
     return sorted(files.iterdir())
+
+
+def read_any(path: Path):
+    """Read a file with everything that reads its kind; return what was found."""
+    layout = MarkerLayout(unit="mm" if path.suffix in (".csv", ".bvh") else "file", check_axes=False)
+    if path.suffix == ".yaml":
+        problems = Problems(str(path))
+        found = read_yaml(path, problems, str(path))
+        problems.raise_if_any()
+        return found.content
+    if path.suffix == ".json":
+        return [str(model) for model in lumbar.load_models(path)]
+    if path.suffix in (".h5", ".xlsx", ".dat", ".mat"):
+        return [item.record for item in lumbar.import_recordings(path)]
+    if path.name.endswith((".txt", ".txt.gz")):
+        return list(lumbar.read(path))
+    return read_markers(path, layout)
 
 
 def read_forged(path: Path) -> str | None:
