@@ -5,15 +5,10 @@ import numpy as np
 import pytest
 from make_cases import CASES, draw_motions, draw_tissue, draw_truth
 from scipy.integrate import solve_ivp
-from space_motions import OVERSAMPLING, RATE_HZ, Motion, from_lines, multisine, unseen
+from space_motions import OVERSAMPLING, Motion, from_lines
 from space_tissue import branch, dahl_state, measured_force, tissue_force
 
 SEED = 7
-
-
-@pytest.fixture(scope="module")
-def training():
-    return multisine(np.random.default_rng(3), 3)
 
 
 def _truth(name: str) -> tuple[dict, Motion]:
@@ -144,32 +139,6 @@ def test_a_late_force_is_that_of_the_tool_at_rest_first():
     assert found[:late] == pytest.approx(
         np.tile(motion.position[0] @ np.array(truth["tissue"]["K_e"]), (late, 1))
     )
-
-
-def test_motions_are_smooth_and_their_derivatives_exact(training):
-    for motion in (training, *unseen(np.random.default_rng(4), 3, 5.0).values()):
-        spectrum = np.abs(np.fft.rfft(motion.position[::OVERSAMPLING], axis=0))
-        frequency = np.fft.rfftfreq(len(motion.position[::OVERSAMPLING]), 1 / RATE_HZ)
-        assert spectrum[frequency > 6].max() < 1e-9 * spectrum.max()
-        for values, derivative in (
-            (motion.position, motion.velocity),
-            (motion.velocity, motion.acceleration),
-        ):
-            centred = (values[2:] - values[:-2]) / (2 * motion.step)
-            assert np.abs(centred - derivative[1:-1]).max() < 2e-5 * np.abs(derivative).max()
-    assert ((training.position.std(axis=0) > 0.99) & (training.position.std(axis=0) < 2.01)).all()
-    period = len(training.position) // 5
-    assert np.array_equal(training.position[:period], training.position[-period:])
-
-
-def test_a_sensor_turns_then_drifts_then_clips():
-    truth, motion = _truth("frame_coulomb")
-    rate, limits = np.array([0.1, -0.2, 0.05]), np.array([0.5, 0.2, np.inf])
-    truth["effects"] |= {"drift": {"r": rate.tolist()}, "saturation": {"Fs": [0.5, 0.2, None]}}
-    told = np.einsum("ij,nj->ni", truth["sensor"], tissue_force(truth, motion)) + motion.time[:, None] * rate
-    clipped = np.minimum(np.maximum(told, -limits), limits)
-    assert np.abs(measured_force(truth, motion) - clipped).max() < 1e-12
-    assert (told < -limits)[:, :2].any(axis=0).all()
 
 
 def test_records_carry_the_noise_zero_and_clipped_share_they_tell():

@@ -59,15 +59,6 @@ def test_starting_up_loads_no_heavy_package():
     assert python("-c", script).strip() == "[]"
 
 
-def test_check_describes_every_file_of_a_folder(run, tissue):
-    out = run.done("check", tissue)
-    assert out.splitlines() == [
-        f"tissue: {name}.csv: {samples} samples, 100 Hz, {samples // 100} s; "
-        "input: position in mm, output: force in N"
-        for name, samples in (("long", 2000), ("short", 1000))
-    ]
-
-
 def test_check_reads_surveys_and_other_layouts(run, project, tissue, tmp_path):
     sheet = project / "resources" / "survey" / "survey_reconstructed.csv"
     assert run("check", "--chapter", "survey", sheet)[1] == (
@@ -156,16 +147,6 @@ def test_survey_writes_tables_and_figures(run, project, tmp_path):
         "survey.json",
     } <= names
     assert "reconstructed survey (not real answers)" in (tmp_path / "table_3_2.csv").read_text()
-
-
-def test_survey_does_not_call_real_answers_reconstructed(run, project, tmp_path):
-    sheet = project / "resources" / "survey" / "survey_reconstructed.csv"
-    real = tmp_path / "answers.csv"
-    real.write_text(sheet.read_text().replace("reconstructed_not_real", "laboratory"))
-    assert run("survey", real, "--output", tmp_path / "out")[0] == 0
-    table = (tmp_path / "out" / "table_3_2.html").read_text()
-    assert "Data: answers.csv" in table
-    assert "reconstructed" not in table
 
 
 def test_lift_and_basin_follow_each_other(run, project, twin_lift, tmp_path):

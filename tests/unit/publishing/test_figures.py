@@ -19,7 +19,6 @@ from lumbar.lifting.movement import lift_tables
 from lumbar.publishing.figures.comparison_figures import comparison_figure, default_segment
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
 from lumbar.publishing.figures.location_figure import location_figure
-from lumbar.publishing.figures.signal_figures import excitation_figure, psd_figure
 from lumbar.publishing.figures.style import house_style, new_figure, save
 from lumbar.publishing.figures.survey_figures import best_picks_figure, likert_figure
 from lumbar.publishing.figures.tissue_figures import analogue_picture
@@ -30,7 +29,6 @@ from lumbar.tissue.diagnosis.residuals.compare import compare_record
 from lumbar.tissue.diagnosis.residuals.locate import locate
 from lumbar.tissue.identification.model_tables import table_2_1
 from lumbar.tissue.models.tissue_models import REFERENCES, TABLE_2_1
-from lumbar.tissue.signals.excitation import Signal
 from study_settings import study_settings, subject_settings
 
 
@@ -123,52 +121,8 @@ def test_pdf_fonts_are_the_outlines_that_matplotlib_embeds(figure, tmp_path):
             assert font["hmtx"][glyph] == reference["hmtx"][glyph]
 
 
-@pytest.fixture
-def bandwidths():
-    entry = {
-        "power_share": {"value_Hz": 2.5, "low_Hz": 2.2, "high_Hz": 2.8, "without_limit_Hz": 4.5},
-        "level": {"value_Hz": None, "low_Hz": None, "high_Hz": None},
-    }
-    return {
-        "analysis_band_Hz": [0.1, 6],
-        "rules": {"power_share": 0.95, "level_dB": -20},
-        "position": entry,
-        "velocity": entry,
-    }
-
-
 def texts(axis):
     return [text.get_text() for text in axis.texts]
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "shown"), [(2.2, 2.8, "(2.20–2.80)"), (2.2, None, "(2.20–…)"), (None, None, "")]
-)
-def test_spectra_show_each_bandwidth_with_its_interval(bandwidths, low, high, shown):
-    frequency = np.linspace(0, 50, 501)
-    psd = 1 / (1 + frequency**2) * np.ones((9, 1))
-    bandwidths["velocity"]["power_share"].update(low_Hz=low, high_Hz=high)
-    spectra = {"position": psd, "velocity": psd}
-    pooled = {name: rows[0] for name, rows in spectra.items()}
-    figure = psd_figure(frequency, spectra, pooled, list("abcdefghi"), bandwidths, None)
-    figure.canvas.draw()
-    assert [axis.get_ylabel() for axis in figure.axes] == [
-        "Position PSD (mm²/Hz)",
-        "Velocity PSD ((mm/s)²/Hz)",
-    ]
-    assert texts(figure.axes[1]) == [f"2.50 Hz {shown}".strip(), "4.50 Hz"]
-
-
-def test_signals_show_the_share_of_the_power_in_the_band_and_what_is_assumed(tmp_path):
-    time = np.arange(1000) / 100
-    sine = Signal("chirp", np.sin(2 * np.pi * 2 * time) + np.sin(2 * np.pi * 8 * time), 100.0, (0.0, 10.0))
-    figure = excitation_figure([sine], 5.0, "assumed: 2 mm")
-    save(figure, tmp_path / "signals", "synthetic twin")
-    assert figure.get_supxlabel() == "assumed: 2 mm\nData: synthetic twin"
-    left, right = figure.axes
-    assert (left.get_ylabel(), left.get_xlabel()) == ("Position (mm)", "Time (s)")
-    assert (right.get_ylabel(), right.get_xlabel()) == ("Amplitude (mm)", "Frequency (Hz)")
-    assert right.get_title() == "50.0 % of the power up to 5 Hz"
 
 
 @pytest.mark.parametrize("points", [2, 4, 5, 7])
@@ -187,18 +141,6 @@ def test_bars_of_a_model_add_up_and_diverge_at_the_middle(points):
         centre = middle.get_x() + (middle.get_width() / 2 if points % 2 else 0)
         assert centre == pytest.approx(0, abs=1e-9)
         assert ends[-1] <= axes.get_xlim()[1] + 1e-9
-
-
-def test_neighbouring_points_are_told_apart_in_grey():
-    axes = likert_figure(["A"], np.full((1, 5), 9), list("abcde"), "A statement").axes[0]
-    looks = []
-    for container in axes.containers:
-        red, green, blue, _ = container[0].get_facecolor()
-        looks.append((0.299 * red + 0.587 * green + 0.114 * blue, container[0].get_hatch()))
-    for (grey, hatch), (other_grey, other_hatch) in pairwise(looks):
-        assert abs(grey - other_grey) > 0.1 or hatch != other_hatch
-    # The two ends of the scale must not look alike either.
-    assert looks[0][1] != looks[-1][1]
 
 
 def test_intervals_stand_where_they_should():

@@ -1,8 +1,6 @@
 """The page of a lift holds what was computed, the same bytes from a lift and from its folder, and says what it lacks."""
 
-import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -68,30 +66,6 @@ def test_words_of_the_data_are_shown_and_not_run(folder):
     html = lumbar.lift_page(folder, data=f"a lab {EVIL}").to_html()
     assert EVIL not in html
     assert "alert(1)" in html
-
-
-def test_what_a_recording_lacks_is_said(page):
-    """Neither deposit nor feet: a body to look at, and the reasons."""
-    body = page.lift.body.drop(
-        columns=[name for name in page.lift.body if re.match("[LR]_(HEEL|TOE|ANKLE)", name)]
-    )
-    facts = {
-        **{name: value for name, value in page.lift.facts.items() if name != "experience"},  # as in a study
-        "no_deposit": "the deposit is not known: release: nobody lets go",
-        "missing": dict.fromkeys(("thorax", "abdomen", "pelvis"), "no deposit"),
-    }
-    events = {
-        **page.lift.events,
-        "release": {**page.lift.events["release"], "time_s": None, "how": "nobody lets go"},
-    }
-    poor = replace(
-        page.lift, body=body, facts=facts, events=events, states=page.lift.states.iloc[:0], pivot=None
-    )
-    html = replace(page, lift=poor).to_html()
-    assert "No release: nobody lets go." in html
-    assert "No base of support: no L_ANKLE" in html
-    content = json.loads(re.search(r'id="page-data">(.*?)</script>', html, flags=re.S)[1])
-    assert (content["deposit"], content["balance"], content["pendulums"]) == (None, False, {})
 
 
 def test_saved_lifts_are_found_and_others_refused(folder, tmp_path):

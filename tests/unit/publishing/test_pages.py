@@ -124,15 +124,6 @@ def test_pictures_of_a_diagnosis(hardening, tmp_path):
     assert pictured_effects(diagnosis, TISSUE)[0].name == "hardening_stiffness"
 
 
-def test_limits_name_what_is_missing_in_the_records():
-    (one, _) = records(periods=1)
-    diagnosis = diagnose([one])
-    page = text_of(diagnosis_page(diagnosis, gather_evidence(diagnosis, DiagnosisSettings(), 1), TISSUE, "x"))
-    assert "there is one record only" in page
-    assert "no record repeats" in page
-    assert "the best candidate gains" in page
-
-
 def test_an_effect_at_the_detectable_size_gains_the_threshold():
     """Add a force of thrice the stated size to records of the base alone: it gains nine times the threshold."""
     tests = records()

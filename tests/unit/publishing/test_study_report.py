@@ -57,13 +57,6 @@ def test_of_many_lifts_the_first_are_shown_and_the_others_linked(results):
     assert (len(chapter.entries), artefact.id, len(files)) == (24, "events", 2 * 76)
 
 
-def test_pictures_say_whom_they_show_and_where_the_data_come_from(entries):
-    assert [entries[f"events-{lift}"].shows for lift in CHOICES["lift"]] == list(CHOICES["lift"].values())
-    assert entries["events-b_2kg"].title == "Events: b, box of 2 kg"
-    assert (entries["ladders-one"].shows, entries["ladders-one"].data) == ("", "synthetic twin")
-    assert entries["table_3_1"].data == "synthetic twin"
-
-
 def test_published_cells_stand_beside_this_runs():
     found = beside(CLAIMS, "table_3_1")
     assert found.head == ("Trained on", "Model", "VAF (%)", "Order")

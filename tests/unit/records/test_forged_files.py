@@ -136,7 +136,7 @@ def test_forged_files_are_read_or_refused_in_words(tmp_path):
 @pytest.mark.filterwarnings("ignore")
 def test_all_forged_files_and_hundreds_changed_at_random(tmp_path):
     refused = became_of(tmp_path, 800)
-    assert 100 < len(refused) < 780
+    assert 100 < len(refused) < 830  # of 850 files
 
 
 def test_names_without_end_in_a_header_take_no_time(tmp_path):

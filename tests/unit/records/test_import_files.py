@@ -299,19 +299,6 @@ def test_what_is_wrong_in_every_part_is_told_with_a_span_that_helps(tmp_path):
     assert len(part.record) == 100
 
 
-def test_parts_are_of_one_file_and_said_in_one_way(run, source, tmp_path):
-    other = tmp_path / "other.csv"
-    other.write_bytes(source.read_bytes())
-    err = run.refused("import", source, other, "--cut", "fit=0:1", "--dry-run")
-    assert "--cut parts one file, and 2 are given" in err
-    for told in (("--trim", "0:2"), ("--cut-by", "time")):
-        err = run.refused("import", source, "--cut", "fit=0:1", *told, "--dry-run")
-        assert "give one of --cut, --cut-by and --trim" in err
-    status, _, err = run("import", source, "--cut", "0:1", "--dry-run")
-    assert status == 2
-    assert "NAME=START:STOP is needed, e.g. fit=0:60" in err
-
-
 def test_a_column_numbers_the_trials(tmp_path):
     """The clock of each may begin anew."""
     numbers = np.repeat([1, 2, 3], 200)

@@ -1,13 +1,12 @@
 """Recordings that are short, slow, clipped or awkward: checked, all problems of all files told, limits named."""
 
 import gzip
-import hashlib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from periodic_records import multisine, noise, record, relaxing_force
+from periodic_records import noise, record, relaxing_force
 
 import lumbar
 from column_files import write_columns
@@ -35,24 +34,6 @@ def written(tmp_path, name):
     time = np.arange(200) / 100
     write_columns(tmp_path / name, "%.6f", time_s=time, force_N=np.sin(time))
     return tmp_path / name
-
-
-def test_every_file_is_described(tmp_path):
-    path = written(tmp_path, "chirp.csv")
-    described = check_recordings([planned(path, period_s=1.0)])["tissue"]
-    assert described == [
-        {
-            "file": "chirp.csv",
-            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-            "reader": "columns",
-            "name": "chirp",
-            "samples": 200,
-            "rate_Hz": 100.0,
-            "duration_s": 2.0,
-            "channels": {"output": {"quantity": "force", "unit": "N"}},
-            "quantities": "force (N)",
-        }
-    ]
 
 
 def test_all_problems_of_all_files_are_told(tmp_path):
@@ -89,20 +70,6 @@ def diagnosed(position, force):
     found = lumbar.diagnose([record(position, force)], settings=ONE_EFFECT)
     assert str(found.add().locate()) and str(found.add().compare())
     return found
-
-
-@pytest.mark.parametrize(
-    ("periods", "lines"),
-    [
-        pytest.param(5, np.arange(1, 26), id="low band", marks=pytest.mark.nightly),
-        pytest.param(3, np.arange(1, 26), id="the settled start leaves two periods"),
-        pytest.param(5, np.arange(1, 250), id="up to Nyquist", marks=pytest.mark.nightly),
-    ],
-)
-def test_a_force_that_repeats_exactly_is_diagnosed(periods, lines):
-    position = multisine(periods, lines=lines)
-    found = diagnosed(position, np.tile(relaxing_force(position)[-500:], periods))
-    assert "alike to the last digit" in str(found)
 
 
 def test_an_input_whose_band_reaches_up_to_nyquist_is_diagnosed():

@@ -15,7 +15,6 @@ from lumbar.lifting.measures.back_load import Link, net_moment
 from lumbar.lifting.measures.course import Lifter, course_of_lift
 from lumbar.lifting.measures.lift_values import SENSITIVITY, long_table, measures_page, write_measures
 from lumbar.lifting.measures.registry import ALL, SAGITTAL
-from lumbar.publishing.figures.movement_figures import SHOWN, course_figure
 from lumbar.records.markers import read_markers
 from lumbar.settings.lifting import LiftingSettings
 from lumbar.settings.stability import MeasureSettings
@@ -285,18 +284,3 @@ def test_the_long_table_is_the_csv_and_the_page_the_rest(table, tmp_path):
     assert set(read["data"]) == {SYNTHETIC_TWIN}
     assert "Hof, Gazendam" in (tmp_path / "movement_measures.html").read_text(encoding="utf-8")
     assert r"\begin{tabular}" in (tmp_path / "movement_measures.tex").read_text(encoding="utf-8")
-
-
-def texts(figure):
-    return " ".join(text.get_text() for axis in figure.axes for text in axis.texts)
-
-
-def test_the_course_is_drawn_with_its_events_and_what_lacks_markers_is_said(measured):
-    figure = course_figure(measured, 0.6)
-    margin = figure.axes[0].lines[0].get_ydata()
-    assert margin == pytest.approx(1e3 * measured[0]["course"]["margin_of_stability_m"], nan_ok=True)
-    times = [event["time_s"] for event in measured[0]["events"].values()]
-    drawn = [line.get_xdata()[0] for line in figure.axes[0].lines if len(set(line.get_xdata())) == 1]
-    assert sorted(drawn) == pytest.approx(sorted(times))
-    assert "no markers for it" in texts(figure)
-    assert f"the first {SHOWN} of 6 lifts" in course_figure(3 * measured, 0.6).get_suptitle()

@@ -291,22 +291,6 @@ def test_hands_pick_up_from_the_floor_and_put_down_there(squat):
     assert 19.0 < events["release"].time_s < 20.6
 
 
-@pytest.mark.parametrize("times", [1, 3])
-def test_hands_that_rise_several_times_ask_whether_it_was_one_lift(times):
-    bare = without(scene(), "BOX")
-    for name in ("L_WRIST", "R_WRIST"):
-        for number in range(times - 1):
-            start = 3.3 + 0.8 * number
-            bare[name][:, 2] -= 0.5 * (ramp(start, start + 0.3) - ramp(start + 0.35, start + 0.75))
-    events = find_events(bare, SETTINGS)
-    asked = f"the hands rise {times} times from lift-off to release: one lift or several"
-    assert (asked in events["release"].how) == (times > 1)
-    for first, last in lift_windows(bare, SETTINGS):
-        one = find_events(cut(bare, (first <= TIME) & (last >= TIME)), SETTINGS)
-        assert first < one["lift_off"].time_s < one["release"].time_s < last
-    assert "one lift or several" not in find_events(scene(), SETTINGS)["release"].how
-
-
 def test_a_box_that_is_lifted_again_is_asked_about_and_cut_while_it_waits():
     once = scene()
     twice = {name: np.concatenate([points, points]) for name, points in once.positions.items()}

@@ -218,22 +218,6 @@ def test_percent_differences_by_hand():
     assert rows["decrease_in_mass_novice"]["flexion_extension"] == pytest.approx(-50.0)
 
 
-def test_what_a_study_lacks_is_said():
-    rows = differences({("expert", 23.0): 2.0, ("expert", 15.0): 1.0})
-    status = {row["comparison"]: row["status"] for row in rows}
-    assert status == {
-        "expert_vs_novice": "not testable: no novice",
-        "decrease_in_mass_expert": "computed",
-        "decrease_in_mass_novice": "not testable: no novice",
-    }
-    single = differences({("unknown", 10.0): 2.0})
-    status = {row["comparison"]: row["status"] for row in single}
-    assert status["decrease_in_mass_unknown"] == "not testable: one box mass (10 kg)"
-    assert len(single) == 12
-    apart = differences({("expert", 23.0): 2.0, ("novice", 15.0): 1.0})
-    assert apart[0]["status"] == "not testable: no box mass in common"
-
-
 def test_variants_are_what_they_say():
     items = lift()[:2]
     fine = replace(SETTINGS, fewer_knots=SETTINGS.knots)

@@ -14,7 +14,7 @@ from lumbar.lifting.stability.basins import basins_of_lift
 from lumbar.lifting.stability.comparison import table_4_1_controls
 from lumbar.lifting.stability.comparison.decomposition import decomposition_table
 from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
-from lumbar.lifting.stability.model.failures import announcement, attempts, failures_frame, failures_table
+from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES
 from lumbar.publishing.figures.stability_figures import comparison_figure, figure_4_3, figure_4_4
 from study_settings import changed
@@ -136,16 +136,3 @@ def test_a_lift_without_any_basin_is_still_compared_by_name(published):
         comparison_figure([], funnels, FAST),
     ):
         assert "no basin" in str([text.get_text() for axis in figure.axes for text in axis.texts])
-
-
-def test_announcement_and_table_name_everything(tmp_path, broken):
-    path = tmp_path / "failures.csv"
-    failures_frame(broken.failures).to_csv(path, index=False)
-    text = announcement(path)
-    assert text.startswith("WARNING: 1 basin of attraction could not be computed")
-    assert "expert 23 kg, thorax, lateral_bending: exact, hanging: " in text
-    assert "in no other table" in failures_table(failures_frame(broken.failures), "test").to_html()
-    failures_frame([]).to_csv(path, index=False)
-    assert announcement(path) == ""
-    none = failures_table(failures_frame([]), "test")
-    assert none.frame["reason"].tolist() == ["every basin was computed"] and "Every basin" in none.to_html()

@@ -17,8 +17,6 @@ from lumbar.tissue.diagnosis.residuals.locate import all_records_sentence, locat
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import rank_correlation, reversals
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.residuals.residual_tests import (
-    Cause,
-    causes_sentence,
     cross_correlation,
     ljung_box,
     rank_causes,
@@ -91,19 +89,6 @@ def test_what_linear_dynamics_resemble_is_told_from_them():
     causes = {cause.name: cause for cause in hidden.causes}
     taken, rest = causes["position and velocity"], 1 - causes["linear dynamics"].share
     assert taken.share_of_rest == pytest.approx(taken.share / rest) and taken.share_of_rest > 0.8
-
-
-def test_a_record_that_cannot_tell_says_so():
-    linear = located(ERRORS["stiffness"])
-    assert all_records_sentence([linear]).startswith(
-        "This record: linear dynamics first (100 % of the explainable error): "
-    )
-    play = [Cause("linear dynamics", 0.79, 0.79), Cause("reversals", 0.1, 0.47)]
-    assert "21 % of it is not linear in the motion; then reversals (10 %)" in causes_sentence(
-        play, "All 2 records", "error"
-    )
-    noise = located(lambda z, v, t: 0 * z)
-    assert all_records_sentence([noise]) == "All records: what is left is noise, or all but noise."
 
 
 def test_a_constant_offset_is_called_one_and_not_credited_to_a_view():

@@ -15,7 +15,7 @@ from lumbar.base.errors import InputError, NumericalError
 from lumbar.records.record import Channel, Record
 from lumbar.settings.plain import from_plain
 from lumbar.settings.tissue import TissueSettings
-from lumbar.tissue.identification.arx_search import NEGLIGIBLE_POINTS, IdentificationData, search, select
+from lumbar.tissue.identification.arx_search import IdentificationData, search, select
 from lumbar.tissue.identification.identify_tissue import distinct, given_model, identify
 from lumbar.tissue.identification.metrics import block_bootstrap
 from lumbar.tissue.identification.model_tables import physical_parameters_table, table_3_1, unit_slug
@@ -151,20 +151,6 @@ def test_a_biproper_system_is_found_so_and_its_feed_through_is_that_of_the_syste
     frame = table_3_1(models, SETTINGS, "x").frame
     assert frame[frame.model == "HO"].biproper.all()
     assert not frame[frame.model == "MW"].biproper.any()
-
-
-def test_an_order_at_the_edge_is_remarked_with_the_lower_one_that_would_do():
-    record = higher_order_record(0.4)
-    models, grid = identify(record, [], SETTINGS, 1)
-    fit = fit_of(models, "HO", "arx")
-    best = {}
-    for row in (row for row in grid if row["model"] == "HO" and row["vaf_percent"] is not None):
-        best[row["order"]] = max(best.get(row["order"], -np.inf), row["vaf_percent"])
-    assert ("highest order of the grid" in fit.remark) == (fit.order == max(best))
-    enough = min(order for order, vaf in best.items() if vaf >= max(best.values()) - NEGLIGIBLE_POINTS)
-    assert (f"order {enough} comes within" in fit.remark) == (enough < fit.order)
-    at_the_edge = identify(record, [], changed(SETTINGS, search={"order_max": 2}), 1)[0]
-    assert "highest order" not in fit_of(at_the_edge, "HO", "arx").remark  # a grid of one order has no edge
 
 
 def test_what_exceeds_the_cap_is_in_the_grid_without_a_free_run(records):
