@@ -7,11 +7,9 @@ from fnmatch import fnmatch
 import pandas as pd
 import pytest
 
-from generate.configuration_reference import defaults_of, keys
 from generate.equation_index import between
 from generate.thesis_items import DOCS, anchor, default_values, files, page, read_items
 from lumbar.publishing.reproduction.register import all_claims
-from lumbar.settings.study_settings import StudySettings
 
 ITEMS = read_items()
 NUMBERED = re.compile(r"\b(Figures?|Tables?) (\d\.\d)(?:–(\d\.\d)| and (\d\.\d))?")
@@ -66,18 +64,6 @@ def sections(named: str) -> list[str]:
     return [way for name in named.split(", ") for way in (name, name[0])]
 
 
-def test_every_quantity_of_the_thesis_stands_in_an_item(thesis, project):
-    """Numbers with units; those of the published tables are data."""
-    tables = [path.read_text(encoding="utf-8") for path in (project / "resources" / "thesis").glob("*.csv")]
-    cells = {f"{number} %" for number in re.findall(r"[\d.]+", " ".join(tables))}
-    quantities = set(re.findall(r"\b(\d+(?:\.\d+)?) ?(Hz|GHz|N|s|mm|ms|kg|GB|%)(?!\w)", thesis))
-    printed = [set(re.findall(r"[\d.]*\d|[^\W\d]+|%", item.printed)) for item in ITEMS]
-    missing = {
-        " ".join(pair) for pair in quantities if not any(set(pair) <= words for words in printed)
-    } - cells
-    assert missing == {"1990 s"}  # the nineties
-
-
 @pytest.mark.parametrize("item", ITEMS, ids=lambda item: item.item)
 def test_what_an_item_names_is_real(item):
     for name in item.all_objects:
@@ -90,15 +76,6 @@ def test_what_an_item_names_is_real(item):
         assert not part or part in anchors(name), f"{name} has no {part}"
 
 
-def test_keys_that_speak_of_the_thesis_are_named():
-    """``the thesis's order`` and ``the thesis's units`` are no number of it."""
-    named = {way for item in ITEMS for way in [*item.keys, *item.thesis]}
-    said = keys(StudySettings, defaults_of(StudySettings))
-    speaking = {way for way, key, _ in said if re.search("thesis(?!'s (order|units))", key.meaning)}
-    assert speaking
-    assert speaking <= named
-
-
 def anchors(name: str) -> set[str]:
     """What a page of the docs can be linked to by."""
     headings = re.findall(r"^#+ (.*)", (DOCS / name).read_text(encoding="utf-8"), flags=re.M)
@@ -109,22 +86,6 @@ def test_figures_are_linked_to_their_place_in_the_gallery():
     linked = re.findall(r"\]\(gallery\.md#([^)]+)\)", page())
     assert len(linked) > 15
     assert set(linked) <= anchors("gallery.md")
-
-
-@pytest.mark.parametrize("item", ITEMS, ids=lambda item: item.item)
-def test_an_item_says_how_it_is_here_and_why_where_it_is_nothing(item):
-    assert item.printed
-    assert (
-        item.here
-        or item.all_objects
-        or item.artefacts
-        or item.claims
-        or item.keys
-        or item.thesis
-        or item.pages
-    )
-    if item.here.startswith("not "):
-        assert item.differs
 
 
 def test_every_claim_is_named_by_an_item_and_every_claim_named_exists(project):

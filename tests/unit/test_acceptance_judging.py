@@ -10,16 +10,12 @@ from answers import Answer
 from hidden_effects_cases import diagnosis
 
 TESTS = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(TESTS / "hard_effects"), str(TESTS / "real_records")]
+sys.path.insert(0, str(TESTS / "hard_effects"))
 
 import case_judging as cases  # noqa: E402
-import record_judging as records  # noqa: E402
 
 FRICTION = cases.Label("a", "", "single", ("coulomb_friction",), "", (), (8.0,), 0.1, "")
 LINEAR = replace(FRICTION, family="k", kind="none", hidden=(), residual_over_noise=())
-TOOL = records.Expectation(
-    "tool", "", ("hysteresis",), "N", "Dahl", allowed=("backlash",), parameters={"mass": 2.0}
-)
 
 
 def answer(*words, settled=False, findings=(), **keys) -> Answer:
@@ -80,29 +76,3 @@ def tied(**more) -> Answer:
 )
 def test_labelled_cases_are_judged_by_their_table(label, given, judgement):
     assert cases.judge(label, given)[0] == judgement
-
-
-def with_mass(low: float, high: float) -> Answer:
-    given = answer("named", ["hysteresis"])
-    mass = {"value": (low + high) / 2, "low": low, "high": high}
-    return replace(given, document={**given.document, "ranking": [{"parameters": {"mass": mass}}]})
-
-
-@pytest.mark.parametrize(
-    ("given", "judgement"),
-    [
-        (answer("named", ["hysteresis"]), "right"),
-        (answer("named", ["hysteresis", "backlash"]), "right"),
-        (answer("named", ["hysteresis", "drift"]), "WRONG"),
-        (answer("named", ["backlash"]), "WRONG"),
-        (answer("named", ["backlash"], **INCOMPLETE), "flagged"),
-        (answer("tied", ["backlash"], ["hysteresis"]), "tied"),
-        (answer("adequate"), "WRONG"),
-        (answer("unexplained"), "flagged"),
-        (answer("named", ["hysteresis"], test_rms=1.3), "part"),
-        (with_mass(1.9, 2.1), "right"),
-        (with_mass(1.5, 1.9), "part"),
-    ],
-)
-def test_real_records_are_judged_by_names_error_and_parameters(given, judgement):
-    assert records.judge(TOOL, 1.0, given)[0] == judgement

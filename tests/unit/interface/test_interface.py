@@ -12,7 +12,6 @@ import lumbar
 from column_files import write_records
 from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
-from lumbar.interface.verb import data_label
 from lumbar.records.record import RecordSet
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.signals import SignalsSettings
@@ -174,17 +173,6 @@ def test_settings_made_in_python_are_checked_as_those_of_a_file(records, given, 
 def test_one_model_is_compared_at_a_time(records):
     for verb in (lumbar.compare, lumbar.locate):
         assert "an object of class list: give one model, e.g. identification" in refusal(verb, records, [])
-
-
-def test_data_are_called_after_their_files_where_nothing_is_said(records, folder, diagnosis, tmp_path):
-    assert lumbar.compare(records, diagnosis.model).data == folder.name
-    assert diagnosis.data == folder.name
-    refined = lumbar.refine(records, [])
-    assert refined.data == refined.add("drift").data == refined.compare().table.data == folder.name
-    assert lumbar.design_signals(2.5).data == "band given by hand"
-    own = [record(np.arange(9.0), np.arange(9.0), "a")]
-    assert data_label("", (item.source for item in own)) == "source not said"
-    assert data_label("bench", ["a.csv"]) == "bench"
 
 
 @pytest.mark.parametrize("verb", ["diagnose", "identify", "propose"])

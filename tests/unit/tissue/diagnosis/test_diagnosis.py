@@ -10,7 +10,6 @@ from periodic_records import multisine, noise, record
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.interface.reading import read
-from lumbar.records.record import Channel
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine, refined_document
@@ -146,14 +145,6 @@ def test_completeness_and_the_verdict_on_the_refined_model_follow_from_one_rule(
     assert any(line.startswith(said) for line in details(found, catalogue))
 
 
-def test_a_long_search_says_how_far_it_is(monkeypatch, capsys):
-    monkeypatch.setattr("lumbar.base.progress._EVERY_S", 0.0)
-    catalogue = {name: TISSUE[name] for name in ("hardening_stiffness", "drift")}
-    records = [synthetic("a", lambda time, position: 0.6 * position, 1)]
-    diagnose(records, DiagnosisSettings(base="LE", catalogue=catalogue))
-    assert "forms of effects fitted beside LE: 1 of " in capsys.readouterr().err
-
-
 def springs(stiffness: dict[str, np.ndarray | float]) -> list:
     made = []
     for seed, (name, value) in enumerate(stiffness.items()):
@@ -273,22 +264,6 @@ def test_masses_and_distances_are_found(effect, names):
         assert spread < 0.2 * found[name].value
 
 
-def test_the_diagnosis_says_what_it_could_not_try():
-    _, diagnosis = diagnosed("drag", 0, STRENGTHS[0])
-    assert "The pendulum model is missing drag" in headline(diagnosis)
-    told = [line for line in details(diagnosis, PENDULUM) if line.startswith("Not tried")]
-    assert told == [
-        "Not tried: hand load as measured, for want of box_held in the records.",
-        "Not tried: variable length as measured, for want of length_m in the records.",
-        "Not tried: moving pivot as measured, for want of pivot_acceleration_x_m_s2 and "
-        "pivot_acceleration_z_m_s2 in the records.",
-    ]
-    listed = diagnosis.to_json()["not_tried"]
-    assert {"effect": "hand_load", "form": "measured_hanging", "missing_channels": ["box_held"]} in listed
-    _, complete = diagnosed("hand_load", 0, STRENGTHS[0])
-    assert not any("box_held" in line for line in details(complete, PENDULUM))
-
-
 def test_refinement_and_its_model_as_plain_data():
     experiment = make_pendulum_experiment("moving_pivot", 2, 12.0)
     records = records_of(experiment.records)
@@ -326,11 +301,3 @@ def test_a_constant_moment_is_the_persons_and_no_zero_of_a_sensor():
     _held, (without_zero,) = refine(pulled, [], PENDULUM_BASE)
     assert (model.fit.zero, without_zero.fit.zero) == (0.0, 0.0)
     assert without_zero.train_rms > model.train_rms + 10
-
-
-def test_a_channel_in_some_records_only_is_told():
-    first, second, third = records_of(make_pendulum_experiment("drag", 0).records)
-    length = Channel(np.ones(len(second)), "length", "m")
-    second = replace(second, channels={**second.channels, "length": length})
-    with pytest.raises(InputError, match="length is length in m, but missing in sway"):
-        diagnose([first, second, third], PENDULUM_BASE)

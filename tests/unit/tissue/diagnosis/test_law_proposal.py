@@ -28,7 +28,7 @@ from lumbar.tissue.diagnosis.law.terms import library
 from lumbar.tissue.diagnosis.law.validation import alternate, is_dissipative, least_work, stays_bounded, thin
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
-from lumbar.tissue.diagnosis.selection.verdict import Verdict, headline
+from lumbar.tissue.diagnosis.selection.verdict import headline
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.notation import load_effects
 from lumbar.tissue.models.bases import BASES
@@ -142,17 +142,6 @@ def test_it_holds_on_a_new_excitation_and_on_a_larger_one(needle):
     assert needle.extrapolation.holds
 
 
-def test_the_proposal_says_what_it_is_and_where_it_was_found(needle):
-    said = " ".join(needle.sentences)
-    assert "found in these data, not known physics" in said
-    low, high = needle.range.low, needle.range.high
-    assert f"z from {low:.3g} to {high:.3g} mm" in said
-    assert needle.range.speed == pytest.approx(np.abs(needle.experiment.training.motion.velocity).max())
-    found = needle.finding
-    assert found.kind == "proposed_law"
-    assert found.value == needle.law.candidate.test_rms
-
-
 def test_the_file_is_an_effect_that_refines_the_model_as_well(needle, tmp_path):
     path = tmp_path / "needle.yaml"
     path.write_text(effect_text(needle, "needle", "a test"), encoding="utf-8")
@@ -229,17 +218,6 @@ def test_an_exponential_that_is_a_straight_line_becomes_one():
     exponential = terms("friction_exp", "friction_z")
     law = search.refit(laws[-1], exponential, np.array([2.0, 30.0]), shared=True)
     assert ({item.name for item in law.terms}, law.shared) == ({"friction", "friction_z"}, True)
-
-
-def test_the_command_says_that_nothing_is_missing(run, tmp_path):
-    out = run.done(
-        "propose",
-        write_records(tmp_path / "tests", records(nothing), "%.8f"),
-        "--output",
-        tmp_path / "law.yaml",
-    )
-    assert out.startswith("No law is needed")
-    assert not (tmp_path / "law.yaml").exists()
 
 
 def test_the_command_writes_an_effect_named_after_its_file(run, tmp_path, monkeypatch, needle):
@@ -319,19 +297,6 @@ def test_the_diagnosis_proposes_by_itself_unless_it_is_told_not_to(tmp_path, dia
     assert [item["kind"] for item in said["findings"]][-1] == "proposed_law"
     replace(diagnosis, proposal=None).save(tmp_path, pictures=False)
     assert not (tmp_path / "proposed_law.yaml").exists()
-
-
-@pytest.mark.parametrize("wanted", [True, False])
-def test_the_settings_say_whether_a_law_is_looked_for(monkeypatch, wanted):
-    asked = []
-    monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.propose", lambda *_: asked.append(1))
-    monkeypatch.setattr(Verdict, "goes_beyond_catalogue", True)
-    lumbar.diagnose(
-        records(nothing),
-        base="KB",
-        settings=StudySettings(improvement=ImprovementSettings(propose_law=wanted)),
-    )
-    assert len(asked) == wanted
 
 
 def test_a_law_is_for_tissue():

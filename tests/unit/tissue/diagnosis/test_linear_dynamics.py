@@ -1,7 +1,6 @@
 """Linear dynamics of any order from the records alone, and which way round records are."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from scipy.signal import butter, cheby1, cheby2, freqs, lfilter, lsim
 
 import lumbar
 from column_files import write_columns
-from lumbar.publishing.figures.law_figure import linear_figure, poles_of
 from lumbar.records.columns import read_record
 from lumbar.records.record import Record, RecordSet
 from lumbar.settings.improvement import ImprovementSettings
@@ -154,23 +152,6 @@ def test_the_best_linear_model_is_told_kept_and_exported(law, tmp_path):
         tmp_path / "refined.json", tmp_path / "fmu", ["linear_dynamics"], rate_Hz=1000, targets=["host"]
     )
     assert len(written) == 2
-
-
-def test_its_picture_shows_the_material_s_response_and_poles():
-    prepared = experiment(resonances)
-    model = fit_candidate(base_of(prepared), prepared)
-    drawn = SimpleNamespace(experiment=prepared, base=base_candidate(prepared), linear=model)
-    gain, _, plane = linear_figure(drawn).axes
-    lines = {line.get_label(): line for line in gain.lines}
-    true = np.abs(resonances(2j * np.pi * lines["measured"].get_xdata()))
-    errors = {label: np.median(np.abs(line.get_ydata() / true - 1)) for label, line in lines.items()}
-    assert max(errors["linear dynamics"], errors["measured"]) < 0.03 < 0.3 * errors["base"]
-    poles = [2 * np.pi * f * (-d + 1j * np.sqrt(1 - d**2)) for f, d in ((1.7, 0.03), (3.9, 0.05))]
-    for pole in poles:
-        assert np.abs(poles_of(model.fit) - pole).min() < 0.02 * abs(pole)
-        assert np.abs(plane.lines[0].get_xdata() + 1j * plane.lines[0].get_ydata() - pole).min() < 0.02 * abs(
-            pole
-        )
 
 
 def test_a_delay_of_minutes_is_found_in_records_of_a_slow_clock():

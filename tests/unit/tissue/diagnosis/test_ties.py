@@ -20,14 +20,12 @@ from hidden_effects_cases import recorded_motion
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.evidence.discrimination import (
     excitation_family,
-    motion_csv,
     separating_excitation,
-    separation_sentence,
 )
 from lumbar.tissue.diagnosis.evidence.evidence import angles_between, complete_linkage, signal_angles
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
-from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit, fit_base, shape_bounds
+from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import prepare
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, estimates, tangent_basis
 from lumbar.tissue.diagnosis.selection.candidate import contradictions
@@ -161,18 +159,6 @@ def test_tied_effects_lie_in_one_cluster():
     content = ties.to_json()
     assert content["angle_to_first_deg"]["saturation"] == 0.0
     assert sum(map(len, content["clusters"])) == len(names)
-
-
-def test_the_proposal_is_a_sentence_and_a_file_to_play():
-    *_, diagnosis = tied("saturation:tanh", 0.35, 4)
-    found = separating_excitation(diagnosis)
-    sentence = separation_sentence(found, diagnosis)
-    assert sentence.startswith("To tell saturation from hysteresis, record ")
-    assert "your record sine: " in sentence
-    header, first, *rows = motion_csv(found.excitation.motion, diagnosis.experiment.input_unit).splitlines()
-    assert header == "time_s,position_mm"
-    assert first.startswith("0,")
-    assert len(rows) == len(found.excitation.motion) - 1
 
 
 def test_without_a_tie_nothing_is_proposed():
@@ -316,18 +302,6 @@ def test_two_forces_that_are_alike_are_there_together():
     assert contradictions(without, prepared) == [
         "coulomb_friction: the interval of coulomb_force, breakaway_excess holds 0"
     ]
-
-
-@pytest.mark.parametrize(
-    ("effect", "name", "parameter"),
-    [("backlash", "play", "half_gap"), ("delay", "pure", "delay"), ("softening", "time", "time_constant")],
-)
-@pytest.mark.parametrize("end", [0, 1])
-def test_a_decisive_parameter_at_the_end_of_its_range_is_told(linear, base, effect, name, parameter, end):
-    fit = add(base, form(effect, name), linear.training)
-    bound = shape_bounds(fit.structure, linear.training, fit.nonlinear)[end][-1]
-    told = contradictions(with_size(fit, effect, parameter, bound), linear)
-    assert f"{effect}: {parameter} is at the end of its range" in told
 
 
 @pytest.mark.parametrize(
