@@ -23,8 +23,8 @@ def main(input, output, settings: SurveySettings, seed: int, data: str):
     counts = np.array([results["rating_counts"][model] for model in results["models"]])
     likert = likert_figure(results["models"], counts, settings.scale_labels, settings.statement)
     picks = best_picks_figure(results["best_picks"], settings.confidence)
-    save(likert, stem(output.survey_likert), data)
-    save(picks, stem(output.survey_best_picks_figure), data)
+    save(likert, stem(output.survey_likert), results["data"])
+    save(picks, stem(output.survey_best_picks_figure), results["data"])
 
 
 run(main, snakemake)

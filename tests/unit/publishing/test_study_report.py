@@ -71,6 +71,8 @@ def test_what_fails_comes_before_what_warns(results, page):
     assert [(item.grade, item.where) for item in found] == [
         (FAILS, "diagnosis of two"),
         (FAILS, "a 1 kg, thorax, lateral bending"),
+        (FAILS, "KB_fmi3.fmu"),
+        (FAILS, "MW_fmi3.fmu"),
         (WARNS, "diagnosis of one"),
         (WARNS, "diagnosis of two"),
         (WARNS, "diagnosis of two"),
