@@ -238,10 +238,3 @@ def test_code_that_does_not_compile_leaves_no_fmu(zig_cache, tmp_path):
     with pytest.raises(InputError, match=r"(?s)compiling for x86_64-linux failed.*strength"):
         export_fmus([model], folder, "own", TARGET, zig_cache)
     assert not list(folder.iterdir())
-
-
-def test_an_equation_that_cannot_be_set_is_named(zig_cache, tmp_path):
-    catalogue = rewritten(tmp_path, '"|F| */ ??/\\n|F|"', '"\\\\nonsense{F"')
-    model = exported_with(catalogue, ("rectified", "size", [], []))
-    with pytest.raises(InputError, match=r"equation .*nonsense.* LaTeX that can be set"):
-        export_fmus([model], tmp_path / "fmu", "own", TARGET, zig_cache)
