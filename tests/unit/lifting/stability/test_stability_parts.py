@@ -68,6 +68,7 @@ def test_the_five_add_up_to_the_table_and_a_box_acts_by_its_mass(project):
     assert (people["duration_percent"].abs() > 0.1).all()
 
 
+@pytest.mark.nightly
 def test_persons_give_an_interval_and_groups_of_unequal_size_the_difference_of_the_table(project):
     lifts = []
     for number, label in enumerate(("expert",) * 3 + ("novice",) * 4):

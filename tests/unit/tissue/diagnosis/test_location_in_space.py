@@ -120,6 +120,7 @@ def test_a_plane_has_a_picture_of_its_own(spring, tmp_path):
     assert flat.locate()["multisine"].views["travel"].numbers["along"] > 0.6
 
 
+@pytest.mark.nightly
 def test_an_axis_along_which_nothing_moves_is_named_and_the_others_are_compared(tmp_path):
     still = record(FRICTION).with_values(input_z=0 * TIME, output_z=0.2 + 0 * TIME)
     flat = lumbar.refine([still], [], base="LE")

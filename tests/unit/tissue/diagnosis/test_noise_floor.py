@@ -226,6 +226,7 @@ def test_the_error_of_a_few_samples_of_coloured_noise_scatters_within_the_stated
         assert exceeding < 0.01
 
 
+@pytest.mark.nightly
 def test_a_strong_square_wave_does_not_hide_itself():
     """Its sinusoid spreads over the lowest lines of every period's spectrum and must not count as noise there."""
     square = lambda time, force: 6.0 * np.sign(np.sin(2 * np.pi * 0.74048 * time + 5.2))  # noqa: E731

@@ -77,6 +77,7 @@ def test_at_one_rate_it_is_said_that_no_other_was_tried():
     assert "one_rate" in kinds(found)
 
 
+@pytest.mark.nightly
 def test_a_rubber_of_large_strain_is_not_named_hysteresis_alone():
     """VHB 4910's peaks: 0.85, 1.05 and 1.13 N at 0.01, 0.03 and 0.05 per second, stretched to three times its length."""
     records, peaks = [], []

@@ -191,6 +191,7 @@ def test_a_relaxation_spectrum_is_no_moved_zero():
         )
 
 
+@pytest.mark.nightly
 def test_a_position_that_is_read_late_passes_for_a_dashpot_and_is_named_beside_it():
     """Of a spring k whose position is read τ late the force k z(t) is k p + kτ dp/dt of what is read: a viscosity of kτ."""
     stiffness, late, samples, records = 0.8, 0.004, 500, []

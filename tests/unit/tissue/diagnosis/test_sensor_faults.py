@@ -277,6 +277,7 @@ def test_a_position_zero_beside_friction_is_no_drift():
     assert found.model.fit.zero == pytest.approx(3.6, abs=0.01)
 
 
+@pytest.mark.nightly
 def test_where_a_machine_counts_from_is_nothing_that_a_tissue_does(tmp_path):
     """A robot's foot a metre away: the same tissue, said to be counted from elsewhere, and written into the model."""
     far = [item.with_values(input=item["input"] + 1000.0) for item in experiment(hardening)]

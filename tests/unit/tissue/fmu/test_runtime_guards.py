@@ -61,9 +61,10 @@ def exported(settings, folder, cache, *names):
         ({"contact": True}, (EFFECTS["name"],)),
         ({"output_rate_limit": 200.0}, ("HO",)),
         ({"device_damping": DAMPING}, (EFFECTS["name"],)),
-        (
+        pytest.param(
             {"contact": True, "output_rate_limit": 300.0, "device_damping": DAMPING, "start": "offset"},
             ("IL", "MW", "HO", EFFECTS["name"]),
+            marks=pytest.mark.nightly,
         ),
     ],
     ids=["default", "30 ms", "contact", "rate", "passive", "all"],
@@ -137,7 +138,7 @@ def test_the_force_changes_no_faster_than_its_limit(version, zig_cache, tmp_path
 @pytest.mark.parametrize(
     ("settings", "names"),
     [
-        (DEVICE, ("IL", "KB", "HO", EFFECTS["name"])),
+        pytest.param(DEVICE, ("IL", "KB", "HO", EFFECTS["name"]), marks=pytest.mark.nightly),
         (changed(SETTINGS, start="first_position"), ("HO", EFFECTS["name"])),
     ],
     ids=["1 kHz", "100 Hz"],

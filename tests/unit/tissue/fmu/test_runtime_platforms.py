@@ -97,7 +97,7 @@ def test_forces_on_arm_are_those_on_intel(name, platform_fmus):
 
 
 @ON_LINUX
-@pytest.mark.parametrize("step", ["0.01", "0.001"])
+@pytest.mark.parametrize("step", [pytest.param("0.01", marks=pytest.mark.nightly), "0.001"])
 def test_no_sample_of_ten_million_is_mistimed(step, platform_fmus):
     """A client that sums up steps of 10 ms and 1 ms; a sample is mistimed where the force is another's."""
     build = platform_fmus("x86_64-linux")
@@ -181,7 +181,10 @@ SANITIZED += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 @pytest.mark.skipif(
     shutil.which("gcc") is None, reason="no gcc with sanitizers: apt-get install gcc libc6-dev"
 )
-@pytest.mark.parametrize("kind", ["linear", "effects", "space"])
+@pytest.mark.parametrize(
+    "kind",
+    ["linear", *(pytest.param(kind, marks=pytest.mark.nightly) for kind in ("effects", "space"))],
+)
 def test_misuse_is_answered_and_sanitizers_find_nothing(kind, tmp_path):
     """Address and undefined-behaviour sanitizers of gcc: another compiler than the FMUs are built with.
 

@@ -234,6 +234,7 @@ def disagreement(rng):
     return f"{model}, {values}, {hand} N/m: {found}, by eigenvalues {expected}"
 
 
+@pytest.mark.nightly
 def test_gains_are_those_of_the_eigenvalues():
     rng = np.random.default_rng(1)
     assert [text for _ in range(100) if (text := disagreement(rng))] == []

@@ -82,6 +82,7 @@ def test_the_table_defines_its_columns_and_keeps_the_numbers(tmp_path):
 
 
 @ON_LINUX
+@pytest.mark.nightly
 def test_a_model_with_effects_is_linearised_and_its_fmu_simulated(zig_cache):
     """Without effects the linearisation is the transfer function; a hardening spring is stiffer at depth."""
     settings = changed(SETTINGS, models=["KB+hardening_stiffness"], compiler_cache=str(zig_cache))
@@ -151,6 +152,7 @@ def test_a_bound_counts_where_forces_act_at_their_own_samples_and_the_loop_rests
 
 
 @ON_LINUX
+@pytest.mark.nightly
 def test_export_of_a_file_of_passive_models(run, tmp_path, zig_cache):
     """From records to an FMU that is passive on the device: what `identify --passive` writes, `export` takes."""
     from lumbar.base.files import write_json

@@ -128,7 +128,9 @@ def drawn_sequence(seed: int, ticks: int) -> tuple[PeriodicModel, DeviceSettings
     ), device
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(2, 8))]
+)
 def test_ticks_that_repeat_are_stable_up_to_the_gain_and_not_above(seed):
     """In time through the loader's rule, for as long as the largest pole needs to double or halve a motion ten times."""
     loop, device = drawn_sequence(seed, 3)
