@@ -1,13 +1,17 @@
 """Fixtures that all tests share."""
 
 import os
+import pickle
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
+from filelock import FileLock
 
 from lumbar.base.environment import use_one_thread
-from making_once import MadeOnce
 
 # In containers that leave no bytecode behind every program that a test starts would compile the library again.
 sys.dont_write_bytecode = False
@@ -47,6 +51,34 @@ def shared() -> Path:
             "real/<data set>/ in a folder, and set LUMBAR_SHARED to it"
         )
     return folder
+
+
+@dataclass(frozen=True)
+class MadeOnce:
+    """Things made once below one folder that all workers of a session see."""
+
+    root: Path
+
+    def __call__(self, name: str, make: Callable[[Path], Any]) -> tuple[Path, Any]:
+        """Return the folder ``root/name``, filled by `make`, and what `make` returned, which can be pickled.
+
+        Where `make` failed in one worker, all fail: it is not tried again.
+        """
+        folder, outcome = self.root / name, self.root / f"{name}.outcome"
+        with FileLock(self.root / f"{name}.lock"):
+            if not outcome.exists():
+                folder.mkdir()
+                outcome.write_bytes(pickle.dumps(_attempt(make, folder)))
+        error, made = pickle.loads(outcome.read_bytes())
+        assert error is None, f"{name}: {error}"
+        return folder, made
+
+
+def _attempt(make: Callable[[Path], Any], folder: Path) -> tuple[str | None, Any]:
+    try:
+        return None, make(folder)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}", None
 
 
 @pytest.fixture(scope="session")

@@ -1,13 +1,14 @@
 """Fixtures of several folders: FMUs and lifts of the twin, made once, and the command."""
 
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from unittest import mock
 
 import numpy as np
 import pytest
 from effect_entries import effect_entry
 from runtime_models import SETTINGS, TARGET, models_json, selected
 
-from pictures import sketched
 from running import ZIG_CACHE
 from study_settings import changed, study_settings
 
@@ -16,6 +17,21 @@ from study_settings import changed, study_settings
 def zig_cache():
     """Return the cache that the workflow uses too; a cold one costs seconds and has a test of its own."""
     return ZIG_CACHE
+
+
+@contextmanager
+def sketched() -> Iterator[None]:
+    """Let Matplotlib neither solve constrained layouts nor write more of a PDF file than its first bytes."""
+    from matplotlib.backends.backend_pdf import FigureCanvasPdf
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    with (
+        mock.patch.object(ConstrainedLayoutEngine, "execute", lambda engine, figure: None),
+        mock.patch.object(
+            FigureCanvasPdf, "print_pdf", lambda canvas, path, **options: path.write_bytes(b"%PDF-")
+        ),
+    ):
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)
