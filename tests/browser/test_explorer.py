@@ -168,8 +168,6 @@ def test_the_address_holds_the_session_and_opens_it_again(new_page, saved):
     ("asked", "told"),
     [
         ("path=inertia+drift", "this diagnosis did not fit inertia and drift"),
-        ("path=coulomb_friction&record=other", "there is no record “other”"),
-        ("effects=drift", "it knows no “effects”"),
         ("path=%zz", "The address cannot be followed"),
         ("path=drift+drift", "names an effect twice"),
     ],
@@ -178,53 +176,6 @@ def test_an_address_that_leads_nowhere_is_answered_in_words(new_page, saved, ask
     page = new_page(f"{saved}#{asked}")
     assert told in page.locator("#message").inner_text()
     assert "coulomb friction" in page.locator("#ladder li").last.inner_text()
-
-
-def test_values_are_told_where_the_pointer_is_and_curves_are_switched(new_page, saved):
-    page = new_page(saved, viewport={"width": 1440, "height": 900})
-    course = page.locator("figure.wide").nth(0).locator("canvas").first
-    box = course.bounding_box()
-    assert box["y"] + box["height"] < 900  # verdict and first picture are seen without scrolling
-    page.get_by_role("checkbox", name="measured").uncheck()
-    visible = page.evaluate(
-        "() => Bokeh.documents[0].roots().flatMap((picture) => picture.renderers)"
-        ".filter(({ name }) => name !== null).map(({ name, visible }) => [name, visible])"
-    )
-    assert {name for name, shown in visible if not shown} == {"measured"}
-    assert {"first", "second", "aside"} <= {name for name, shown in visible if shown}
-    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
-    told = page.locator(".bk-tooltip-content").first
-    told.wait_for()
-    words = told.inner_text().replace("−", "-").split()
-    assert {"time:", "measured:", "first:", "second:", "aside:"} <= set(words)
-    shown = data_of(page, "whole")
-    time, measured = (float(words[words.index(f"{name}:") + 1]) for name in ("time", "measured"))
-    at = np.argmin(np.abs(shown["time"] - time))
-    assert measured == pytest.approx(shown["measured"][at], rel=1e-3)
-
-
-def test_the_path_set_aside_is_drawn_beside_the_models(new_page, saved):
-    page = new_page(saved)
-    assert np.isnan(data_of(page, "whole")["aside"]).all()
-    page.get_by_role("button", name="Set this path aside").click()
-    page.get_by_role("button", name="Base alone").click()
-    shown = data_of(page, "whole")
-    record = data_of(page, "record:multisine")
-    np.testing.assert_array_equal(shown["aside"], record["coulomb_friction"])
-    np.testing.assert_array_equal(shown["second"], record["base"])
-    np.testing.assert_allclose(
-        data_of(page, "shown")["aside_error"],
-        (shown["measured"] - shown["aside"])[: len(data_of(page, "shown")["time"])],
-        atol=1e-6,
-    )
-    assert page.get_by_role("checkbox", name="the path set aside").is_visible()
-    dashes = page.evaluate(
-        "() => Bokeh.documents[0].roots()[0].renderers.filter(({ name }) => name === 'aside')"
-        ".map(({ glyph }) => [glyph.line_color.value, glyph.line_dash.value])"
-    )
-    assert dashes == [["#777777", [10, 5]]]
-    page.get_by_role("button", name="Forget it").click()
-    assert np.isnan(data_of(page, "whole")["aside"]).all()
 
 
 def test_files_are_handed_out_without_a_server(new_page, saved, tmp_path):
@@ -274,27 +225,3 @@ def luminance(colour: str) -> float:
     parts = [int(colour.strip()[place : place + 2], 16) / 255 for place in (1, 3, 5)]
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
-
-
-def test_a_mark_can_be_typed_either_way_round_and_cleared(new_page, saved):
-    page = new_page(saved)
-    told = []
-    for first, last in (("3", "9"), ("9", "3")):
-        page.locator("#from").fill(first)
-        page.locator("#to").fill(last)
-        page.keyboard.press("Tab")
-        told.append(page.locator("#region").inner_text())
-    assert told[0] == told[1] and "samples marked" in told[0]
-    page.get_by_role("button", name="Clear the mark").click()
-    assert "Draw a box" in page.locator("#region").inner_text()
-    assert page.locator("#from").input_value() == ""
-    assert len(data_of(page, "brushed")["time"]) == 0
-
-
-def test_keyboard_reaches_every_choice(new_page, saved):
-    page = new_page(saved)
-    reached = set()
-    for _ in range(40):
-        page.keyboard.press("Tab")
-        reached.add(page.evaluate("document.activeElement.id || document.activeElement.textContent"))
-    assert {"restart", "record", "first", "second"} <= reached

@@ -13,9 +13,6 @@ import pytest
 from accessibility import WIDTHS, fits, serious
 from explorer_steps import CASE, add, errors_of
 
-from lumbar.page_server.recording_preview import OF_SEVERAL_AXES
-from space_records import TABLE
-
 pytestmark = pytest.mark.nightly
 
 
@@ -149,20 +146,6 @@ def test_what_was_found_stands_in_the_fields_and_notes_are_no_errors(new_page, o
     note = page.locator("#previews p", has_text="the sign of the force is changed")
     note.wait_for()
     assert note.get_attribute("class") == "note"
-
-
-def test_every_axis_of_a_recording_of_several_is_shown_with_what_is_not_there_for_it(new_page, own):
-    page = new_page(own, ready="#choose", viewport={"width": 390, "height": 844})
-    file = {"name": "vector.csv", "mimeType": "text/csv", "buffer": TABLE.encode()}
-    page.locator("#choose").set_input_files([file])
-    page.locator("#previews svg").nth(5).wait_for()
-    for role in ("position", "force"):
-        chosen = page.locator(f"#{role} option:checked").inner_text()
-        assert all(f"'{role}_{axis}'" in chosen for axis in "xyz") and "not found" not in chosen
-    assert page.locator("#previews svg").last.get_attribute("aria-label").startswith("Force z (N)")
-    assert page.locator("#remark").inner_text() == OF_SEVERAL_AXES
-    assert page.locator("#start").is_enabled()
-    fits(page, *WIDTHS)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -30,17 +30,6 @@ def test_report_is_for_everybody_at_every_width_and_its_chapters_stay_in_sight(b
     page.close()
 
 
-@pytest.mark.parametrize(("width", "tables_may_scroll"), [(1920, False), (1280, False), (390, True)])
-def test_nothing_is_wider_than_the_page(browser, report, width, tables_may_scroll):
-    page = browser.new_page(viewport={"width": width, "height": 900})
-    page.goto(report)
-    page.evaluate("document.querySelectorAll('details').forEach(item => { item.open = true; })")
-    whole, scrolling = page.evaluate(SIZES)
-    assert whole == width
-    assert tables_may_scroll or scrolling == 0
-    page.close()
-
-
 def test_nothing_is_wider_than_paper_and_no_picture_is_lost(browser, report):
     page = browser.new_page(viewport={"width": 688, "height": 1000})  # A4 less its margins
     page.emulate_media(media="print")

@@ -1,6 +1,5 @@
 """The simulator of the cases in space against closed forms, energy, a scalar integration and what its labels say."""
 
-import make_cases
 import numpy as np
 import pytest
 from make_cases import CASES, draw_motions, draw_tissue, draw_truth
@@ -23,22 +22,6 @@ def _accumulated(power: np.ndarray, step: float) -> np.ndarray:
 
 def _form(vector: np.ndarray, matrix: list) -> np.ndarray:
     return np.einsum("ni,ij,nj->n", vector, np.array(matrix), vector)
-
-
-def test_sines_of_a_relaxing_tissue_have_their_closed_form_with_transient():
-    rng = np.random.default_rng(1)
-    tissue = draw_tissue(rng, {"base": "KB", "symmetry": "full"}, 3)
-    line = rng.standard_normal(3) + 1j * rng.standard_normal(3)
-    motion = from_lines(np.array([np.zeros(3), line]), 1.0, 2)
-    turn, tau = 2j * np.pi, tissue["tau_s"]
-    wave = np.exp(turn * motion.time)[:, None] * line
-    branch_line = turn * tau / (1 + turn * tau)
-    transient = np.exp(-motion.time / tau)[:, None] * (branch_line * line).real
-    expected = wave.real @ np.array(tissue["K_e"]) + ((branch_line * wave).real - transient) @ np.array(
-        tissue["K_1"]
-    )
-    found = tissue_force({"tissue": tissue, "effects": {}}, motion)
-    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize(
@@ -127,31 +110,3 @@ def test_contact_pushes_along_its_normal_and_rubs_across_it():
     assert (np.linalg.norm(across, axis=1) <= plane["mu"] * pressed + 1e-12).all()
     assert np.sum(across * motion.velocity, axis=1).min() >= -1e-12
     assert 0.1 < np.mean(depth > 0) < 0.9
-
-
-def test_a_late_force_is_that_of_the_tool_at_rest_first():
-    truth, motion = _truth("delay")
-    late = round(truth["effects"]["delay"]["Td"] / motion.step)
-    prompt = tissue_force(truth, motion)
-    found = measured_force(truth, motion)
-    assert 0.015 <= truth["effects"]["delay"]["Td"] <= 0.03
-    assert np.array_equal(found[late:], prompt[:-late])
-    assert found[:late] == pytest.approx(
-        np.tile(motion.position[0] @ np.array(truth["tissue"]["K_e"]), (late, 1))
-    )
-
-
-def test_records_carry_the_noise_zero_and_clipped_share_they_tell():
-    records, truth = make_cases.make_with_truth("saturation", SEED)
-    rng_again, _ = make_cases.make_with_truth("saturation", SEED)
-    assert all(np.array_equal(records[name], rng_again[name]) for name in records)
-    rng = np.random.default_rng([SEED, make_cases.zlib.crc32(b"saturation")])
-    motion = draw_motions(rng, CASES["saturation"])["multisine"]
-    clean = measured_force(truth, motion)[::OVERSAMPLING]
-    added = records["multisine"][:, 4:] - clean
-    assert added.std(axis=0) == pytest.approx(truth["noise_N"], rel=0.04)
-    assert added.mean(axis=0) == pytest.approx(truth["zero_N"], abs=0.06 * max(truth["noise_N"]))
-    assert np.abs(np.corrcoef(added.T) - np.eye(3)).max() < 0.06
-    assert all(0.012 < share < 0.019 for share in truth["records"]["multisine"]["noise"])
-    limits = [np.inf if limit is None else limit for limit in truth["effects"]["saturation"]["Fs"]]
-    assert 0.03 < max(np.mean(np.abs(clean) == limits, axis=0)) < 0.1

@@ -43,23 +43,6 @@ def test_a_number_that_is_lost_or_another_word_fails(check, folders, capsys, col
     assert "NOT ALLOWED: tables/t.csv [KB]" in capsys.readouterr().out
 
 
-def test_rows_may_have_tolerances_of_their_own(check, folders):
-    path = folders[0] / "tolerances.yaml"
-    settings = yaml.safe_load(path.read_text(encoding="utf-8"))
-    move(folders, "vaf", 81.0)
-    for model, status in (("HO", 1), ("KB", 0)):  # without a tolerance of its own KB has the table's
-        special = {"where": {"model": model}, "relative": {"vaf": 0.02}}
-        path.write_text(yaml.safe_dump({"tables/t.csv": {**settings["tables/t.csv"], "rows": [special]}}))
-        assert call(check, folders) == status
-
-
-def test_a_reference_without_a_key_s_column_is_told(check, folders, capsys):
-    frame = pd.read_csv(folders[0] / "t.csv")
-    frame.drop(columns="model").to_csv(folders[0] / "t.csv", index=False)
-    assert call(check, folders) == 1
-    assert "NOT ALLOWED: tables/t.csv [-] model: missing -> present" in capsys.readouterr().out
-
-
 def test_missing_table_and_row_fail(check, folders, capsys):
     path = folders[1] / "tables" / "t.csv"
     pd.read_csv(path).iloc[:1].to_csv(path, index=False)

@@ -1,19 +1,15 @@
 """What verbs make of records of several axes: a page of the diagnosis that can be repeated, or words of refusal."""
 
-import html
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
-from lumbar.base.files import read_json
-from lumbar.publishing.study_report.contents import diagnosis_sentence
 from lumbar.settings.improvement import ImprovementSettings
 from lumbar.settings.study_settings import StudySettings
-from space_records import FRICTION, POSITION, STIFFNESS, TABLE, TIME, record, record_of
+from space_records import FRICTION, POSITION, TABLE, TIME, record, record_of
 
 SETTINGS = StudySettings(improvement=ImprovementSettings(base="LE", most_effects=1))
 
@@ -32,15 +28,6 @@ def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp
     assert "N/mm" in page and page.count("<figure>") == 4
     written = {path.name for path in tmp_path.iterdir()}
     assert {"location.csv", "comparison.svg", "refined.json", "principal_axes.csv"} <= written
-
-
-def test_what_the_force_sensor_does_is_said_as_such_on_the_page_too(tmp_path):
-    x, y, z = STIFFNESS * POSITION
-    turned = lumbar.diagnose([record(np.array([-0.2 * y, 0.2 * x, 0 * z]))], settings=SETTINGS)
-    assert turned.headline.startswith("Beside the isotropic LE model the force sensor has")
-    turned.save(tmp_path, pictures=False)
-    assert turned.headline in html.unescape((tmp_path / "diagnosis.html").read_text(encoding="utf-8"))
-    assert diagnosis_sentence(read_json(tmp_path / "diagnosis.json")) == turned.headline
 
 
 @pytest.mark.nightly
@@ -83,12 +70,6 @@ def test_a_diagnosis_in_space_has_no_page_to_look_around_in_and_no_law(diagnosis
         diagnosis.page()
     with pytest.raises(InputError, match="propose takes records of one axis"):
         diagnosis.propose()
-
-
-def test_a_record_of_several_axes_is_no_marker_file(tmp_path):
-    (tmp_path / "v.csv").write_text(TABLE)
-    with pytest.raises(InputError, match="no markers; lumbar diagnose"):
-        lumbar.inspect(tmp_path / "v.csv")
 
 
 def test_an_effect_along_an_axis_that_was_not_recorded_is_refused(tmp_path):

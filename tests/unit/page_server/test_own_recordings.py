@@ -14,11 +14,10 @@ from asking import cookie, ended
 from case_tables import cases
 from lumbar.base.errors import InputError
 from lumbar.cli.command import build_parser
-from lumbar.interface.importing import import_recordings
 from lumbar.page_server import own_handlers, own_recordings
 from lumbar.page_server.own_handlers import MOST_TABS, OwnTabs
 from lumbar.page_server.own_recordings import OwnDiagnosis, OwnRecordings
-from lumbar.page_server.recording_preview import FIELDS, OF_SEVERAL_AXES, in_fields
+from lumbar.page_server.recording_preview import OF_SEVERAL_AXES
 from lumbar.page_server.trust import HOST
 from lumbar.twin.examples import example_records
 from patience import PATIENCE_S
@@ -62,22 +61,6 @@ def test_columns_and_units_are_found_and_what_is_open_is_asked_for(own_tab, cont
     assert any("not of" in text or "unit" in text for texts in state["fields"].values() for text in texts)
     _, state = own_tab("remove", {"file": "other.txt"})
     assert [item["file"] for item in state["files"]] == ["multisine.txt"]
-
-
-def test_a_file_alone_is_imported_once_and_several_are_held_to_each_other(contents, monkeypatch):
-    counts = []
-
-    def counted(files, **choices):
-        counts.append(len(files))
-        return import_recordings(files, **choices)
-
-    monkeypatch.setattr(own_recordings, "import_recordings", counted)
-    own = OwnRecordings("own")
-    own.look({"force_unit": "N"})
-    (first, content), (second, other) = contents.items()
-    assert own.add(first, content)["common"] == "" and counts == [1]
-    other = other.replace(b"pos [m]", b"pos [deg]")
-    assert "angle" in own.add(second, other)["common"] and counts == [1, 1, 1, 2]
 
 
 def test_own_recordings_are_diagnosed_as_any_others(own_tab, served, contents, begin):
@@ -192,17 +175,6 @@ def test_wrong_choices_are_told_beside_their_field(contents, choices):
     state = held.look(choices)
     assert state["fields"][next(iter(choices))]
     json.dumps(state, allow_nan=False)
-
-
-def test_every_option_has_its_field():
-    for name, label in FIELDS.items():
-        wrong = {field: [] for field in FIELDS}
-        assert (
-            in_fields(f"import: 1 problem\n  - a.csv: open; choose by --{name.replace('_', '-')} NAME", wrong)
-            == []
-        )
-        assert wrong.pop(name) == [f"a.csv: open; choose by “{label}”"]
-        assert not any(wrong.values())
 
 
 @pytest.mark.parametrize("name", ["a lift.c3d", "walk.trc.gz", "walk.BVH"])

@@ -1,6 +1,5 @@
 """The served page, served lifts and the index: what is answered and to whom, the way back, and addresses that lead nowhere."""
 
-import io
 import json
 import os
 import signal
@@ -10,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
-import numpy as np
 import pytest
 import yaml
 from asking import ask, ended, serving
@@ -76,19 +74,6 @@ def test_what_cannot_be_done_is_said(tab, text, words):
     answer, models = tab.answer(text if isinstance(text, str) else json.dumps({"number": 1, **text}))
     assert words in answer["error"]
     assert models == []
-
-
-def test_what_tells_a_candidate_from_the_selected_effect_is_computed(tab):
-    answer, _ = asked(tab, "separate", "hysteresis")
-    motion = np.loadtxt(io.StringIO(answer["excitation"]["file"]), delimiter=",", skiprows=1)
-    assert motion.shape[1] == 2 and len(motion) > 100
-    assert "coulomb friction from hysteresis" in answer["excitation"]["text"]
-
-
-def test_a_candidate_that_was_not_put_into_words_is_located(tab):
-    answer, _ = asked(tab, "locate", "hysteresis")
-    refined = lumbar.refine(example_records(), ["hysteresis"]).locate()
-    assert answer["located"]["other"]["headline"] == refined["other"].location.headline
 
 
 @pytest.mark.parametrize("where", ["out", "out/pictures", "out/refined.json"])

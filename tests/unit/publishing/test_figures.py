@@ -173,10 +173,6 @@ def drawn(twin_lift):
     }
 
 
-def words_in(figure):
-    return " ".join(text.get_text() for axis in figure.axes for text in axis.texts)
-
-
 def vertical_lines(axis):
     return sorted(float(line.get_xdata()[0]) for line in axis.lines if len(set(line.get_xdata())) == 1)
 
@@ -187,9 +183,6 @@ def test_every_event_stands_in_every_panel(drawn):
     times = sorted([*(event["time_s"] for event in events.values()), events["deposit_start"]["thesis_s"]])
     for axis in figure.axes:
         assert vertical_lines(axis) == pytest.approx(times)
-    assert "thesis's rule" in words_in(figure)
-    for label in ("lift-off", "first toe-off", "start of deposit", "release"):
-        assert label in words_in(figure)
 
 
 def test_table_2_1_shows_the_analogues_and_every_reference_it_names(tmp_path):
@@ -300,20 +293,6 @@ def test_location_has_three_panels_with_what_was_found(tests):
     assert len({str(line._dash_pattern) for line in depth.lines[:3]}) == 3
     assert f"depth: {100 * location.views['depth'].share:.0f} %" in depth.get_title(loc="right")
     assert f"noise {location.residual.floor.rms:.3g} N" in figure.get_suptitle()
-
-
-def test_location_of_noise_says_so(tests):
-    other, response = tests[1]
-    figure = location_figure(locate(other, response, noise_floor(tests[0][0]), "multisine"))
-    assert figure.axes[0].get_title(loc="right") == "time: no relation"
-
-
-def test_location_without_reversals_or_floor():
-    position = np.linspace(0.0, 10.0, 600)
-    test = record(position, 0.5 * position + 0.1 * noise(600, 1), "ramp")
-    figure = location_figure(locate(test, 0.4 * position))
-    assert "too few reversals" in [text.get_text() for text in figure.axes[2].texts]
-    assert "noise unknown" in figure.get_suptitle()
 
 
 def test_a_panel_that_sees_no_relation_says_nothing_of_the_errors_size():

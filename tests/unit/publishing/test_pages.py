@@ -5,7 +5,6 @@ import io
 import json
 import re
 from dataclasses import replace
-from html import unescape
 from xml.etree import ElementTree
 
 import numpy as np
@@ -35,7 +34,6 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution, null_distribution
-from lumbar.tissue.diagnosis.selection.verdict import runner_up
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.signature import RATES, SHARE, signatures, standard_motion
 from lumbar.tissue.identification.metrics import settling_time, variance_accounted_for
@@ -62,29 +60,6 @@ def hardening():
     tests = records(lambda z: 0.01 * z**3)
     diagnosis = diagnose(tests)
     return diagnosis, gather_evidence(diagnosis, DiagnosisSettings(), 1), tests
-
-
-def text_of(page: str) -> str:
-    return unescape(re.sub(r"<[^>]+>", " ", page))
-
-
-def test_page_tells_before_and_after_runner_up_threshold_and_limits(hardening):
-    diagnosis, evidence, _ = hardening
-    assert diagnosis.selected == ("hardening_stiffness",)
-    page = diagnosis_page(diagnosis, evidence, TISSUE, "synthetic twin")
-    text = text_of(page)
-    for number in (diagnosis.base.test_rms, diagnosis.model.test_rms, diagnosis.experiment.floor.rms):
-        assert f"{number:.4g}" in text
-    second = runner_up(diagnosis)
-    assert f"Runner-up: {' and '.join(second.candidate.effects).replace('_', ' ')}" in text
-    assert re.search(r"<td>runner-up</td>", page)
-    assert f"more than {evidence.threshold:.3g} in 1 %" in text
-    for item in (diagnosis.ranking[0], second):
-        for found in item.estimates:
-            assert f"{found.low:.4g} to {found.high:.4g}" in text
-    assert "What these records cannot decide" in text
-    assert "Effects too small to be seen" in text
-    assert "Data: synthetic twin" in text
 
 
 def test_page_needs_no_network_and_no_script(hardening):
@@ -272,12 +247,6 @@ def test_the_thesis_s_models_stand_beside_as_identify_finds_them(page):
     unseen = records[1]["output"][first:] - found["KB"].simulate(records[1])[first:]
     assert shown["KB:arx"].test_rms == pytest.approx(np.sqrt(np.mean(unseen**2)))
     assert shown["IL:given"].group.endswith("given")
-
-
-def test_without_them_the_page_says_how_to_get_them(diagnosis):
-    page = diagnosis.page(thesis=False)
-    assert "lumbar diagnose --pictures" in page.others_remark
-    assert {model.group for model in page.models} == {WITH_EFFECTS}
 
 
 def test_samples_know_the_nearest_reversal(page):

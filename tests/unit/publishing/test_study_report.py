@@ -13,7 +13,7 @@ from lumbar.lifting.stability.comparison.percent_differences import comparison_n
 from lumbar.publishing.reproduction import article_claims as article
 from lumbar.publishing.reproduction import basin_claims as basins
 from lumbar.publishing.reproduction.claim import BUILT_IN, CANNOT_BE_TESTED, DOES_NOT_HOLD, HOLDS
-from lumbar.publishing.reproduction.register import all_claims, examine_claims, summary_table
+from lumbar.publishing.reproduction.register import all_claims, examine_claims
 from lumbar.publishing.study_report.contents import beside, chapters, smaller
 from lumbar.publishing.study_report.page import FAILS, WARNS, troubles
 from lumbar.study.artefacts import read_artefacts
@@ -26,27 +26,8 @@ def results(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def entries(results):
-    made = chapters(results, results / "captions", SHEET, CHOICES, CLAIMS)
-    return {entry.key: entry for chapter in made for entry in chapter.entries}
-
-
-@pytest.fixture(scope="module")
 def page(results):
     return page_of(results)
-
-
-def test_order_is_the_sheets_and_a_record_sets_own_stand_together(entries):
-    expected = [
-        "table_3_1",
-        "ladders-one",
-        "diagnoses-one",
-        "ladders-two",
-        "diagnoses-two",
-        "events-a_1kg",
-        "events-b_2kg",
-    ]
-    assert list(entries) == [*expected, "basins"]
 
 
 def test_of_many_lifts_the_first_are_shown_and_the_others_linked(results):
@@ -250,10 +231,3 @@ def test_a_study_without_a_chapter_cannot_test_its_claims(published):
     frame = judged(all_claims(published, synthetic=False), {})
     assert set(frame.verdict) == {CANNOT_BE_TESTED}
     assert frame.remark.str.contains("this study has no").all()
-
-
-def test_summary_counts_the_verdicts(published, thesis_as_results):
-    claims = examine_claims(all_claims(published, synthetic=True), thesis_as_results, True, "synthetic twin")
-    table = summary_table(claims, "synthetic twin")
-    assert len(table.frame) == len(claims)
-    assert f"{len(claims)} claims" in table.notes[0]

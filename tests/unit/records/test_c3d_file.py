@@ -267,13 +267,6 @@ def test_group_numbers_with_a_hole(tmp_path, points):
 
 
 ANALOG = np.random.default_rng(4).integers(-900, 900, (40, 10)).astype(float)
-CHANNELS = {
-    "ANALOG:LABELS": ["Fx", "Fz"],
-    "ANALOG:UNITS": ["N", "N"],
-    "ANALOG:SCALE": [0.5, -2.0],
-    "ANALOG:GEN_SCALE": [0.25],
-    "ANALOG:OFFSET": [10.0, -20.0],
-}
 
 
 @pytest.mark.parametrize(

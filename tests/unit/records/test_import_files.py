@@ -10,7 +10,6 @@ from scipy.io import savemat
 
 import lumbar
 from lumbar.base.errors import InputError
-from refusing import refusal
 
 FILES = foreign_files()
 
@@ -98,12 +97,6 @@ def test_vectors_of_one_length_are_chosen_by_naming_them(tmp_path):
         lumbar.import_recordings(tmp_path / "a.mat", position="uEst", force="yTest", **units)
 
 
-def test_a_single_vector_is_no_recording(tmp_path):
-    savemat(tmp_path / "a.mat", {"force_N": FORCE})
-    with pytest.raises(InputError, match=r"need two vectors of one length.*force_N \(600 values\)"):
-        lumbar.import_recordings(tmp_path / "a.mat")
-
-
 def test_matlab_7_3_has_its_matrices_on_their_sides(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
@@ -173,23 +166,15 @@ def test_files_of_other_kinds(tmp_path, name, first, message):
 
 
 CHINESE = "试验机 3\n时间 [s],位移 [mm],力 [N]\n" + rows(",")
-JAPANESE = "試験\n時間 [s],変位 [mm],荷重 [N]\n" + rows(",")
-RUSSIAN = "время [s],перемещение [mm],сила [N]\n" + rows(",")
-POLISH = "czas [s],przemieszczenie [mm],siła [N]\n" + rows(",")
 
 
 @pytest.mark.parametrize(
     ("encoding", "text"),
     [
         ("gbk", CHINESE),
-        ("gb18030", CHINESE),
         ("big5", "時間 [s],位移 [mm],力 [N]\n" + rows(",")),
-        ("shift_jis", JAPANESE),
-        ("euc_jp", JAPANESE),
-        ("cp1251", RUSSIAN),
-        ("koi8_r", RUSSIAN),
-        ("cp1250", POLISH),
-        ("iso8859-2", POLISH),
+        ("shift_jis", "試験\n時間 [s],変位 [mm],荷重 [N]\n" + rows(",")),
+        ("cp1251", "время [s],перемещение [mm],сила [N]\n" + rows(",")),
         ("cp850", "Zeit [s];Weg [mm];Prüfkraft [N]\n" + rows(";", ",")),
     ],
 )
@@ -213,12 +198,8 @@ def test_marked_texts_and_utf_8_are_read_without_a_word(tmp_path, encoding):
     assert told.record["output"] == pytest.approx(one.record["output"])
 
 
-@pytest.mark.parametrize(
-    "words",
-    ["Prüfkraft, größer als 5 °C – N·m", "Déplacement créé à 20 µm²", "Deformação e medições", "±3 Ångström"],
-)
-def test_western_words_are_recognised_as_windows_1252(tmp_path, words):
-    text = f"# {words}\ntime_s,position_mm,force_N\n" + rows(",", columns=(TIME, POSITION, FORCE))
+def test_western_words_are_recognised_as_windows_1252(tmp_path):
+    text = "# Prüfkraft, größer als 5 °C – N·m, 20 µm²\ntime_s,position_mm,force_N\n" + rows(",")
     (tmp_path / "trial.txt").write_bytes(text.encode("cp1252"))
     [one] = lumbar.import_recordings(tmp_path / "trial.txt")
     assert one.form.startswith("Windows-1252, ")
@@ -284,21 +265,6 @@ def test_wrong_parts_are_told_of_at_once(run, source):
     assert "5 problems" in err
 
 
-def test_what_is_wrong_in_every_part_is_told_with_a_span_that_helps(tmp_path):
-    force = FORCE.copy()
-    force[[100, 400]] = np.nan
-    (tmp_path / "a.csv").write_text(HEAD + rows(",", columns=(TIME, POSITION, force)))
-    cut = [("fit", (0, 1)), ("unseen", (1, 3))]
-    told = refusal(lumbar.import_recordings, tmp_path / "a.csv", cut=cut)
-    assert "fit: " in told
-    assert "line 102: force is missing in 1 samples" in told
-    assert "line 402: force is missing in 1 samples" in told
-    assert "--cut fit=0:0.4975" in told
-    assert "--trim" not in told
-    [part] = lumbar.import_recordings(tmp_path / "a.csv", cut=[("fit", (0, 0.4975))])
-    assert len(part.record) == 100
-
-
 def test_a_column_numbers_the_trials(tmp_path):
     """The clock of each may begin anew."""
     numbers = np.repeat([1, 2, 3], 200)
@@ -318,13 +284,6 @@ def test_a_column_names_the_trials(tmp_path):
     assert imported.records.names == ["bench_slow", "bench_fast_sine", "bench_slow_2"]
     assert [len(one.record) for one in imported] == [200, 250, 100]
     assert 1 / imported[1].record.sampling_time == pytest.approx(RATE)
-
-
-def test_words_that_no_name_holds_are_numbered(tmp_path):
-    path = trials(tmp_path / "bench.csv", ["慢"] * 300 + ["快"] * 300)
-    imported = lumbar.import_recordings(path, cut_by="trial")
-    assert imported.records.names == ["bench_1", "bench_2"]
-    assert imported[1].notes[0] == "300 of 600 samples: column 4 'trial' is 快"
 
 
 def test_trials_that_are_none(tmp_path):

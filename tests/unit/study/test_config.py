@@ -390,14 +390,11 @@ def test_content_and_lines(tmp_path):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"a: [1, 2\nb: 3\n", "a.yaml, line 2: not valid YAML: while parsing a flow sequence"),
         (b"a: 1\n\tb: 2\n", "a.yaml, line 2: not valid YAML: while scanning"),
-        (b"a: 1\nb: *c\n", "a.yaml, line 2: not valid YAML: found undefined alias"),
         (
             b"a: !!python/object/apply:os.system [ls]\n",
             "a.yaml, line 1: a: tag 'tag:yaml.org,2002:python/object",
         ),
-        (b"b: !!python/name:os.system x\n", "a.yaml, line 1: b: could not determine a constructor"),
         (b"a: 1\n---\nb: 2\n", "not valid YAML"),
         (
             "a: 1\nb: Prüfstand\n".encode("latin-1"),
@@ -405,7 +402,6 @@ def test_content_and_lines(tmp_path):
         ),
         (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 1 and 4: key 'a' stands twice; keep one"),
         (b"a: 1\nb: {c: 2,\n  c: 3}\na: 4\n", "a.yaml, lines 2 and 3: key 'b.c' stands twice"),
-        (b"a: {b: 1, b: 2}\n", "a.yaml, lines 1 and 1: key 'a.b' stands twice"),
         (b"- 1\n", "a.yaml: no mapping"),
         (b"a: " + b"[" * 1000 + b"]" * 1000, "a.yaml: nested too deep"),
         (

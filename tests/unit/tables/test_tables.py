@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 from lumbar.base.errors import NumericalError
-from lumbar.tables.layout import column_in_words
 from lumbar.tables.table import Table
 
 
@@ -94,21 +93,6 @@ def test_columns_need_definitions_and_values_where_none_may_be_missing(change, e
 def test_an_empty_table_can_be_written(tmp_path):
     made(frame=pd.DataFrame({"model": [], "value_N": [], "p": []})).write(tmp_path / "table")
     assert (tmp_path / "table.csv").read_text() == "model,value_N,p,data\n"
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("lowest_passive_rate_Hz", "Lowest passive rate (Hz)"),
-        ("damping_needed_N_s_m", "Damping needed (N·s/m)"),
-        ("vaf_test_1_percent", "VAF test 1 (%)"),
-        ("p_value", "p value"),
-        ("a0", "a0"),
-        ("s", "s"),
-    ],
-)
-def test_headers_are_words_with_units(name, words):
-    assert column_in_words(name) == words
 
 
 def wide(rows: int, columns: int, **changes) -> Table:

@@ -276,17 +276,6 @@ def test_of_a_jump_the_part_that_is_no_body_is_left_out_also_where_it_is_the_lon
     assert (finding.kind, finding.markers, finding.frames) == ("jump", (label,), wrong)
 
 
-def test_of_a_jump_that_most_frames_alone_tell_it_is_said(recordings):
-    """No left and right marker is near enough to this C7."""
-    recording, _ = recordings("athlete_floor_pickup_squats/squat.c3d")
-    wrong = slice(0, 1700)
-    moved = recording.positions["C7"][wrong] + [0.06, 0.08, 0.0]
-    points = changed(recording.positions, "C7", wrong, moved)
-    (finding,) = examine(points, recording.time, recording.rate)
-    assert finding.frames.start == 1700
-    assert "by most frames alone: the other part may be the wrong one" in finding.evidence
-
-
 @pytest.mark.parametrize("decimals", [3, 4])
 def test_coarse_numbers_are_not_frozen(recordings, decimals):
     recording, _ = recordings("s2m_box_transfer/Vicon.c3d")

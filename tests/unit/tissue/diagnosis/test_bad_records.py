@@ -120,13 +120,6 @@ def test_small_motions_at_several_depths_count_from_one_zero(run, tmp_path):
     assert run("compare", tmp_path / "in", "--output", tmp_path / "out")[0] == 0
 
 
-def test_a_record_too_short_for_its_period(run, tmp_path):
-    write(tmp_path / "in", a=(motion(15.0), force_of(motion(15.0))), b=(OTHER, force_of(OTHER)))
-    err = run.refused("diagnose", tmp_path / "in", "--period", "a=10", "--output", tmp_path / "out")
-    assert "15 s hold 1.5 periods of 10 s; at least 2 are needed" in err
-    assert not (tmp_path / "out").exists()
-
-
 def test_clipped_records_can_be_accepted(run, tmp_path):
     write(tmp_path / "in", a=(GOOD, np.clip(force_of(GOOD), -1.5, 1.5)), b=(OTHER, force_of(OTHER)))
     study = tmp_path / "study.yaml"

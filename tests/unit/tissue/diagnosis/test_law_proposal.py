@@ -82,12 +82,6 @@ def nothing(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     return np.zeros_like(position)
 
 
-def lateral(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Cross-talk of an axis that moves on its own, over the same 5 s."""
-    time = np.arange(len(position)) * STEP
-    return 0.3 * np.cos(2 * np.pi * np.outer(time, [0.4, 1.0, 1.8, 2.6]) + [0.3, 1.1, 4.0, 2.2]).sum(axis=1)
-
-
 def depth_friction(position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     """Dry friction that grows with the depth of a needle."""
     return 0.25 * np.maximum(position, 0) * np.tanh(velocity / 2.0)
@@ -162,15 +156,6 @@ def test_a_force_that_repeats_along_the_position_is_found():
     assert [item.name for item in found.terms] == ["cogging"]
     assert found.law.own_nonlinear[0] == pytest.approx(2.5, rel=0.01)
     assert error(found.law.fit, sines(10, 52, size=6.0, even=False), cogging) < 1.2
-
-
-def test_a_lateral_axis_that_nobody_recorded_has_no_formula(tmp_path):
-    prepared, base = experiment(lateral)
-    found = propose(prepared, base, terms=terms(*FEW))
-    assert found.law is None
-    assert found.is_needed
-    assert found.sentences[0].startswith("No short formula found")
-    assert found.finding.kind == "proposed_law"
 
 
 def test_nothing_is_proposed_where_nothing_is_missing():

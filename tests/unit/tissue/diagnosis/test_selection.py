@@ -20,7 +20,6 @@ from lumbar.tissue.diagnosis.selection.diagnose import base_beside, choose_base,
 from lumbar.tissue.diagnosis.selection.findings import apparent_zeros, zeros_moved
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.motion import Motion
@@ -91,12 +90,6 @@ def test_a_branch_that_explains_little_of_what_is_left_does_not_take_the_place_o
     assert beside.score < model.score - TIED
     assert base_beside(model, prepared) is None
     assert model.fit.linear[2] == pytest.approx(MASS - DAMPING * LAG, rel=0.1)
-
-
-def test_errors_that_fall_read_as_falling():
-    assert distinguishing_digits([1.42, 1.404, 1.398, 1.3951], 2) == ["1.42", "1.404", "1.398", "1.395"]
-    assert distinguishing_digits([0.23, 0.0099], 4) == ["0.23", "0.0099"]
-    assert distinguishing_digits([1.4, 1.4, 1.4 + 1e-12], 2) == ["1.4", "1.4", "1.4"]
 
 
 def candidate(score, *effects):

@@ -213,14 +213,6 @@ def test_an_effect_is_read_when_it_is_asked_for():
 STEP = 0.01
 
 
-def wandering(seed, samples=1500):
-    random = np.random.default_rng(seed)
-    time = np.arange(samples) * STEP
-    lines = random.uniform(0.1, 4, 12)
-    position = np.cos(2 * np.pi * np.outer(time, lines) + random.uniform(0, 6, 12)) @ (1 / lines)
-    return Motion(time, position, STEP, smooth=False)
-
-
 def test_reversals_skip_rests():
     motion = Motion(np.arange(8) * STEP, np.array([0.0, 1, 1, 2, 2, 1, 0, 1]), STEP, smooth=False)
     assert motion.reversals.tolist() == [0, 4, 6, 7]

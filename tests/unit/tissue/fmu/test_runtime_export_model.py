@@ -38,14 +38,6 @@ def test_the_fit_of_the_configured_record_and_estimator_is_taken():
     assert select(content, models=["KB"], estimator="output_error")[0].dynamics.numerator == (3.0,)
 
 
-def test_everything_wrong_is_said_at_once():
-    with pytest.raises(InputError) as caught:
-        select(models_json(), models=["KB", "XX", "YY"])
-    assert "XX: no such model" in str(caught.value)
-    assert "YY" in str(caught.value)
-    assert "IL, MW, KB, HO" in str(caught.value)
-
-
 def test_a_fit_that_is_not_there_names_those_that_are():
     with pytest.raises(InputError, match="arx on multisine"):
         select(models_json(), models=["KB"], trained_on="chirp")

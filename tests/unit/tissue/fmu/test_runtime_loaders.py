@@ -144,34 +144,6 @@ def test_loaders_and_platforms_give_the_same_bits(other, name, unzipped, player,
     np.testing.assert_array_equal(other(*given), player(*given))
 
 
-MISUSES = pytest.mark.parametrize(
-    ("rows", "parameters", "words"),
-    [
-        ([[0, 0], [1, 0], [2, 0]], [], "1 s since the last step; 0 to 0.25 are allowed. Are they seconds?"),
-        ([[0.2, 0], [0.1, 0]], [], "-0.1 s since the last step"),
-        ([[0, float("nan")]], [], "the first position is not finite"),
-        ([[0, 0]], ["force_limit=99"], "does not allow this value of force_limit"),
-        ([[0, 0]], ["stiffness=1"], "the FMU has no parameter stiffness"),
-    ],
-    ids=["milliseconds", "backwards", "no position", "raised limit", "no such parameter"],
-)
-
-
-def refused(program: list, rows, parameters: list[str], folder: Path, work: Path) -> str:
-    """What a player says of what it does not play."""
-    np.savetxt(work / "rows.csv", rows, delimiter=",", header="time,position", comments="")
-    command = [*program, folder, work / "rows.csv", *parameters]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    return done.stderr
-
-
-@MISUSES
-def test_misuse_is_an_error(rows, parameters, words, unzipped, zig_cache, tmp_path):
-    program = [loader_program(LOADERS / "play_fmu.c", "x86_64-linux", tmp_path, zig_cache)]
-    assert words in refused(program, rows, parameters, unzipped / "KB", tmp_path)
-
-
 @pytest.mark.parametrize("target", ["x86_64-windows", "aarch64-linux", "aarch64-darwin"])
 def test_loaders_compile_for_other_platforms(target, zig_cache, tmp_path):
     flags = ["-c", "-Wall", "-Wextra", "-Werror", "-target", TARGETS[target].triple]

@@ -16,7 +16,6 @@ import lumbar
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.settings.runtime import RuntimeSettings
 from lumbar.tissue.effects.catalogue import CATALOGUES, TISSUE
-from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.export_model import export_models
 from lumbar.tissue.haptics.closed_loop import SampledModel, all_angles
 from lumbar.tissue.haptics.device_table import with_device
@@ -53,16 +52,6 @@ def test_the_command_says_what_happens_and_writes_table_and_figures(run, models,
         )
         for ending in endings.split()
     }
-
-
-def test_a_stylus_that_nobody_holds_is_judged(run, models):
-    out = run.done("render", models, "--model", "KB", "--hand", "0")
-    assert "hand: 0 N/m" in out
-    slow, fast = (
-        next(line for line in out.splitlines() if f"KB at {rate} Hz" in line) for rate in (100, 1000)
-    )
-    assert "UNSTABLE" in slow and "simulated, it oscillates" in slow
-    assert "passive in any hand" in fast and "simulated, it comes to rest" in fast
 
 
 @pytest.mark.parametrize("option", ["--mass", "--damping", "--rate"])
@@ -106,17 +95,6 @@ def test_the_bound_of_the_fmu_calms_a_loop_that_the_analysis_calls_unstable(zig_
     assert (free.run.peak_to_peak, free.run.oscillates) == (30.0, True)
     assert bounded.run.peak_to_peak < 0.05
     assert not bounded.run.oscillates
-
-
-def test_export_warns_and_the_page_says_the_numbers(capsys):
-    (model,) = export_models([fitted("KB")], SETTINGS)
-    told = with_device([model], DEFAULTS, [fitted("KB")])[0]
-    err = capsys.readouterr().err
-    assert "WARNING: not safe" in err
-    assert "it needs 29.3 N·s/m" in err
-    page = documentation_html(told, "3.0", "drawn")
-    assert "KB at 100 Hz: UNSTABLE (it needs 29.3 N·s/m to be passive; largest stable gain 0.303" in page
-    assert "Read as FMI 2.0 reads" in page
 
 
 def test_export_refuses_what_is_unstable_where_the_study_says_so(capsys):

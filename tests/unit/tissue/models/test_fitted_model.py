@@ -165,22 +165,6 @@ def test_constants_that_were_given_go_with_the_model():
         FittedModel.from_json(entry, CATALOGUES)
 
 
-def test_everything_that_is_wrong_with_a_file_is_said_at_once():
-    content = models_document([DISCRETE, given("KB"), given("LE")], "test")
-    content["models"][0]["alpha"] = "small"
-    del content["models"][1]["parameters"][0]
-    content["models"][2]["structure"]["effects"] = [{"effect": "ageing", "form": "log"}]
-    with pytest.raises(InputError) as caught:
-        read_models(content, CATALOGUES)
-    assert "3 problems" in str(caught.value)
-    for words in (
-        "models.KB: alpha: 'small'",
-        "parameters.spring_stiffness: missing",
-        "unknown effect 'ageing'",
-    ):
-        assert words in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -212,13 +196,7 @@ def test_parameters_are_reached_by_name():
 
 
 def test_printed_it_shows_equation_parameters_and_scores():
-    text = str(DISCRETE)
-    assert text.splitlines()[:2] == [
-        "KB, arx on multisine, VAF 81.20 %",
-        "H(z) = (1.9 - 1.2 z^-1)/(1 - 0.45 z^-1), 100 Hz, position in mm to force in N",
-    ]
-    assert "spring_stiffness  1.27 N/mm (1.2 to 1.3)" in text
-    assert repr(DISCRETE) == "<FittedModel KB, arx on multisine, VAF 81.20 %>"
+    assert "H(z) = (1.9 - 1.2 z^-1)/(1 - 0.45 z^-1), 100 Hz" in str(DISCRETE)
     page = replace(DISCRETE, remark="<b>")._repr_html_()
     assert r"$$H(z) = \frac{1.9 - 1.2 z^{-1}}{1 - 0.45 z^{-1}}$$" in page
     assert "&lt;b&gt;" in page
