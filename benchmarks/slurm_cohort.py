@@ -11,8 +11,6 @@ its own authentication and no accounting. It does not touch any other SLURM on t
 Exits with 1 if any result differs.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re
