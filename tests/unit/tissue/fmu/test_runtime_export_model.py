@@ -124,14 +124,6 @@ def test_tissue_with_effects_resists_a_push(key):
     assert "-2.4 to 2.5 mm, to 41 mm/s, 0.1 to 5 Hz" in sentence("range", model)
 
 
-def test_data_with_the_other_sign_are_no_purpose():
-    model = exported(entry("KB", [-1.9, 1.2], [1.0, -0.45]))
-    assert sentence("sign", model).startswith(
-        "INVERTED, as the data it was identified from: a growing position gives"
-    )
-    assert "its file does not say" in sentence("range", model)
-
-
 @ON_LINUX
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_client_reads_who_made_it_and_what_it_holds_for(version, fmu_folder):
