@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import sosfreqz
+from scipy.signal import sosfilt, sosfiltfilt, sosfreqz
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.movement.cleaning import (
     clean,
     derivative,
     dual_pass_sections,
+    extension_frames,
     filter_markers,
     low_pass,
     shortest_stretch,
@@ -38,6 +39,36 @@ def test_sine_keeps_its_phase(frequency, gain):
     warped = np.tan(np.pi * np.array([frequency, 6.0]) / rate)
     expected = gain or 1 / (1 + (np.sqrt(2) - 1) * (warped[0] / warped[1]) ** 4)
     np.testing.assert_allclose(ratio, expected, atol=1e-6)
+
+
+def _transient(rate, order):
+    """Largest deviation of the step response from 1 that is left after the extension."""
+    frames = extension_frames(6.0, rate, order)
+    step = sosfilt(dual_pass_sections(6.0, rate, order), np.ones(frames + 5000))
+    return np.abs(step[frames:] - 1).max()
+
+
+@pytest.mark.parametrize("rate", [13.0, 15.0, 20.0, 30.0, 50.0, 60.0, 100.0, 250.0, 1000.0])
+@pytest.mark.parametrize("order", [1, 3, 4, 5, 6, 7, 8])
+def test_extension_leaves_no_larger_transient_than_at_order_2(rate, order):
+    assert _transient(rate, order) <= _transient(rate, 2)
+
+
+@pytest.mark.parametrize("order", range(1, 9))
+def test_a_longer_extension_changes_nothing(order):
+    rate, frames = 100.0, 2000
+    values = np.random.default_rng(order).normal(size=frames).cumsum()
+    sections = dual_pass_sections(6.0, rate, order)
+    longest = sosfiltfilt(sections, values, padtype="odd", padlen=frames - 1)
+    np.testing.assert_allclose(low_pass(values, rate, 6.0, order), longest, atol=1e-6 * np.ptp(values))
+
+
+def test_extension_of_order_2_is_three_periods():
+    rate = 100.0
+    values = np.random.default_rng(0).normal(size=(300, 3)).cumsum(axis=0)
+    sections = dual_pass_sections(6.0, rate)
+    expected = sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=3 * 17)
+    np.testing.assert_array_equal(low_pass(values, rate), expected)
 
 
 def test_each_stretch_is_filtered_on_its_own():

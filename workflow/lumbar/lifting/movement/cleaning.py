@@ -17,7 +17,9 @@ from lumbar.settings.lifting import LiftingSettings
 
 PASSES = 2
 EXTENSION_PERIODS = 3
-"""Periods of the cut-off after which the filter has forgotten how a stretch was continued, to about 1e-7."""
+"""Periods of the cut-off after which a second-order filter has forgotten how a stretch was continued, to about 1e-7."""
+_OVERSHOOT_MARGIN = 1.5
+"""Factor on the extension for the larger overshoot of other orders."""
 
 
 def clean(
@@ -61,12 +63,30 @@ def shortest_stretch(cutoff_Hz: float, rate: float) -> int:
     return int(np.ceil(rate / cutoff_Hz))
 
 
+def extension_frames(cutoff_Hz: float, rate: float, order: int = 2) -> int:
+    """Frames by which a stretch is extended, so that no order leaves a larger transient than order 2.
+
+    The slowest poles of a Butterworth filter decay with ``sin(pi/(2*order))`` times its cut-off, which
+    `dual_pass_sections` raises: at order 8 about four times more slowly than at order 2.
+    """
+    shortest = shortest_stretch(cutoff_Hz, rate)
+    if order == 2:
+        return EXTENSION_PERIODS * shortest
+    slower = max(1.0, _slowest_decay(2) / _slowest_decay(order))
+    return int(np.ceil(EXTENSION_PERIODS * _OVERSHOOT_MARGIN * slower * shortest))
+
+
+def _slowest_decay(order: int) -> float:
+    """Decay rate of the slowest poles of one pass, relative to the angular cut-off of both passes."""
+    return np.sin(np.pi / (2 * order)) / (2 ** (1 / PASSES) - 1) ** (1 / (2 * order))
+
+
 def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int = 2) -> np.ndarray:
     """Filter forward and backward, each contiguous stretch of finite values on its own.
 
     At both ends a stretch is continued by its own point reflection (odd extension) over three periods of the
-    cut-off, or as far as it reaches, which keeps position and velocity there. Within one period of an end
-    or of a gap the result leans on this assumption.
+    cut-off (more at orders other than 2: `extension_frames`), or as far as it reaches, which keeps position and
+    velocity there. Within one period of an end or of a gap the result leans on this assumption.
 
     `values` have shape (n_frames,) or (n_frames, k), with NaN where missing, as in the result; a row with a NaN counts
     as missing altogether. `cutoff_Hz` and `order` are as of `dual_pass_sections`.
@@ -89,7 +109,7 @@ def low_pass(values: np.ndarray, rate: float, cutoff_Hz: float = 6.0, order: int
                 f"frames {stretch.start + 1} to {stretch.stop}: {length} frames without a gap; a "
                 f"{cutoff_Hz:g} Hz filter at {rate:g} Hz needs more than {shortest}"
             )
-        padding = min(EXTENSION_PERIODS * shortest, length - 1)
+        padding = min(extension_frames(cutoff_Hz, rate, order), length - 1)
         result[stretch] = sosfiltfilt(sections, values[stretch], axis=0, padtype="odd", padlen=padding)
     return result
 
