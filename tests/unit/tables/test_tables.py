@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from lumbar.base.errors import NumericalError
-from lumbar.tables.table import Table
+from lumbar.tables.table import Table, escape_latex
 
 
 def made(**changes) -> Table:
@@ -137,3 +137,12 @@ def test_latex_is_balanced_and_names_no_sign_that_ends_it():
     assert bare.count("{") == bare.count("}")
     assert r"1.2$\cdot10^{-16}$" in tex
     assert r"$-$1.50 &" in made(frame=made().frame.assign(value_N=-1.5), decimals={"value_N": 2}).to_latex()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("p = 1.9e-06;", r"p = 1.9$\cdot10^{-6}$;"), ("to 1e-10.", "to $10^{-10}$."), ("HO 1.061e+04", r"HO 1.061$\cdot10^{4}$"),
+     ("model 2e, 3e-x", "model 2e, 3e-x"), ("file1e-06", "file1e-06")],
+)  # fmt: skip
+def test_numbers_in_latex_have_powers_of_ten(text, expected):
+    assert escape_latex(text) == expected

@@ -46,6 +46,7 @@ PAGE_ROWS = 45
 _WORDS = 30
 _ESCAPES = str.maketrans(shipped_yaml(Path(__file__).with_name("latex.yaml")))
 _POWER = re.compile("·10([⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)")
+_EXPONENT = re.compile(r"\b(\d+(?:\.\d+)?)e([+-]?\d+)\b")
 _PLAIN = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _NUMBERED = re.compile(r"^Table \d+\.\d+[.:,]? *(as |the )?")
 
@@ -194,9 +195,14 @@ class Table:
 
 
 def escape_latex(text: str) -> str:
-    """Return a text as LaTeX prints it."""
-    written = text.translate(_ESCAPES)
+    """Return a text as LaTeX prints it, numbers such as ``1.9e-06`` with a power of ten."""
+    written = _EXPONENT.sub(_power_of_ten, text.translate(_ESCAPES))
     return _POWER.sub(lambda found: rf"$\cdot10^{{{found[1].translate(_PLAIN)}}}$", written)
+
+
+def _power_of_ten(found: re.Match) -> str:
+    power = f"10^{{{int(found[2])}}}"
+    return f"${power}$" if found[1] == "1" else rf"{found[1]}$\cdot{power}$"
 
 
 def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], data: str) -> str:

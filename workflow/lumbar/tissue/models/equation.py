@@ -34,7 +34,7 @@ from lumbar.tissue.models.motion import (
     OneMotion,
 )
 from lumbar.tissue.models.parameter import Constant, LinearParameter, NonlinearParameter, Parameter
-from lumbar.tissue.models.printing import c_text, latex, portable, symbol_latex
+from lumbar.tissue.models.printing import c_text, latex, number_latex, portable, symbol_latex
 from lumbar.tissue.models.state_equation import MOST_STATES, STEP_SYMBOL, StateEquation
 
 Constants = Callable[[Mapping[str, float], float], dict[str, float]]
@@ -325,7 +325,8 @@ class Equation:
         rates = [rf"\dot {symbol_latex(name)} = {latex(parse(text), names)}" for name, text in self.states]
         rates += [rf"{symbol_latex(name)}(0) = {latex(parse(text), names)}" for name, text in self.starts]
         said = [
-            rf"{names[item.symbol]} = {item.value:g}\,\mathrm{{{item.latex_unit}}}" for item in self.constants
+            rf"{names[item.symbol]} = {number_latex(f'{item.value:g}')}\,\mathrm{{{item.latex_unit}}}"
+            for item in self.constants
         ]
         return r",\quad ".join([latex(self.tree, names), *rates, *said])
 

@@ -2,11 +2,13 @@
 
 import html
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from lumbar.base.errors import InputError
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.form import Form
+from lumbar.tissue.models.printing import number_latex
 from lumbar.tissue.models.structure import Structure
 from lumbar.tissue.models.transfer_function import TransferFunction
 
@@ -224,7 +226,7 @@ def in_html(model: ModelData) -> str:
 def _latex(model: ModelData) -> list[str]:
     """Transfer function of a discrete model; equation of the base and of every effect of a continuous one."""
     if isinstance(model.structure, TransferFunction):
-        return ["H(z) = " + _ratio(model.structure, r"\frac{{{}}}{{{}}}", "z^{{-{}}}")]
+        return ["H(z) = " + _ratio(model.structure, r"\frac{{{}}}{{{}}}", "z^{{-{}}}", number_latex)]
     return [model.structure.base.latex, *(form.latex for form in model.structure.forms)]
 
 
@@ -251,15 +253,17 @@ def _scores(model: ModelData) -> str:
     )
 
 
-def _ratio(ratio: TransferFunction, form: str, power: str) -> str:
-    numerator, denominator = (_polynomial(part, power) for part in (ratio.numerator, ratio.denominator))
+def _ratio(ratio: TransferFunction, form: str, power: str, number: Callable[[str], str] = str) -> str:
+    numerator, denominator = (
+        _polynomial(part, power, number) for part in (ratio.numerator, ratio.denominator)
+    )
     return numerator if denominator == "1" else form.format(numerator, denominator)
 
 
-def _polynomial(coefficients: tuple[float, ...], power: str) -> str:
+def _polynomial(coefficients: tuple[float, ...], power: str, number: Callable[[str], str]) -> str:
     text = ""
     for lag, value in enumerate(coefficients):
         if value:
             sign = ("-" if value < 0 else "") if not text else (" - " if value < 0 else " + ")
-            text += f"{sign}{abs(value):.4g}" + (f" {power.format(lag)}" if lag else "")
+            text += sign + number(f"{abs(value):.4g}") + (f" {power.format(lag)}" if lag else "")
     return text or "0"

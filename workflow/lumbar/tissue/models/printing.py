@@ -1,6 +1,7 @@
 """Expressions as LaTeX and as C, and LaTeX as the MathML of a page."""
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -43,6 +44,21 @@ def symbol_latex(symbol: str) -> str:
     return head + (f"_{index}" if len(index) == 1 else f"_{{{index}}}" if index else "")
 
 
+def number_latex(text: str) -> str:
+    """LaTeX of a formatted number: powers of ten instead of an ``e``.
+
+    Examples
+    --------
+    >>> number_latex("1e-06"), number_latex("-2.5e+07"), number_latex("0.5")
+    ('10^{-6}', '-2.5 \\\\cdot 10^{7}', '0.5')
+    """
+    mantissa, e, exponent = text.partition("e")
+    if not e:
+        return text
+    power = f"10^{{{int(exponent)}}}"
+    return mantissa.replace("1", power) if mantissa in ("1", "-1") else rf"{mantissa} \cdot {power}"
+
+
 def latex(expression: Expression, names: Mapping[str, str]) -> str:
     """LaTeX in the part that matplotlib sets too.
 
@@ -58,6 +74,7 @@ def latex(expression: Expression, names: Mapping[str, str]) -> str:
 
 
 _SUM, _SIGNED, _PRODUCT, _POWER, _ATOM = 1, 2, 3, 4, 5
+_POWER_OF_TEN = re.compile(r"10\^\{-?\d+\}$")
 _CALLED: dict[str, str] = shipped_yaml(Path(__file__).with_name("functions.yaml"))["latex"]
 _RELATIONS = {"<": "<", "<=": r"\leq", ">": ">", ">=": r"\geq"}
 _OPPOSITE = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
@@ -75,7 +92,9 @@ class _Latex:
     def _text(self, expression: Expression) -> tuple[str, int]:
         match expression:
             case Number(value):
-                return f"{value:.12g}", _ATOM if value >= 0 else _SUM
+                text = number_latex(f"{value:.12g}")
+                own = _PRODUCT if "cdot" in text else _POWER if "^" in text else _ATOM
+                return text, own if value >= 0 else _SUM
             case Symbol(name):
                 return self.names.get(name) or symbol_latex(name), _ATOM
             case Operation("+" | "-" as name, (left, right)):
@@ -115,7 +134,8 @@ class _Latex:
         text, *factors = [self._factor(first, _SIGNED), *(self._factor(other, _PRODUCT) for other in others)]
         for factor in factors:
             # Two numbers side by side would read as one.
-            joint = r" \cdot " if text[-1].isdigit() and factor[0].isdigit() else " "
+            number = text[-1].isdigit() or _POWER_OF_TEN.search(text)
+            joint = r" \cdot " if number and factor[0].isdigit() else " "
             text += joint + factor
         return text
 
