@@ -20,12 +20,6 @@ UPRIGHT_DEG = 15.0
 """A trunk that always leans further than this never stands upright."""
 
 
-def horizontal_axes(right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors to the person's right and forward in the plane of the ground, each of shape (n, 3)."""
-    across = unit(right * [1.0, 1.0, 0.0])
-    return across, np.cross([0.0, 0.0, 1.0], across)
-
-
 def inclination(line: np.ndarray, towards: np.ndarray) -> np.ndarray:
     """Angle of a line from straight up in the vertical plane of a horizontal direction, degrees, positive towards it.
 

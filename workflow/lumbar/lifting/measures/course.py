@@ -13,7 +13,6 @@ from lumbar.lifting.measures.back_load import (
     Link,
     angle_between,
     beyond_upright,
-    horizontal_axes,
     inclination,
     net_moment,
     trunk_extension_strength,
@@ -37,7 +36,7 @@ from lumbar.lifting.measures.balance import (
 from lumbar.lifting.movement.centre_of_mass import HEAD as WINTER_HEAD
 from lumbar.lifting.movement.centre_of_mass import limb_parts
 from lumbar.lifting.movement.cleaning import derivative
-from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, typical_distance
+from lumbar.lifting.movement.joint_centres import MID_HIP, SIDES, typical_distance, unit
 from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.settings.stability import MeasureSettings
@@ -107,7 +106,8 @@ class Lifter:
     @cached_property
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
         """Horizontal unit vectors to the person's right and forward, each of shape (n, 3)."""
-        return horizontal_axes(self.body[["RIGHT_x", "RIGHT_y", "RIGHT_z"]].to_numpy(dtype=float))
+        across = unit(self.body[["RIGHT_x", "RIGHT_y", "RIGHT_z"]].to_numpy(dtype=float) * [1.0, 1.0, 0.0])
+        return across, np.cross([0.0, 0.0, 1.0], across)
 
     @property
     def load_points(self) -> tuple[str, ...]:
@@ -186,9 +186,12 @@ def _guessed_ends(lifter: Lifter) -> list[str]:
 def base_of_support(lifter: Lifter) -> tuple[BaseOfSupport, np.ndarray]:
     """The base of both feet, and which foot stands, shape (n, 2): left, right."""
     stature, settings = lifter.facts["height_m"], lifter.settings
+    foot = FOOT_LENGTH * stature * lifter.axes[1]
     feet = []
     for side in "LR":
-        heel, toe = _ends_of_foot(lifter, side)
+        # An end of the foot without a marker is a foot's length from the other end.
+        heel, toe = (lifter.points.get(f"{side}_{name}") for name in ("HEEL", "TOE"))
+        heel, toe = toe - foot if heel is None else heel, heel + foot if toe is None else toe
         on_ground = [
             ground_contact(marker, lifter.rate, settings.contact_height_m, settings.contact_speed_m_s)
             for marker in (heel, toe)
@@ -202,13 +205,6 @@ def base_in(course: pd.DataFrame) -> BaseOfSupport:
     columns = [[f"base_{corner}_{axis}_m" for axis in "xy"] for corner in range(1, CORNERS + 1)]
     corners = np.stack([course[pair].to_numpy(float) for pair in columns], axis=1)
     return BaseOfSupport(corners, np.isfinite(corners).all(axis=2))
-
-
-def _ends_of_foot(lifter: Lifter, side: str) -> tuple[np.ndarray, np.ndarray]:
-    """Heel and toe, shape (n, 3); one that has no marker lies a foot's length from the other."""
-    heel, toe = (lifter.points.get(f"{side}_{name}") for name in ("HEEL", "TOE"))
-    foot = FOOT_LENGTH * lifter.facts["height_m"] * lifter.axes[1]
-    return toe - foot if heel is None else heel, heel + foot if toe is None else toe
 
 
 def _centre_with_load(lifter: Lifter) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

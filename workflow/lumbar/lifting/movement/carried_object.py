@@ -11,7 +11,6 @@ import numpy as np
 
 from lumbar.lifting.movement.cleaning import derivative
 from lumbar.records.markers import MarkerRecording
-from lumbar.records.stretches import runs
 from lumbar.settings.lifting import EventSettings
 
 WRISTS = ("L_WRIST", "R_WRIST")
@@ -53,11 +52,6 @@ def carried_object(recording: MarkerRecording) -> tuple[np.ndarray | None, str]:
     """What is lifted: the box, or the hands where there are no markers on it, and which of the two it is."""
     box = box_centre(recording)
     return (wrist_centre(recording), "hands") if box is None else (box, "box")
-
-
-def longest_seen(recording: MarkerRecording, points: np.ndarray) -> MarkerRecording:
-    """The longest part of a recording throughout which `points` are seen."""
-    return recording.at(max(runs(np.isfinite(points).all(axis=1)), key=lambda run: run.stop - run.start))
 
 
 def speed(points: np.ndarray, rate: float) -> np.ndarray:

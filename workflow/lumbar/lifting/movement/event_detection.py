@@ -24,7 +24,6 @@ from lumbar.lifting.movement.carried_object import (
     greatest_rise,
     last_hand_descent,
     lift_windows,
-    longest_seen,
     speed,
     turning_points,
     wrist_centre,
@@ -159,7 +158,8 @@ class _Search:
         self.whole, self.settings, self.found = recording, settings, {}
         self.part = self.points = None
         if points is not None and np.isfinite(points).any():
-            self.part = longest_seen(recording, points)
+            seen = runs(np.isfinite(points).all(axis=1))
+            self.part = recording.at(max(seen, key=lambda run: run.stop - run.start))
             self.points = carried_object(self.part)[0]
 
     def event(self, name: str) -> Event:

@@ -61,10 +61,6 @@ def trunk_axis(
         return pelvis, axis / length, float(np.nanmedian(length)) if np.isfinite(length).any() else np.nan
 
 
-def _on_spine(landmark: str) -> bool:
-    return landmark in ("C7", "SACRUM") or landmark[1:].isdigit()
-
-
 def _distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.linalg.norm(one - other, axis=1)
 
@@ -189,7 +185,7 @@ def _front_and_back(named: dict[str, str]) -> list[tuple[str, str]]:
 
 
 def _behind(front: str, back: str) -> bool:
-    if _part(back) not in ("PSIS", "SACRUM") and not _on_spine(back):
+    if _part(back) not in ("PSIS", "SACRUM") and not (back in ("C7", "SACRUM") or back[1:].isdigit()):
         return False
     sides = {front[:2], back[:2]}
     return abs(level(front) - level(back)) < 0.2 and sides != {"L_", "R_"}

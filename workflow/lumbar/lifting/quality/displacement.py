@@ -258,12 +258,6 @@ def _united(found: list[Displacement], n_frames: int) -> list[Displacement]:
     return united
 
 
-def _spread_from(sample: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Spread and median of the distance of every marker from one of them; sample has shape (n_markers, n, 3)."""
-    low, middle, high = percentiles(np.linalg.norm(sample - sample[index], axis=2), (0.05, 0.5, 0.95))
-    return high - low, middle
-
-
 def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[tuple[str, float]]]:
     """Mates whose distance from a marker is constant while either moves, with its spread in metres; at most `mates`.
 
@@ -279,10 +273,9 @@ def _rigid_parts(points: dict[str, np.ndarray], rate: float) -> dict[str, list[t
             frames = np.flatnonzero(np.linalg.norm(places[lag:] - places[:-lag], axis=1) > _AT.moving_m)
         if len(frames) * every >= _AT.moving_s * rate:
             chosen = frames[np.linspace(0, len(frames) - 1, min(len(frames), _AT.samples)).astype(int)]
-            spread, middle = _spread_from(
-                np.stack([points[other][chosen * every] for other in labels]), index
-            )
-            spreads[:, index] = np.where(middle > _AT.apart_m, spread, np.nan)
+            sample = np.stack([points[other][chosen * every] for other in labels])
+            low, middle, high = percentiles(np.linalg.norm(sample - sample[index], axis=2), (0.05, 0.5, 0.95))
+            spreads[:, index] = np.where(middle > _AT.apart_m, high - low, np.nan)
     spreads = np.maximum(spreads, spreads.T)
     return {
         label: [
@@ -338,17 +331,14 @@ def off_its_part(points: dict[str, np.ndarray], rate: float) -> list[tuple[str, 
         if len(rigid) >= _AT.least_of_part:
             for other, _ in rigid:
                 if frozenset((label, other)) not in known:
-                    known[frozenset((label, other))] = _change_of_length(points[label], points[other])
+                    distance = np.linalg.norm(points[label] - points[other], axis=1)
+                    # The median of the seen frames: np.nanmedian takes twice as long.
+                    change = distance - np.median(distance[np.isfinite(distance)])
+                    known[frozenset((label, other))] = change.astype(np.float32)
             changes = {other: known[frozenset((label, other))] for other, _ in rigid}
             limits = [max(_AT.deviation_m, _AT.spreads * spread) for _, spread in rigid]
             found += _stretches_off(label, changes, limits)
     return found
-
-
-def _change_of_length(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    distance = np.linalg.norm(one - other, axis=1)
-    # The median of what is seen: NumPy's own without NaN takes twice as long.
-    return (distance - np.median(distance[np.isfinite(distance)])).astype(np.float32)
 
 
 def _stretches_off(

@@ -7,7 +7,6 @@ import numpy as np
 from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality.body import rightward, side_exchanges, stature_found
 from lumbar.lifting.quality.displacement import (
-    Displacement,
     displacements,
     length,
     off_its_part,
@@ -178,7 +177,10 @@ def _leaps(points: dict[str, np.ndarray], legend: Legend) -> tuple[list[Finding]
     leaps, spikes = {}, {}
     for label, positions in points.items():
         leaps[label], spikes[label] = find_leaps(positions, legend.rate)
-    missing, leaps = _missing_frames(points, leaps, legend)
+    # Frames between which most markers leap, not counting exchanges.
+    missing, _ = missing_frames(points, take_exchanges(leaps)[1], legend)
+    if missing:
+        _, leaps = missing_frames(points, leaps, legend)
     exchanges, remaining = take_exchanges(leaps)
     n_frames = len(legend.time)
     straight = points
@@ -187,7 +189,8 @@ def _leaps(points: dict[str, np.ndarray], legend: Legend) -> tuple[list[Finding]
         straight = _exchanged(straight, (exchange.first, exchange.second), shorter)
     findings = missing + _displaced(straight, remaining, spikes, legend)
     straight = mask_findings(straight, findings)
-    whole, mirrored = _whole_exchanges(straight, legend.named)
+    sided, mirrored = side_exchanges(_sampled(straight), legend.named)
+    whole = [((one, other), evidence) for one, other, evidence in sided]
     reversed_pairs = {frozenset(pair) for pair, _ in whole}
     sides = {frozenset(pair) for pair in side_pairs(points, legend.named)}
     flipped = _flipped(exchanges, reversed_pairs, sides)
@@ -204,23 +207,6 @@ def _leaps(points: dict[str, np.ndarray], legend: Legend) -> tuple[list[Finding]
     if mirrored:
         findings.append(legend.finding("mirrored", evidence=mirrored))
     return findings, straight
-
-
-def _missing_frames(
-    points: dict[str, np.ndarray], leaps: dict[str, list[Leap]], legend: Legend
-) -> tuple[list[Finding], dict[str, list[Leap]]]:
-    """Frames between which most markers leap, not counting exchanges; without any, the leaps as they are."""
-    _, others = take_exchanges(leaps)
-    findings, _ = missing_frames(points, others, legend)
-    return (findings, missing_frames(points, leaps, legend)[1]) if findings else ([], leaps)
-
-
-def _whole_exchanges(
-    points: dict[str, np.ndarray], named: dict[str, str]
-) -> tuple[list[tuple[tuple[str, str], str]], str]:
-    """Labels exchanged over the whole recording."""
-    sided, mirrored = side_exchanges(_sampled(points), named)
-    return [((one, other), evidence) for one, other, evidence in sided], mirrored
 
 
 def _flipped(
@@ -278,28 +264,27 @@ def _displaced(
             findings.append(legend.finding("restless", (label,), count=count))
             continue
         stretches, untold = displacements(points, label, leaps, legend)
-        findings += [_jump(points, label, stretch, legend) for stretch in stretches]
+        for stretch in stretches:
+            leap = stretch.leap
+            other = lands_on(leap, label, points)
+            words = {
+                "size": leap.size * 1e3,
+                "at": legend.time[leap.first],
+                "seen": stretch.seen,
+                "other": other,
+            }
+            kind = "jump onto another" if other else "jump"
+            findings.append(legend.finding(kind, (label,), stretch.frames, **words))
         for leap in untold:
             frames, words = slice(leap.last, leap.first + 1), {"size": leap.size * 1e3}
             findings.append(
                 legend.finding("untold jump", (label,), frames, **words, at=legend.time[leap.first])
             )
         for spike in spikes[label]:
-            off = _off_way(positions, spike) * 1e3
-            findings.append(legend.finding("spike", (label,), spike, off=off))
+            ends = positions[[max(0, spike.start - 1), min(len(positions) - 1, spike.stop)]]
+            off = np.linalg.norm(positions[spike] - ends.mean(axis=0), axis=1)
+            findings.append(legend.finding("spike", (label,), spike, off=float(np.nanmax(off)) * 1e3))
     return findings
-
-
-def _off_way(positions: np.ndarray, spike: slice) -> float:
-    ends = positions[[max(0, spike.start - 1), min(len(positions) - 1, spike.stop)]]
-    return float(np.nanmax(np.linalg.norm(positions[spike] - ends.mean(axis=0), axis=1)))
-
-
-def _jump(points, label: str, stretch: Displacement, legend: Legend) -> Finding:
-    leap = stretch.leap
-    other = lands_on(leap, label, points)
-    words = {"size": leap.size * 1e3, "at": legend.time[leap.first], "seen": stretch.seen, "other": other}
-    return legend.finding("jump onto another" if other else "jump", (label,), stretch.frames, **words)
 
 
 def _stature(points: dict[str, np.ndarray], legend: Legend, height_m: float | None) -> list[Finding]:

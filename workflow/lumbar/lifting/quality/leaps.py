@@ -54,7 +54,9 @@ def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[sli
     """Return the leaps of one marker, shape (n_frames, 3) in metres, and its spikes, which come back within a few frames."""
     size = step_sizes(positions)
     threshold = np.maximum(max(SMALLEST_M, _AT.jerk_m_s3 / rate**3), ABOVE_UNREST * unrest(size))
-    threshold = np.maximum(threshold, _travel_beside(positions))
+    # No leap is shorter than the longer step beside it: a racket at 50 Hz changes its step almost as much.
+    way = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1], append=positions[-1:]), axis=1)
+    threshold = np.maximum(threshold, np.fmax(way[:-2], way[2:]))
     with np.errstate(invalid="ignore"):
         large = size > threshold
     # Responses to one leap are up to two steps apart.
@@ -80,15 +82,6 @@ def step_sizes(positions: np.ndarray) -> np.ndarray:
         steps = 1.5 * (positions[2:-1] - positions[1:-2]) - 0.5 * (positions[3:] - positions[:-3])
         size[1:-1] = np.linalg.norm(steps, axis=1)
     return size
-
-
-def _travel_beside(positions: np.ndarray) -> np.ndarray:
-    """Longer one of the ways in the frame before and the frame after each step, metres, shape (n_frames - 1,).
-
-    No leap is shorter: at 50 Hz a racket changes its step from one frame to the next by almost as much.
-    """
-    way = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1], append=positions[-1:]), axis=1)
-    return np.fmax(way[:-2], way[2:])
 
 
 def unrest(size: np.ndarray) -> np.ndarray:
@@ -178,7 +171,11 @@ def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[s
     taken: set[tuple[str, int]] = set()
     flat = [(label, leap) for label, found in leaps.items() for leap in found]
     candidates = [
-        (_miss(leap, other), (label, leap), (other_label, other))
+        (
+            float(np.linalg.norm(leap.after - other.before) + np.linalg.norm(other.after - leap.before)),
+            (label, leap),
+            (other_label, other),
+        )
         for index, (label, leap) in enumerate(flat)
         for other_label, other in flat[index + 1 :]
         if other_label != label and _change_places(leap, other)
@@ -198,11 +195,6 @@ def take_exchanges(leaps: dict[str, list[Leap]]) -> tuple[list[Exchange], dict[s
         label: [leap for leap in found if (label, leap.first) not in taken] for label, found in leaps.items()
     }
     return exchanges, remaining
-
-
-def _miss(one: Leap, other: Leap) -> float:
-    """How far both leaps end from where the other began, metres."""
-    return float(np.linalg.norm(one.after - other.before) + np.linalg.norm(other.after - one.before))
 
 
 def _change_places(one: Leap, other: Leap) -> bool:
@@ -239,7 +231,12 @@ def missing_frames(
             continue
         # Of no use to a recording in which no markers leap together, which most are.
         steps = steps or [(size, unrest(size)) for size in map(step_sizes, points.values())]
-        leaping, seen = _count_leaping(steps, frame)
+        # Markers that do not go on smoothly into the frame, of those seen about it.
+        around = [
+            (size[frame - 1], usual[frame - 1]) for size, usual in steps if np.isfinite(size[frame - 1])
+        ]
+        seen = len(around)
+        leaping = sum(bool(size > max(_AT.least_step_m, ABOVE_UNREST * usual)) for size, usual in around)
         if leaping >= max(_AT.least_leaps, _AT.together * seen):
             taken.append(frame)
             findings.append(_finding(frame, leaping, seen, legend))
@@ -248,16 +245,6 @@ def missing_frames(
         for label, found in leaps.items()
     }
     return findings, remaining
-
-
-def _count_leaping(steps: list[tuple[np.ndarray, np.ndarray]], frame: int) -> tuple[int, int]:
-    """Count of the markers that do not go on smoothly into a frame, and of those seen about it."""
-    leaping = seen = 0
-    for size, usual in steps:
-        if np.isfinite(size[frame - 1]):
-            seen += 1
-            leaping += bool(size[frame - 1] > max(_AT.least_step_m, ABOVE_UNREST * usual[frame - 1]))
-    return leaping, seen
 
 
 def _finding(frame: int, leaping: int, seen: int, legend: Legend) -> Finding:

@@ -5,7 +5,7 @@ Settings are the section ``stability`` of a study's configuration.
 
 import math
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -194,11 +194,6 @@ def boa_columns() -> list[str]:
     return columns_of(__file__, "basin_areas")
 
 
-def method_words() -> dict[str, str]:
-    """What stands in the definition of the methods: how many digits the thesis's has."""
-    return {"resolution": ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())}
-
-
 def as_counts(column: pd.Series):
     """Return counts with empty cells as objects, which print as whole numbers."""
     return pd.Series([None if pd.isna(item) else int(item) for item in column], dtype=object).to_numpy()
@@ -217,20 +212,10 @@ def _shares(boa: pd.DataFrame) -> list[str]:
     return notes
 
 
-def checks_note(settings: StabilitySettings) -> str:
-    """Say which checks were made; what belongs to another has no column."""
-    others = [check for check in CHECK_COLUMNS if check not in settings.checks]
-    return f"Checks made (stability.checks): {', '.join(settings.checks) or 'none'}; not chosen: {', '.join(others) or 'none'}"
-
-
-def columns_not_chosen(checks: Iterable[str]) -> set[str]:
-    """Return the columns that belong to checks not among these."""
-    return {name for check, names in CHECK_COLUMNS.items() if check not in checks for name in names}
-
-
 def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
     """Return the areas of all basins and their checks as a published table, without the columns of checks not chosen."""
-    left_out = columns_not_chosen(settings.checks)
+    others = [check for check in CHECK_COLUMNS if check not in settings.checks]
+    left_out = {name for check in others for name in CHECK_COLUMNS[check]}
     shown = [name for name in boa_columns() if name not in left_out]
     frame = boa[shown].assign(**{name: as_counts(boa[name]) for name in DTYPES if name in shown})
     drawn = (frame["method"] == "exact") & (frame["sign"] == settings.pendulum.sign)
@@ -240,7 +225,11 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Ta
         "basin_areas",
         frame,
         data,
-        method_words(),
-        notes=(*_shares(boa), checks_note(settings)),
+        {"resolution": ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())},
+        notes=(
+            *_shares(boa),
+            f"Checks made (stability.checks): {', '.join(settings.checks) or 'none'}; "
+            f"not chosen: {', '.join(others) or 'none'}",
+        ),
         first_rows=tuple(drawn.to_numpy().nonzero()[0]),
     )

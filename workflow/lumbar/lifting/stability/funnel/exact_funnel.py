@@ -208,7 +208,9 @@ def funnel_variants(
         linear loop's funnel stays invariant.)
     """
     _require_terminal_set_within_reach(loops, terminal_level)
-    changes, which = distinct_variants(margin, negative_control)
+    wanted = [(0.0, 0.0), (margin, 0.0), (0.0, negative_control)]
+    changes = np.unique(wanted, axis=0)
+    which = [int(np.flatnonzero((changes == row).all(axis=1))[0]) for row in wanted]
     level = _backward(loops, terminal_level, changes)[:, which]
     return variants_of(loops, level, margin)
 
@@ -231,13 +233,6 @@ def variants_of(loops: ClosedLoops, level: np.ndarray, margin: float) -> FunnelV
         replace(exact, method=f"exact, margin {margin:g} 1/s", level=level[:, 1]),
         replace(exact, method="exact, negative control", level=level[:, 2]),
     )
-
-
-def distinct_variants(margin: float, negative_control: float) -> tuple[np.ndarray, list[int]]:
-    """Return margin and negative control of those of the three variants that differ, and which is which."""
-    wanted = [(0.0, 0.0), (margin, 0.0), (0.0, negative_control)]
-    changes = np.unique(wanted, axis=0)
-    return changes, [int(np.flatnonzero((changes == row).all(axis=1))[0]) for row in wanted]
 
 
 def _require_terminal_set_within_reach(loops: ClosedLoops, terminal_level: float) -> None:

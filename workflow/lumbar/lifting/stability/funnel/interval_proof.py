@@ -205,24 +205,18 @@ def proved_share(loops: ClosedLoops, funnels: Funnels) -> np.ndarray:
     index = np.arange(intervals * count)
     middle = np.full(len(index), 0.5)
     proved = np.zeros(count)
+    chunk = BOXES_AT_ONCE // ARCS
     for halving in range(TIME_HALVINGS + 1):
         width = 0.5**halving
-        holds = _prove(curves, index, middle, width)
+        holds = np.zeros(len(index), dtype=bool)
+        for start in range(0, len(index), chunk):
+            part = slice(start, start + chunk)
+            holds[part] = _prove_arcs(IntervalBounds(curves, index[part], middle[part], width))
         proved += width * np.bincount(index[holds] % count, minlength=count)
         index, middle = index[~holds], middle[~holds]
         middle = np.concatenate([middle - width / 4, middle + width / 4])
         index = np.concatenate([index, index])
     return proved / intervals
-
-
-def _prove(curves: Interpolants, index: np.ndarray, middle: np.ndarray, width: float) -> np.ndarray:
-    """Whether each piece of time is proved; `middle` and `width` in parts of its knot interval."""
-    holds = np.zeros(len(index), dtype=bool)
-    chunk = BOXES_AT_ONCE // ARCS
-    for start in range(0, len(index), chunk):
-        part = slice(start, start + chunk)
-        holds[part] = _prove_arcs(IntervalBounds(curves, index[part], middle[part], width))
-    return holds
 
 
 def _prove_arcs(pieces: IntervalBounds) -> np.ndarray:
