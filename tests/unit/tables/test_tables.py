@@ -4,12 +4,18 @@ import csv
 import math
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 
+import lumbar
 from lumbar.base.errors import NumericalError
+from lumbar.tables.described import described
 from lumbar.tables.table import Table, escape_latex
+
+LIBRARY = Path(lumbar.__file__).parent
 
 
 def made(**changes) -> Table:
@@ -146,3 +152,22 @@ def test_latex_is_balanced_and_names_no_sign_that_ends_it():
 )  # fmt: skip
 def test_numbers_in_latex_have_powers_of_ten(text, expected):
     assert escape_latex(text) == expected
+
+
+def test_a_new_column_is_shown_in_latex_unless_it_is_folded(tmp_path):
+    description = "t: {title: T, folded: [more_*], columns: {name: n, more_1: m, added_N: a}}"
+    (tmp_path / "tables.yaml").write_text(description)
+    table = described(str(tmp_path / "module.py"), "t", [{"name": "x", "more_1": 1, "added_N": 2}], "test")
+    tex, page = table.to_latex(), table.to_html()
+    assert "Added (N)" in tex and "More 1" not in tex
+    assert page.index("Added (N)") < page.index("<details>") < page.index("More 1")
+
+
+def test_a_column_without_a_header_is_shown_next_to_those_with_one():
+    assert "Value (N)" in made(headers={"model": "Model"}).to_latex()
+
+
+@pytest.mark.parametrize("file", sorted(LIBRARY.rglob("tables.yaml")), ids=lambda file: file.parent.name)
+def test_folded_columns_are_described(file):
+    for table in yaml.safe_load(file.read_text()).values():
+        assert set(table.get("folded", ())) <= set(table["columns"])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,8 +43,10 @@ def described(
     module : str
         ``__file__`` of the module, which ``tables.yaml`` lies beside or above.
     name : str
-        Of the table there. A column says what it ``is``, or also its ``header``, its ``decimals`` (then it holds floats),
-        whether cells may be ``empty`` and whether it is among the ``first``; ``*`` in its name stands for any words.
+        Of the table there. A column says what it ``is``, or also its ``header``, its ``decimals`` (then it holds floats)
+        and whether cells may be ``empty``; ``*`` in its name stands for any words. ``folded`` lists the columns that HTML
+        shows on demand and LaTeX leaves out; every other column is shown. A table without ``folded`` or headers shows
+        as many columns as fit the page.
     values : pandas.DataFrame or sequence of mapping
         The frame, or rows, which get the columns of the description in its order.
     words : mapping, optional
@@ -70,10 +73,17 @@ def described(
         "decimals": of_columns("decimals") | more.pop("decimals", {}),
         "may_be_empty": frozenset(of_columns("empty")),
         "headers": {column: text.format(**words) for column, text in of_columns("header").items()},
-        "first": tuple(of_columns("first")),
+        "first": _shown(said, columns),
     }
     definitions = {column: text.format(**words) for column, text in of_columns("is").items()}
     return Table(said["title"].format(**words), values, definitions, data, **fields | more)
+
+
+def _shown(said: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:
+    """Columns that are not folded; none if the description folds no columns."""
+    if "folded" not in said:
+        return ()
+    return tuple(name for name in names if not any(fnmatchcase(name, folded) for folded in said["folded"]))
 
 
 def _column(columns: Mapping[str, Any], name: str) -> dict[str, Any]:

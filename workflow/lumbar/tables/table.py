@@ -78,8 +78,8 @@ class Table:
     headers: dict[str, str] = field(default_factory=dict)
     """Words that stand over columns in LaTeX and HTML. Default: the column's name in words, its unit in brackets."""
     first: tuple[str, ...] = ()
-    """Columns shown first, in this order; HTML has the others on demand, LaTeX has none of them. Default: those of
-    `headers` where there are any, otherwise as many as fit the page."""
+    """Columns shown first, in this order; HTML has the others on demand, LaTeX has none of them. Default: all
+    where there are `headers`, otherwise as many as fit the page."""
     first_rows: tuple[int, ...] = ()
     """Rows shown first, as `first`. Default: all where they are few."""
     pictures: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -155,9 +155,9 @@ class Table:
         """Columns and rows shown first."""
         every = list(range(len(self.frame)))
         rows = list(self.first_rows) or (every if len(every) <= ROWS_SHOWN else every[:_FIRST_ROWS])
-        if self.first or self.headers:
-            return list(self.first or self.headers), rows
         names = [str(name) for name in self.frame.columns]
+        if self.first or self.headers:
+            return list(self.first or names), rows
         return names[: fitting(self._columns(names, every))], rows
 
     def _remarks(self, names: Iterable[str]) -> list[tuple[str, str]]:

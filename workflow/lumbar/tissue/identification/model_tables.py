@@ -122,8 +122,7 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) ->
         data,
         words,
         decimals={"mean_residual_N": 2} if unit == "N" else {},
-        first=tuple(frame.columns[: frame.columns.get_loc("estimator")]),  # the thesis's columns and rows
-        first_rows=tuple(printed.to_numpy().nonzero()[0]),
+        first_rows=tuple(printed.to_numpy().nonzero()[0]),  # the thesis's rows
     )
 
 
