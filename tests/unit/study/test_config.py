@@ -19,7 +19,7 @@ from lumbar.settings import key
 from lumbar.settings.plain import from_plain, plain
 from lumbar.settings.study_settings import StudySettings, record_layout
 from lumbar.study.artefacts import read_artefacts
-from lumbar.study.load_study import load_settings, load_study, load_study_file
+from lumbar.study.load_study import DEFAULT_FILES, load_settings, load_study, load_study_file
 from lumbar.study.study import reading_plan, record_set, recordings_of
 from lumbar.study.validation import overlay
 from refusing import refusal
@@ -441,6 +441,32 @@ def test_messages_name_the_file_that_said_it_last(tmp_path):
     assert f"{upper}, lines 4 and 5: key 'survey.note' stands twice" in message
     assert "--config: seed: found -5" in message
     assert "4 problems" in message
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ({"lifting": {"filter": {"order": 99}}}, "--config: lifting.filter.order: found 99; allowed: whole number ≥ 1, ≤ 8"),
+        ({"lifting": {"filtr": {"order": 2}}}, "--config: lifting.filtr: unknown key; did you mean 'filter'?"),
+        ({"lifting": {"subjects": ["expert", "nobody"]}}, "--config: lifting.subjects.1: no file config/subjects/nobody.yaml"),
+        ({"chapters": []}, "--config: chapters: none"),
+        ({"twin": {"seed": -5}}, "--config: twin.seed: found -5"),
+    ],
+)  # fmt: skip
+def test_a_bad_value_of_the_command_line_is_at_no_line_of_a_file(config, given, line):
+    message = refusal(load_study, overlay(config, given), PROJECT, [PROJECT / path for path in DEFAULT_FILES])
+    assert line in message
+    assert "config.yaml, line" not in message
+
+
+def test_a_bad_value_of_a_file_is_at_its_line_with_a_command_line_too(tmp_path, config):
+    study = tmp_path / "study.yaml"
+    study.write_text("lifting:\n  filter: {order: 99}\n")
+    merged = overlay(
+        overlay(config, {"lifting": {"filter": {"order": 99}}}), {"lifting": {"filter": {"cutoff_Hz": 5}}}
+    )
+    message = refusal(load_study, merged, PROJECT, [*(PROJECT / path for path in DEFAULT_FILES), study])
+    assert f"{study}, line 2: lifting.filter.order: found 99" in message
 
 
 @pytest.mark.parametrize(("content", "words"), [("a: Pr\xfcfung", "line 1: byte 0xfc is not"), ("a: x", "")])

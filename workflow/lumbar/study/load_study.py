@@ -49,7 +49,7 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
     """
     problems = Problems("configuration")
     read = [read_yaml(_below(root, file), problems, _named(root, file)) for file in files]
-    origins = Origins(problems, read)
+    origins = Origins(problems, read, config)
     settings = validate(config, StudySettings, origins)
     subjects, sources = _load_subjects(config, settings, root, origins)
     if settings is not None:

@@ -138,10 +138,13 @@ def overlay(base: dict, upper: dict) -> dict:
 
 
 class Origins:
-    """File and line that a key of a merged configuration comes from, for what is wrong with it; the last file lies on top."""
+    """File and line that a key of a merged configuration comes from, for what is wrong with it; the last file lies on top.
 
-    def __init__(self, problems: Problems, files: Sequence[YamlFile] = ()):
-        self.problems, self.files = problems, files
+    `merged` is the configuration, if it may hold more than its files: what no file holds was given on the command line.
+    """
+
+    def __init__(self, problems: Problems, files: Sequence[YamlFile] = (), merged: dict | None = None):
+        self.problems, self.files, self.merged = problems, files, merged
 
     def add(self, key: str | tuple, found: str, allowed: str) -> None:
         """Note a problem at a key, by its name or the way to it, as of `place`."""
@@ -149,27 +152,34 @@ class Origins:
         self.problems.add(self.place(way), found, allowed)
 
     def place(self, way: tuple, value: Any = _ANY) -> str:
-        """Name file, line and key of a place, as far as the files hold it.
+        """Name file, line and key of a place, as far as the files hold it; else ``--config``, if it was given there.
 
         Parameters
         ----------
         way : tuple
             Keys and numbers of entries.
         value : object, optional
-            What stands there: a file that says otherwise is not where it comes from.
+            What stands there, by default what the merged configuration has: a file that says otherwise is not where it
+            comes from.
         """
         name = ".".join(map(str, way)) or "top level"
-        holding = [file for file in self.files if way in file.lines]
-        for file in reversed(holding):
-            if value is _ANY or isinstance(value, dict) or _at(file.content, way) == value:
-                return f"{file.path}, line {file.lines[way]}: {name}"
-        if holding:
-            return f"--config: {name}"
-        for end in range(len(way) - 1, 0, -1):
-            for file in reversed(self.files):
-                if way[:end] in file.lines:
-                    return f"{file.path}, line {file.lines[way[:end]]}: {name}"
+        for end in range(len(way), 0, -1):
+            part = way[:end]
+            if value is _ANY or end < len(way):
+                value = _ANY if self.merged is None else _value(self.merged, part, _ANY)
+            holding = [file for file in self.files if part in file.lines]
+            for file in reversed(holding):
+                if value is _ANY or _is_merged(part, value) or _at(file.content, part) == value:
+                    return f"{file.path}, line {file.lines[part]}: {name}"
+            given = self.files and self.merged is not None and _value(self.merged, part, _ANY) is not _ANY
+            if given or holding:
+                return f"--config: {name}"
         return name
+
+
+def _is_merged(way: tuple, value: Any) -> bool:
+    """Whether a value is merged key by key from all files: a mapping that is in no list."""
+    return isinstance(value, dict) and not any(isinstance(part, int) for part in way)
 
 
 def _at(content: Any, way: tuple) -> Any:
