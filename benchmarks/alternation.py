@@ -63,7 +63,7 @@ class Written:
             parameter.value = value
         self._problem.solve(solver=self._solver, **self._options)
         if self._problem.status not in ("optimal", "optimal_inaccurate"):
-            raise NumericalError(f"{label}: {self._solver} ended as {self._problem.status}")
+            raise NumericalError(f"{label}: {self._solver} ended as {self._problem.status}", label)
         return float(self._rate.value) * scale, scale * np.array(
             [float(item.value) for item in self._multiplier.values()]
         )

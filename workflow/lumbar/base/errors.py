@@ -20,7 +20,19 @@ class InputError(LumbarError):
 
 
 class NumericalError(LumbarError):
-    """A computation that did not reach a result that may be published."""
+    """A computation that did not reach a result that may be published.
+
+    Parameters
+    ----------
+    message : str
+        What went wrong, in words for the user.
+    label : str, optional
+        Which of several things computed together failed; empty where this is not known.
+    """
+
+    def __init__(self, message: str, label: str = ""):
+        super().__init__(message)
+        self.label = label
 
 
 def user_message(error: BaseException) -> str | None:

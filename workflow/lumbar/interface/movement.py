@@ -201,7 +201,7 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
     """Average cross-sections of the basins (exact method) of some lifts, with both signs of gravity."""
     from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
     from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
-    from lumbar.lifting.stability.model.failures import attempts
+    from lumbar.lifting.stability.model.failures import compute_together
     from lumbar.lifting.stability.model.trajectories import Trajectory, trajectories_of_lift
 
     sound: list[tuple[str, Trajectory]] = []
@@ -210,15 +210,18 @@ def _basin_areas(lifts: Mapping[str, Lift], settings: StabilitySettings) -> pd.D
         trajectories, failures = trajectories_of_lift(found.states, found.facts, settings.pendulum.mass)
         sound += [(name, item) for item in trajectories]
         rows += [(name, item, ABSENT, item.reason) for item in failures]
-    computed: dict[int, np.ndarray] = {}
+    computed: dict[Trajectory, np.ndarray] = {}
     fewer = replace(settings, knots=settings.fewer_knots)
-    for attempt in attempts([item for _, item in sound], "exact, both signs", []):
-        with attempt as items:
-            loops = close_loops(items * len(SIGNS), [sign for sign in SIGNS for _ in items], fewer)
-            of_signs = exact_funnels(loops, settings.goal_level).mean_area.reshape(len(SIGNS), len(items))
-            computed |= zip(map(id, items), of_signs.T, strict=True)
+
+    def areas_of_signs(items: list[Trajectory]) -> np.ndarray:
+        loops = close_loops(items * len(SIGNS), [sign for sign in SIGNS for _ in items], fewer)
+        return exact_funnels(loops, settings.goal_level).mean_area.reshape(len(SIGNS), len(items)).T
+
+    every = [item for _, item in sound]
+    for items, of_signs in compute_together(areas_of_signs, every, "exact, both signs", []):
+        computed |= zip(items, of_signs, strict=True)
     for name, item in sound:
-        areas = computed.get(id(item))
+        areas = computed.get(item)
         rows.append((name, item, ABSENT, NO_BASIN) if areas is None else (name, item, areas, ""))
     frame = pd.DataFrame(
         [

@@ -14,7 +14,8 @@ from lumbar.lifting.stability.basins import basins_of_lift
 from lumbar.lifting.stability.comparison import table_4_1_controls
 from lumbar.lifting.stability.comparison.decomposition import decomposition_table
 from lumbar.lifting.stability.comparison.table_4_1 import tables_4_1
-from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.eq_4_1_pendulum import pendulum_label
+from lumbar.lifting.stability.model.failures import compute_together
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES
 from lumbar.publishing.figures.stability_figures import comparison_figure, figure_4_3, figure_4_4
 from study_settings import changed
@@ -49,14 +50,16 @@ def test_all_at_once_and_what_fails_by_itself(named):
 
     def compute(items):
         """Coms computed together or one by one, and what failed."""
-        results, failures = [], []
-        for attempt in attempts(items, "exact, hanging", failures):
-            with attempt as some:
-                calls.append(len(some))
-                if hard := [item for item in some if item.com == "pelvis"]:
-                    raise NumericalError(f"{hard[0].label if named else 'somebody'}: too hard")
-                results.append([item.com for item in some])
-        return results, failures
+
+        def coms(some):
+            calls.append(len(some))
+            if hard := [item for item in some if item.com == "pelvis"]:
+                raise NumericalError("too hard", pendulum_label(hard[0], "hanging") if named else "")
+            return [item.com for item in some]
+
+        failures = []
+        found = compute_together(coms, items, "exact, hanging", failures)
+        return [result for _, result in found], failures
 
     results, failures = compute(lift())
     others = ["thorax", "thorax", "abdomen", "abdomen"]
@@ -70,10 +73,11 @@ def test_all_at_once_and_what_fails_by_itself(named):
 
 
 def test_what_is_no_numerical_failure_stops_everything():
+    def compute(items):
+        raise InputError("weights")
+
     with pytest.raises(InputError, match="weights"):
-        for attempt in attempts(lift(), "x", []):
-            with attempt:
-                raise InputError("weights")
+        compute_together(compute, lift(), "x", [])
     regulator = {"state_weight": [[1.0, 2.0], [2.0, 1.0]], "control_weight": -1.0}
     with pytest.raises(InputError, match="2 problems"):
         basins_of_lift(lift(), changed(FAST, regulator=regulator), seed=1)
@@ -99,7 +103,7 @@ def test_table_4_1_names_the_missing_basin_in_place_of_its_number(published, mon
     def areas(cases, settings):
         for item in chain.from_iterable(cases.values()):
             if (item.subject, item.com) == ("novice", "thorax"):
-                raise NumericalError(f"{item.label}: out of reach")
+                raise NumericalError(f"{item.label}: out of reach", pendulum_label(item, "hanging"))
         return {name: np.ones(len(items)) for name, items in cases.items()}
 
     study = study_of([lift_states(), lift_states("novice")], replace(FAST, checks=()), published)

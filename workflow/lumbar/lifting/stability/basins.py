@@ -7,6 +7,7 @@ import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from lumbar.lifting.stability.funnel.monte_carlo_check import monte_carlo_check
 from lumbar.lifting.stability.methods import METHODS, MethodResult, thesis_methods
 from lumbar.lifting.stability.model.eq_4_1_pendulum import feedforward_torque
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops, weights_of
-from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.failures import compute_together
 from lumbar.lifting.stability.model.trajectories import THESIS, Failure, Trajectory
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import RESOLUTION
 from lumbar.settings.stability import PendulumSettings, StabilitySettings
@@ -88,15 +89,28 @@ def basins_of_lift(
     further = methods[1:] if same else methods
     plans += [("thesis", list(as_in_thesis), method, THESIS.sign) for method in further]
     for wording, items, method, gravity in plans:
-        for attempt in attempts(items, f"{method}, {gravity}", failures):
-            with attempt as some:
-                loops = close_loops(some, gravity, settings)
-                result = METHODS[method](loops, settings)
-                rows += basin_rows(some, loops, result, settings, seed, gravity)
-                frames.append(_funnel_frame(wording, some, gravity, result.funnels, settings.pendulum))
+        compute = partial(_rows_and_funnels, wording, method, gravity, settings, seed)
+        for _, (of_summary, funnels) in compute_together(compute, items, f"{method}, {gravity}", failures):
+            rows += of_summary
+            frames.append(funnels)
     summary = pd.DataFrame(rows, columns=boa_columns()).astype(DTYPES)
     empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
     return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
+
+
+def _rows_and_funnels(
+    wording: str,
+    method: str,
+    gravity: str,
+    settings: StabilitySettings,
+    seed: int,
+    trajectories: list[Trajectory],
+) -> tuple[list[dict], pd.DataFrame]:
+    """Return the rows of ``boa.csv`` and the funnels of some trajectories by one method."""
+    loops = close_loops(trajectories, gravity, settings)
+    result = METHODS[method](loops, settings)
+    rows = basin_rows(trajectories, loops, result, settings, seed, gravity)
+    return rows, _funnel_frame(wording, trajectories, gravity, result.funnels, settings.pendulum)
 
 
 def basin_rows(

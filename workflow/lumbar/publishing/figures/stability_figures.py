@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ from lumbar.lifting.stability.funnel.lyapunov_family import best_of_family
 from lumbar.lifting.stability.funnel.monte_carlo_check import preimage
 from lumbar.lifting.stability.methods import METHODS, thesis_methods
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops, normal_axes
-from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.failures import compute_together
 from lumbar.lifting.stability.model.trajectories import THESIS, Convention, Trajectory
 from lumbar.publishing.figures.palette import MEASURED, SEGMENTS
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, house_style, new_figure, say_instead
@@ -273,19 +274,21 @@ def _sections(
     sound = [item for item in shown if "exact" in found[item.plane]]
     # A picture needs no more knots than the other variants, and no proof.
     fewer = replace(settings, knots=settings.fewer_knots, checks=())
-    for attempt in attempts(sound, "states that reach the goal", []):
-        with attempt as items:
-            loops = close_loops(items, settings.pendulum.sign, fewer)
-            goal = np.stack([found[item.plane]["goal"] for item in items], axis=1)
-            for item, reached in zip(items, np.moveaxis(preimage(loops, goal), 1, 0), strict=True):
-                found[item.plane]["reached"] = reached
+
+    def reaching(items: list[Trajectory]) -> np.ndarray:
+        loops = close_loops(items, settings.pendulum.sign, fewer)
+        goal = np.stack([found[item.plane]["goal"] for item in items], axis=1)
+        return preimage(loops, goal)
+
+    for items, edges in compute_together(reaching, sound, "states that reach the goal", []):
+        for index, item in enumerate(items):
+            found[item.plane]["reached"] = edges[:, index]
     for name in (*thesis_methods(settings)[1:], "best"):
-        for attempt in attempts(sound, name, []):
-            with attempt as items:
-                funnels = _funnels(items, name, fewer)
-                first = ellipses(funnels.cost[0], funnels.level[0], _FINE_CIRCLE)
-                for index, item in enumerate(items):
-                    found[item.plane][name] = first[:, index]
+        compute = partial(_funnels, name=name, settings=fewer)
+        for items, funnels in compute_together(compute, sound, name, []):
+            first = ellipses(funnels.cost[0], funnels.level[0], _FINE_CIRCLE)
+            for index, item in enumerate(items):
+                found[item.plane][name] = first[:, index]
     return found
 
 

@@ -16,7 +16,7 @@ from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, 
 from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
-from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.failures import compute_together
 from lumbar.lifting.stability.model.torque_limits import exceeds, reference_of, torque_range
 from lumbar.lifting.stability.model.trajectories import Failure, LiftStates, Trajectory, headline
 from lumbar.settings.stability import StabilitySettings
@@ -172,14 +172,15 @@ def pushed_pendulums(
 ) -> tuple[list[PushedPendulum], list[Failure]]:
     """Close the loops of a lift in the headline's convention, with their exact funnels; and what has none, or no trajectory."""
     sound, unsound = states.trajectories(headline(settings, states.facts))
-    found: list[PushedPendulum] = []
     failures = list(unsound)
-    for attempt in attempts(sound, "exact funnel", failures):
-        with attempt as items:
-            loops = close_loops(items, settings.pendulum.sign, settings)
-            funnels = exact_funnels(loops, settings.goal_level)
-            found += [_pushed(item, index, loops, funnels, settings) for index, item in enumerate(items)]
-    return found, failures
+
+    def pushed(items: list[Trajectory]) -> list[PushedPendulum]:
+        loops = close_loops(items, settings.pendulum.sign, settings)
+        funnels = exact_funnels(loops, settings.goal_level)
+        return [_pushed(item, index, loops, funnels, settings) for index, item in enumerate(items)]
+
+    computed = compute_together(pushed, sound, "exact funnel", failures)
+    return [pendulum for _, some in computed for pendulum in some], failures
 
 
 def _pushed(

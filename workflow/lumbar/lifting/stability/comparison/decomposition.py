@@ -13,6 +13,7 @@ from math import factorial
 import numpy as np
 import pandas as pd
 
+from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.comparison.percent_differences import (
     Study,
     comparison_definition,
@@ -20,7 +21,6 @@ from lumbar.lifting.stability.comparison.percent_differences import (
     headline_words,
 )
 from lumbar.lifting.stability.comparison.table_4_1_controls import varied_areas
-from lumbar.lifting.stability.model.failures import attempts
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES, Failure, Trajectory
 from lumbar.tables.described import described
 from lumbar.tables.table import Table
@@ -127,10 +127,12 @@ def _areas(pairs: list, study: Study, failures: list[Failure]) -> list[tuple[np.
     found = []
     for *lifts, weight, person in pairs:
         between = [exchanged(*lifts, taken) for taken in EXCHANGED]
-        for attempt in attempts([between[0]], "Table 4.1, its parts", failures):
-            with attempt:
-                areas = varied_areas({"parts": between}, study.settings)["parts"]
-                found.append((areas, weight, person))
+        try:
+            areas = varied_areas({"parts": between}, study.settings)["parts"]
+        except NumericalError as error:
+            failures.append(Failure.of(between[0], "Table 4.1, its parts", str(error)))
+        else:
+            found.append((areas, weight, person))
     return found
 
 

@@ -23,7 +23,7 @@ from lumbar.lifting.stability.comparison.percent_differences import (
 from lumbar.lifting.stability.funnel.exact_funnel import Funnels, exact_funnels, integrate_backward
 from lumbar.lifting.stability.model.eq_4_1_pendulum import gather
 from lumbar.lifting.stability.model.eq_4_2_regulator import Weights, close_loops, regulate, weights_of
-from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.failures import compute_together
 from lumbar.lifting.stability.model.trajectories import PLANES, THESIS, Failure, Trajectory, at_rest
 from lumbar.lifting.stability.programme.polynomials import circle_maximum, growth_polynomial
 from lumbar.settings.stability import StabilitySettings
@@ -103,15 +103,19 @@ def variants(study: Study) -> tuple[dict[str, pd.DataFrame], list[Failure]]:
     for name, items in cases.items():
         found = list(zip(items, at_once[name], strict=True)) if name in at_once else []
         left = [] if name in at_once else items
-        for attempt in attempts(left, f"Table 4.1, {CHANGES.get(name, 'null control')}", failures):
-            with attempt as some:
-                if name in TAYLOR:
-                    found += zip(some, taylor_areas(some, settings, TAYLOR[name]), strict=True)
-                else:
-                    found += zip(some, varied_areas({name: some}, settings)[name], strict=True)
+        compute = partial(_areas_under, name, settings)
+        basin = f"Table 4.1, {CHANGES.get(name, 'null control')}"
+        for some, values in compute_together(compute, left, basin, failures):
+            found += zip(some, values, strict=True)
         rows = [{key: getattr(item, key) for key in _KEYS} | {"mean_area": area} for item, area in found]
         areas[name] = pd.DataFrame(rows, columns=[*_KEYS, "mean_area"])
     return areas, failures
+
+
+def _areas_under(name: str, settings: StabilitySettings, items: list[Trajectory]) -> np.ndarray:
+    if name in TAYLOR:
+        return taylor_areas(items, settings, TAYLOR[name])
+    return varied_areas({name: items}, settings)[name]
 
 
 def varied_areas(cases: Mapping[str, list[Trajectory]], settings: StabilitySettings) -> dict[str, np.ndarray]:
@@ -162,7 +166,8 @@ def taylor_areas(trajectories: list[Trajectory], settings: StabilitySettings, de
         areas = Funnels(f"Taylor {degree}", loops.pendulums.duration, loops.cost[::2], level).mean_area
     if not np.isfinite(areas).all():
         index = int(np.argmin(np.isfinite(areas)))
-        raise NumericalError(f"{loops.pendulums.labels[index]}: no finite basin with Taylor degree {degree}")
+        label = loops.pendulums.labels[index]
+        raise NumericalError(f"{label}: no finite basin with Taylor degree {degree}", label)
     return areas
 
 

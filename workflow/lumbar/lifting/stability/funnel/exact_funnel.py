@@ -225,7 +225,8 @@ def variants_of(loops: ClosedLoops, level: np.ndarray, margin: float) -> FunnelV
         raise NumericalError(
             f"{pendulums.labels[index]}: the basin reaches {semi_axis[:, index].max():.3g} rad from its "
             f"trajectory; at most {LARGEST_SEMI_AXIS:g} rad are allowed: raise stability.regulator.control_weight (about the "
-            "hips 2 suits) or lower its state weight"
+            "hips 2 suits) or lower its state weight",
+            label=pendulums.labels[index],
         )
     exact = Funnels("exact", pendulums.duration, loops.cost[::2], level[:, 0])
     return FunnelVariants(
@@ -242,7 +243,8 @@ def _require_terminal_set_within_reach(loops: ClosedLoops, terminal_level: float
         index = int(semi_axis.argmax())
         raise NumericalError(
             f"{loops.pendulums.labels[index]}: the goal set reaches {semi_axis[index]:.3g} rad from the trajectory's end, "
-            "outside any funnel (π rad); lower stability.goal_level or raise the regulator's terminal_weight"
+            "outside any funnel (π rad); lower stability.goal_level or raise the regulator's terminal_weight",
+            label=loops.pendulums.labels[index],
         )
 
 

@@ -67,7 +67,8 @@ def with_lyapunov_function(loops: ClosedLoops, share: float | np.ndarray) -> Clo
     if lost.any():
         index = int(np.argwhere(lost)[-1][1])
         raise NumericalError(
-            f"{pendulums.labels[index]}: the Lyapunov function of share {share[index]:g} is indefinite"
+            f"{pendulums.labels[index]}: the Lyapunov function of share {share[index]:g} is indefinite",
+            label=pendulums.labels[index],
         )
     return replace(loops, cost=cost, decay=share[:, None] * loops.decay)
 

@@ -154,7 +154,8 @@ def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> i
     raise NumericalError(
         f"{loops.pendulums.labels[index]}: {loops.step[index]:.3g} s between knots is too long for a loop "
         f"with a rate of {rate[index]:.3g} 1/s; raise stability.regulator.control_weight (about the hips 2 suits), or "
-        "stability.knots"
+        "stability.knots",
+        label=loops.pendulums.labels[index],
     )
 
 

@@ -48,6 +48,11 @@ class Pendulums:
         )
 
 
+def pendulum_label(trajectory: Trajectory, sign: str) -> str:
+    """Return what messages and `lumbar.base.errors.NumericalError.label` call the pendulum of a trajectory."""
+    return f"{trajectory.label} ({sign})"
+
+
 def gather(
     trajectories: Sequence[Trajectory],
     sign: str | Sequence[str],
@@ -79,7 +84,7 @@ def gather(
         CubicSpline((item.time - item.time[0]) / item.duration, item.angle)(phase) for item in trajectories
     ]
     return Pendulums(
-        labels=tuple(f"{item.label} ({sign})" for item, sign in zip(trajectories, signs, strict=True)),
+        labels=tuple(pendulum_label(item, sign) for item, sign in zip(trajectories, signs, strict=True)),
         inertia=mass * length**2,
         damping=np.full(len(trajectories), damping, dtype=float),
         gravity_torque=np.array([SIGNS[sign] for sign in signs]) * mass * gravity * length,

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from lumbar.base.errors import NumericalError
+from lumbar.lifting.stability.model.eq_4_1_pendulum import SIGNS, pendulum_label
 from lumbar.lifting.stability.model.trajectories import Failure, Trajectory
 from lumbar.tables.described import columns_of, described
 from lumbar.tables.table import Table
@@ -20,54 +21,46 @@ from lumbar.tables.table import Table
 if TYPE_CHECKING:
     import pandas as pd
 
-
-@dataclass
-class Attempt:
-    """A context in which to compute the basins of some trajectories; entering it gives them."""
-
-    trajectories: list[Trajectory]
-    error: NumericalError | None = None
-    """Why there is no result."""
-
-    def __enter__(self) -> list[Trajectory]:
-        return self.trajectories
-
-    def __exit__(self, kind, error, traceback) -> bool:
-        self.error = error if isinstance(error, NumericalError) else None
-        return self.error is not None
+Result = TypeVar("Result")
 
 
-def attempts(trajectories: list[Trajectory], basin: str, failures: list[Failure]) -> Iterator[Attempt]:
-    """Yield an attempt at all trajectories at once; where the error's message begins with the label of one, it is tried by
-    itself and the others together again, else each by itself.
+def compute_together(
+    compute: Callable[[list[Trajectory]], Result],
+    trajectories: list[Trajectory],
+    basin: str,
+    failures: list[Failure],
+) -> list[tuple[list[Trajectory], Result]]:
+    """Compute all trajectories at once; where the error's label is that of one, it is tried by itself and the others
+    together again, else each by itself.
 
     The integration takes as many steps for one basin as for a hundred.
 
-    `basin` says what is computed, for `Failure.basin`; `failures` grows by those that fail by themselves.
+    `basin` says what is computed, for `Failure.basin`; `failures` grows by those that fail by themselves. Returned are
+    the trajectories that were computed together, with their result.
 
     Examples
     --------
-    >>> areas, failures = {}, []
-    >>> for attempt in attempts(["thorax", "pelvis"], "exact", failures):
-    ...     with attempt as items:
-    ...         areas |= dict.fromkeys(items, 0.5)
-    >>> areas
-    {'thorax': 0.5, 'pelvis': 0.5}
+    >>> compute_together(len, ["thorax", "pelvis"], "exact", [])
+    [(['thorax', 'pelvis'], 2)]
     """
+    found = []
     left = list(trajectories)
     while left:
-        together = Attempt(left)
-        yield together
-        if together.error is None:
-            return
-        named = [item for item in left if str(together.error).startswith(item.label)] or left
-        for item in named:
-            alone = together if len(left) == 1 else Attempt([item])
-            if alone is not together:
-                yield alone
-            if alone.error is not None:
-                failures.append(Failure.of(item, basin, str(alone.error)))
-        left = [item for item in left if not any(item is other for other in named)]
+        try:
+            return [*found, (left, compute(left))]
+        except NumericalError as error:
+            label = error.label
+            if len(left) == 1:
+                failures.append(Failure.of(left[0], basin, str(error)))
+                return found
+        alone = [item for item in left if label in (pendulum_label(item, sign) for sign in SIGNS)] or left
+        left = [item for item in left if item not in alone]
+        for item in alone:
+            try:
+                found.append(([item], compute([item])))
+            except NumericalError as error:
+                failures.append(Failure.of(item, basin, str(error)))
+    return found
 
 
 def failures_frame(failures: list[Failure]) -> pd.DataFrame:

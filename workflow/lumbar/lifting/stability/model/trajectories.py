@@ -29,9 +29,9 @@ VELOCITY_TOLERANCE = 0.1
 """How far the integral of the angular velocity may stray from the angle, as a share of the angle's range."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
-    """States of the pendulum of one COM, seen in one plane, while a box is deposited."""
+    """States of the pendulum of one COM, seen in one plane, while a box is deposited; equal only to itself."""
 
     subject: str
     experience: str

@@ -16,7 +16,7 @@ import pandas as pd
 from lumbar.base.errors import NumericalError
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import ClosedLoops, close_loops
-from lumbar.lifting.stability.model.failures import attempts
+from lumbar.lifting.stability.model.failures import compute_together
 from lumbar.lifting.stability.model.trajectories import THESIS, Failure, Trajectory
 from lumbar.lifting.stability.programme.eqs_4_5_to_4_7_alternation import ACCURACY, DEGREE
 from lumbar.lifting.stability.programme.polynomials import growth_polynomial, monomials
@@ -161,10 +161,10 @@ class RateProgramme:
             try:
                 self._problem.solve(solver=cp.CLARABEL, **limits)
             except cp.SolverError as error:
-                raise NumericalError(f"{label}: Eq. 4.6 in cvxpy: {error}") from error
+                raise NumericalError(f"{label}: Eq. 4.6 in cvxpy: {error}", label) from error
             if self._problem.status == cp.OPTIMAL:
                 return float(self._rate.value)
-        raise NumericalError(f"{label}: Eq. 4.6 in cvxpy ended as {self._problem.status}")
+        raise NumericalError(f"{label}: Eq. 4.6 in cvxpy ended as {self._problem.status}", label)
 
 
 def _assign(parameters: Polynomial, values: Polynomial) -> None:
@@ -211,12 +211,14 @@ def cross_check(
     found: dict[str, float] = {}
     failures: list[Failure] = []
     fewer = replace(settings, knots=settings.fewer_knots)
-    for attempt in attempts(trajectories, CHECK, failures):
-        with attempt as items:
-            loops = close_loops(items, THESIS.sign, fewer)
-            level = exact_funnels(loops, settings.goal_level).level
-            differences = rate_differences(loops, level, [0, loops.knots // 2])
-            found |= {item.label: value for item, value in zip(items, differences, strict=True)}
+
+    def differences_of_rates(items: list[Trajectory]) -> np.ndarray:
+        loops = close_loops(items, THESIS.sign, fewer)
+        level = exact_funnels(loops, settings.goal_level).level
+        return rate_differences(loops, level, [0, loops.knots // 2])
+
+    for items, values in compute_together(differences_of_rates, trajectories, CHECK, failures):
+        found |= {item.label: value for item, value in zip(items, values, strict=True)}
     failures += [
         Failure.of(
             item,

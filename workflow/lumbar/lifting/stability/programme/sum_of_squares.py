@@ -87,5 +87,7 @@ class Certificate:
         scale = float(np.abs(coefficients).max())
         found = self._programme.solve(-coefficients / scale)
         if found is None:
-            raise NumericalError(f"{label}: the sum-of-squares programme ended as {self._programme.status}")
+            raise NumericalError(
+                f"{label}: the sum-of-squares programme ended as {self._programme.status}", label
+            )
         return float(found[0]) * scale, found[1:] * scale
