@@ -13,13 +13,35 @@ The verbs of the command line and of the workflow, on objects::
     print(lumbar.basins(lift))
 """
 
-from pathlib import Path
-
 __version__ = "0.1.0"
 
-_STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
-_VERBS = {words[3]: words[1] for words in map(str.split, _STUB.splitlines()) if words[:1] == ["from"]}
-"""Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing."""
+_VERBS = {
+    "export_fmu": "lumbar.interface.device",
+    "load_models": "lumbar.interface.device",
+    "render": "lumbar.interface.device",
+    "diagnose": "lumbar.interface.diagnosis",
+    "propose": "lumbar.interface.diagnosis",
+    "identify": "lumbar.interface.identification",
+    "import_recordings": "lumbar.interface.importing",
+    "inspect": "lumbar.interface.inspecting",
+    "lift": "lumbar.interface.lift",
+    "basins": "lumbar.interface.lift_basins",
+    "lift_page": "lumbar.interface.lift_page",
+    "measure_movement": "lumbar.interface.movement",
+    "analyse_survey": "lumbar.interface.participants",
+    "compare_groups": "lumbar.interface.people",
+    "read": "lumbar.interface.reading",
+    "compare": "lumbar.interface.refinement",
+    "locate": "lumbar.interface.refinement",
+    "refine": "lumbar.interface.refinement",
+    "report": "lumbar.interface.study_report",
+    "bandwidth": "lumbar.interface.surgeons",
+    "design_signals": "lumbar.interface.surgeons",
+    "load_settings": "lumbar.study.load_study",
+    "load_subject": "lumbar.study.load_study",
+}
+"""Where each verb lies: modules are imported when a verb is first used, so that ``import lumbar`` costs nothing. The
+stub ``__init__.pyi`` says the same to type checkers."""
 
 __all__ = sorted(_VERBS)
 

@@ -1,4 +1,4 @@
-"""What ``import lumbar`` offers, one import a line: for type checkers, and for the package, which imports verbs late."""
+"""What ``import lumbar`` offers, for type checkers: the package itself imports verbs late, from the same modules."""
 
 from lumbar.interface.device import export_fmu as export_fmu
 from lumbar.interface.device import load_models as load_models

@@ -1,8 +1,10 @@
 """``import lumbar``: the verbs on objects, for notebooks, and what commands make of them."""
 
+import ast
 import filecmp
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,6 +54,9 @@ def test_import_loads_nothing_that_a_verb_needs_later():
 
 
 def test_the_package_offers_its_stubs_verbs():
+    stub = ast.parse(Path(lumbar.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+    assert {item.asname: node.module for node in imports for item in node.names} == lumbar._VERBS
     assert {"read", "diagnose", "lift"} <= set(lumbar.__all__) <= set(dir(lumbar))
     assert all(callable(getattr(lumbar, verb)) for verb in lumbar.__all__)
 
