@@ -91,14 +91,6 @@ class _Terminal:
         return getattr(self.inner, name)
 
 
-def _check_outputs(options: argparse.Namespace) -> None:
-    """Refuse what cannot be written before anything is read: a fit takes minutes."""
-    for name in ("output", "excitation", "picture"):
-        path = getattr(options, name, None)
-        if path is not None:
-            check_place(path if name == "output" and not path.suffix else path.parent)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command.
 
@@ -116,7 +108,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     use_one_thread()
     try:
         options = build_parser().parse_args(arguments)
-        _check_outputs(options)
+        # Reject an output that cannot be written before anything is read: a fit takes minutes.
+        for name in ("output", "excitation", "picture"):
+            path = getattr(options, name, None)
+            if path is not None:
+                check_place(path if name == "output" and not path.suffix else path.parent)
         with redirect_stdout(cast(TextIO, _Terminal(sys.stdout))):
             options.run(options)
     except KeyboardInterrupt:

@@ -218,7 +218,13 @@ class Diagnosis:
         linear = [] if self.verdict.linear is None else [self.verdict.linear]
         document = refined_document([*linear, *kept.path], kept.experiment, self.data)
         write_json(folder / "refined.json", document)
-        self._save_law(folder / "proposed_law.yaml")
+        # A file that an earlier diagnosis left is removed.
+        path = folder / "proposed_law.yaml"
+        law = self.propose() if self.proposal is not None else None
+        if law is not None and law.found:
+            law.save(path, path.stem)
+        else:
+            path.unlink(missing_ok=True)
         if self.verdict.experiment.points:
             write_text(folder / "diagnosis.html", self.to_html())
             return
@@ -228,14 +234,6 @@ class Diagnosis:
     def written(self) -> str:
         """Return the page that `save` writes where there is none to look around in."""
         return self.to_html()
-
-    def _save_law(self, path: Path) -> None:
-        """Write the effect's file; one that an earlier diagnosis left there is taken away."""
-        law = self.propose() if self.proposal is not None else None
-        if law is not None and law.found:
-            law.save(path, path.stem)
-        else:
-            path.unlink(missing_ok=True)
 
     def _save_pictures(self, folder: Path) -> dict[str, Path]:
         from lumbar.publishing.pages.diagnosis_pictures import draw_pictures

@@ -198,7 +198,9 @@ class Inspected:
         """Return all but the trajectories in sentences."""
         sheet, (runs, words) = self.sheet, self.pipeline
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
-        recognised = self._suggested()
+        # Landmarks whose usual labels the file has, and no alias of the settings uses.
+        free = landmarks([label for label in sheet.unused if label not in THIGH])
+        recognised = {name: label for name, label in free.items() if name in sheet.absent}
         suggested = ", ".join(f"{name} = {label}" for name, label in recognised.items())
         if suggested and NEW_STUDY not in words:
             suggested += f"; {NEW_STUDY} writes the aliases"
@@ -217,11 +219,6 @@ class Inspected:
         }
         lines = [*sheet.lines(), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
         return [*lines, *(f"  {line}" for line in words.splitlines())]
-
-    def _suggested(self) -> dict[str, str]:
-        """Landmarks whose usual labels the file has, which no alias of the settings takes."""
-        free = [label for label in self.sheet.unused if label not in THIGH]
-        return {name: label for name, label in landmarks(free).items() if name in self.sheet.absent}
 
     def save_picture(self, path: str | os.PathLike) -> None:
         """Draw heights, gaps and findings into a file ``.svg`` or ``.pdf``."""

@@ -80,7 +80,7 @@ def lift(
     found, trial = trial_of(subject, Path(markers), box_mass_kg, trial)
     name = name or found
     settings = settings.of_trial(trial)
-    static = static or static_of(subject, trial, Path(markers))
+    static = static or _beside(f"subject.static of {subject.name}", subject.static, trial, Path(markers))
     standing = (
         None if static is None else labelled_markers(static, settings.markers, subject.height_m).positions
     )
@@ -325,17 +325,6 @@ def _recorded_in(lifts: dict[str, TrialSettings], markers: Path) -> dict[str, Tr
     lengths = {name: shared(trial) for name, trial in lifts.items()}
     longest = max(lengths.values())
     return {name: lifts[name] for name, length in lengths.items() if length == longest > 0}
-
-
-def static_of(subject: SubjectSettings, trial: TrialSettings, markers: Path) -> Path | None:
-    """Return the file of the subject's static trial, which lies below the same folder as the trial's; None without one.
-
-    Raises
-    ------
-    InputError
-        Naming the places where it was looked for.
-    """
-    return _beside(f"subject.static of {subject.name}", subject.static, trial, markers)
 
 
 def _beside(key: str, named: str | None, trial: TrialSettings, markers: Path) -> Path | None:

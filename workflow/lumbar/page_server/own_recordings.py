@@ -250,7 +250,9 @@ class OwnRecordings:
         with self._one_at_a_time:
             self.choices = checked_choices(asked.get("choices") or {})
             imported, name = self._imported(), checked_name(asked.get("name"))
-            records = at_one_rate(imported.records)
+            # One model needs one rate: the lowest of the records.
+            rate = common_rate(1 / record.sampling_time for record in imported.records)
+            records = [record if rate is None else resample(record, rate) for record in imported.records]
             train = checked_training(asked.get("train"), records)
             make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
             if self._explored is not None and self._explored.job is not None:
@@ -268,12 +270,6 @@ class OwnRecordings:
             refuse_links(folder)
             study = imported.save(folder)
             return f"{len(imported)} records and {study.name} written to {study.parent}; next: {imported.next_command(study)}"
-
-
-def at_one_rate(records: Sequence[Record]) -> list[Record]:
-    """Return records at the lowest of their rates: one model needs one."""
-    rate = common_rate(1 / record.sampling_time for record in records)
-    return list(records) if rate is None else [resample(record, rate) for record in records]
 
 
 def _finite(value: float) -> float | None:

@@ -37,10 +37,16 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
         raise InputError(
             f"{path}: NumFrames: {header['NumFrames']:g}; the file holds {len(printed)} frames; it may be cut short"
         )
+    # Instants of the frames at the stated rate, checked against the printed ones.
+    rate = header["DataRate"]
+    steps = np.arange(len(printed)) / rate
+    even = np.median(printed - steps) + steps
+    # A printed instant is off by half its last digit; a rate printed with few digits drifts over a recording.
+    check_even(path, printed, even, rate, resolution / 2 + _RATE_TOLERANCE * steps[-1])
     return split_points(
         source=str(path),
-        time=_even_clock(path, printed, header["DataRate"], resolution),
-        rate=header["DataRate"],
+        time=even,
+        rate=rate,
         unit=str(header.get("Units", "")),
         labels=labels,
         points=mark_missing(values),
@@ -124,7 +130,13 @@ def _rows(
         untimed = int((~np.isfinite(table[:, :2])).any(axis=1).argmax())
         raise InputError(f"{path}: line {rows[untimed][0]}: no time")
     points = table[:, 2:].reshape(len(table), n_markers, 3)
-    _check_whole_markers(path, points)
+    # A marker that is never there with all three coordinates: the columns are shifted.
+    seen = np.isfinite(points)
+    torn = seen.any(axis=(0, 2)) & ~seen.all(axis=2).any(axis=0)
+    if torn.any():
+        raise InputError(
+            f"{path}: marker {int(torn.argmax()) + 1} has one or two coordinates and never three; a column is missing"
+        )
     return table[:, 1], points, 10.0 ** -min(decimals, 300)
 
 
@@ -157,22 +169,3 @@ def _columns(path: Path, rows: list[tuple[int, list[str]]], width: int, n_marker
         stop_at_many(problems)
     problems.raise_if_any()
     return slice(first, last)
-
-
-def _check_whole_markers(path: Path, points: np.ndarray) -> None:
-    """Raise where a marker is never there with all three coordinates: the columns are shifted."""
-    seen = np.isfinite(points)
-    torn = seen.any(axis=(0, 2)) & ~seen.all(axis=2).any(axis=0)
-    if torn.any():
-        raise InputError(
-            f"{path}: marker {int(torn.argmax()) + 1} has one or two coordinates and never three; a column is missing"
-        )
-
-
-def _even_clock(path: Path, printed: np.ndarray, rate: float, resolution: float) -> np.ndarray:
-    """Instants of the frames at the stated rate, checked against the printed ones."""
-    steps = np.arange(len(printed)) / rate
-    even = np.median(printed - steps) + steps
-    # A printed instant is off by half its last digit; a rate printed with few digits drifts over a recording.
-    check_even(path, printed, even, rate, resolution / 2 + _RATE_TOLERANCE * steps[-1])
-    return even

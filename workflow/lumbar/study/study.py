@@ -204,10 +204,6 @@ def _column_reading(study: Study, chapter: str, record, layout: ColumnLayout, ra
     return {key: value for key, value in reading.items() if value is not None}
 
 
-def _marker_reading(study: Study, chapter: str, file: str, layout: dict) -> dict:
-    return {"chapter": chapter, "reader": "markers", "path": study.recording(file), "layout": layout}
-
-
 def _lift_readings(study: Study) -> list[dict]:
     lifting = study.settings.lifting
     moment = plain(lifting.moment_layout)
@@ -215,7 +211,8 @@ def _lift_readings(study: Study) -> list[dict]:
     plan = []
     for name, lift in study.lifts.items():
         markers = plain(lifting.of_trial(lift.trial).markers)
-        plan.append(_marker_reading(study, "lifting", lift.trial.markers, markers))
+        path = study.recording(lift.trial.markers)
+        plan.append({"chapter": "lifting", "reader": "markers", "path": path, "layout": markers})
         if lift.trial.hip_moment:
             path = study.recording(lift.trial.hip_moment)
             plan.append({**moments, "path": path, "name": f"hip moment of {name}"})

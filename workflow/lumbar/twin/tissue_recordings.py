@@ -76,23 +76,17 @@ def tissue_test(
         force = np.interp(time - tissue.delay_s, time, force)
     noise = tissue.noise_N
     if noise is None:
-        noise = noise_deviation(force, tissue.noise_variance_share)
+        # The noise makes up this share of the variance of the recording.
+        share = tissue.noise_variance_share
+        noise = math.sqrt(share / (1.0 - share)) * float(force.std())
     white = rng.standard_normal(len(force))
     if tissue.noise_correlation_s:
         decay = math.exp(-(time[1] - time[0]) / tissue.noise_correlation_s)
-        return force + noise * _correlated(white, decay, rng.standard_normal())
+        # First-order autoregression of variance 1.
+        before = [decay * rng.standard_normal()]
+        correlated, _ = scipy.signal.lfilter([math.sqrt(1.0 - decay**2)], [1.0, -decay], white, zi=before)
+        return force + noise * correlated
     return force + noise * white
-
-
-def noise_deviation(force: np.ndarray, share: float) -> float:
-    """Return the standard deviation of noise that makes up a share of the variance of what is recorded."""
-    return math.sqrt(share / (1.0 - share)) * float(force.std())
-
-
-def _correlated(white: np.ndarray, decay: float, before: float) -> np.ndarray:
-    """First-order autoregression of variance 1 that is `before` one sample earlier."""
-    found, _ = scipy.signal.lfilter([math.sqrt(1.0 - decay**2)], [1.0, -decay], white, zi=[decay * before])
-    return found
 
 
 def play(

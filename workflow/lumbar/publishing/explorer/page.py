@@ -122,6 +122,9 @@ class ExplorerPage:
         """
         verdict, experiment = self.verdict, self.verdict.experiment
         floor = experiment.floor
+        groups: dict[str, list[ShownModel]] = {}
+        for model in self.models:
+            groups.setdefault(model.group, []).append(model)
         return {
             "title": self.title,
             "data": self.data,
@@ -132,7 +135,7 @@ class ExplorerPage:
             "sure": how_sure(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {experiment.output_unit}",
             "records": sorted(self.records, key=lambda record: not record.trained),
-            "groups": _grouped(self.models),
+            "groups": groups,
             "others_remark": self.others_remark,
             "chosen": model_key(verdict.selected),
             "first_colour": FIRST,
@@ -221,13 +224,6 @@ def excitation_of(separation: Separation, verdict: Verdict) -> dict[str, str]:
     }
 
 
-def _grouped(models: Sequence[ShownModel]) -> dict[str, list[ShownModel]]:
-    groups: dict[str, list[ShownModel]] = {}
-    for model in models:
-        groups.setdefault(model.group, []).append(model)
-    return groups
-
-
 _MANY = 6
 """Parameters from which on a card folds their table."""
 
@@ -239,7 +235,11 @@ def how_sure(diagnosis: Verdict, evidence: Evidence) -> list[str]:
         others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
         lines.append(f"As good an explanation of these records: {others}.")
     elif diagnosis.selected and runner_up(diagnosis) is not None:
-        lines.append(_next_best(diagnosis))
+        second, unit = runner_up(diagnosis).candidate, diagnosis.experiment.output_unit
+        own, other = distinguishing_digits([diagnosis.model.test_rms, second.test_rms], 3)
+        lines.append(
+            f"The next best, {effects_text(second.effects)}, leaves {other} {unit} on unseen records instead of {own} {unit}."
+        )
     if evidence.separation is not None:
         lines.append(separation_sentence(evidence.separation, diagnosis))
     if diagnosis.experiment.floor is None:
@@ -254,12 +254,6 @@ def _chance(diagnosis: Verdict) -> str:
     effects = effects_text(diagnosis.selected or found.candidate.effects)
     told = _SURE["by_chance" if diagnosis.selected else "no_gain"]
     return told.format(effects=effects, chance=probability(found.p_value), level=LEVEL)
-
-
-def _next_best(diagnosis: Verdict) -> str:
-    second, unit = runner_up(diagnosis).candidate, diagnosis.experiment.output_unit
-    own, other = distinguishing_digits([diagnosis.model.test_rms, second.test_rms], 3)
-    return f"The next best, {effects_text(second.effects)}, leaves {other} {unit} on unseen records instead of {own} {unit}."
 
 
 def cards(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[dict[str, Any]]:

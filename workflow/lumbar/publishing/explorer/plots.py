@@ -60,7 +60,11 @@ def page_models(
     ]
     held += [
         ColumnDataSource(
-            {"frequency": record.frequency, "noise": _noise(record), "marker": record.marker}
+            {
+                "frequency": record.frequency,
+                "noise": np.full(len(record.frequency), np.nan) if record.noise is None else record.noise,
+                "marker": record.marker,
+            }
             | {model.key: model.density[record.name] for model in models},
             name=f"spectrum:{record.name}",
         )
@@ -68,10 +72,6 @@ def page_models(
     ]
     held += [brushed, empty_source(REQUEST, ("content",)), empty_source(ANSWER, ("content",))]
     return _pictures(experiment, shown, brushed), held
-
-
-def _noise(record: ShownRecord) -> np.ndarray:
-    return np.full(len(record.frequency), np.nan) if record.noise is None else record.noise
 
 
 def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDataSource) -> list[figure]:
@@ -94,7 +94,9 @@ def _pictures(experiment: Experiment, shown: ColumnDataSource, brushed: ColumnDa
         residual: ("time", ("aside_error", "first_error", "second_error")),
         loop: ("position", ("aside", "measured", "first", "second")),
     }
-    _draw_noise(residual, experiment)
+    if experiment.floor is not None:
+        rms = experiment.floor.rms  # the noise
+        residual.add_layout(BoxAnnotation(bottom=-rms, top=rms, fill_color=NOISE, fill_alpha=0.25))
     for picture, (across, ups) in lines.items():
         for up in ups:
             picture.line(across, up, source=shown, **_line(up))
@@ -146,13 +148,6 @@ def _tell(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSo
 def _figure(name: str, across: str, up: str, **more) -> figure:
     tools = {"tools": "box_select,pan,box_zoom,wheel_zoom,reset", "active_drag": "box_select"}
     return plain_figure(name, across, up, height=_HEIGHT, left=70, **tools, **more)
-
-
-def _draw_noise(picture: figure, experiment: Experiment) -> None:
-    """Band of ± the noise's RMS."""
-    if experiment.floor is not None:
-        rms = experiment.floor.rms
-        picture.add_layout(BoxAnnotation(bottom=-rms, top=rms, fill_color=NOISE, fill_alpha=0.25))
 
 
 def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns: Sequence[str]) -> None:

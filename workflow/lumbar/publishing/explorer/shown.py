@@ -151,7 +151,8 @@ def _shown_record(record: Record, trained: bool, verdict: Verdict, step: int) ->
         excited = excited_lines(residual.position[rows].mean(axis=0))
         classes = line_classes(excited, rows.shape[1] // 2 + 1)[1:]
         marker = [MARKERS.get(kind, "dot") for kind in classes]
-    found = ShownRecord(record, trained, first, rows, _drawn(columns, step), None, marker)
+    drawn = {name: values[::step].astype(np.float32) for name, values in columns.items()}
+    found = ShownRecord(record, trained, first, rows, drawn, None, marker)
     frequency = found.frequency
     noise = None
     if residual.floor is not None:
@@ -169,10 +170,6 @@ def _around_reversals(record: Record) -> tuple[np.ndarray, np.ndarray]:
     since = (samples - turns[nearest]).astype(float)
     since[np.abs(since) > reversal_reach(turns, len(samples))] = np.nan
     return since * record.sampling_time, directions[nearest].astype(float)
-
-
-def _drawn(columns: dict[str, np.ndarray], step: int) -> dict[str, np.ndarray]:
-    return {name: values[::step].astype(np.float32) for name, values in columns.items()}
 
 
 def shown_candidate(

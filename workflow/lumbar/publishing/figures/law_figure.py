@@ -8,7 +8,6 @@ from lumbar.base.templates import in_print
 from lumbar.publishing.figures.comparison_figures import draw_error_bars
 from lumbar.publishing.figures.palette import SERIES
 from lumbar.publishing.figures.style import DOUBLE_COLUMN, head_room, house_style, label_panels, new_figure
-from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.law.validation import motions
@@ -40,11 +39,6 @@ def law_figure(proposal: Proposal) -> Figure:
     return figure
 
 
-def _counted(item: FitData, name: str) -> np.ndarray:
-    """Position or velocity of the samples of a record that count."""
-    return item.trim(np.concatenate([getattr(motion, name) for motion in motions(item)]))
-
-
 def _means(values: np.ndarray, force: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Mean force between edges; NaN where samples are few."""
     cell = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
@@ -58,8 +52,10 @@ def _draw_sections(axis, proposal: Proposal) -> None:
     experiment, start = proposal.experiment, proposal.start.fit
     records = [item.without_whitening() for item in (experiment.training, *experiment.tests)]
     position, velocity = (
-        np.concatenate([_counted(item, name) for item in records]) for name in ("position", "velocity")
+        [item.trim(np.concatenate([getattr(motion, name) for motion in motions(item)])) for item in records]
+        for name in ("position", "velocity")
     )
+    position, velocity = np.concatenate(position), np.concatenate(velocity)
     missing = np.concatenate([-start.errors(item) for item in records])
     law = None if proposal.law is None else proposal.law.fit
     added = law and np.concatenate(

@@ -270,7 +270,11 @@ def _sections(
         first, last = np.moveaxis(errors, 1, 0)
         found[plane] |= {method: first}
         if method == "exact":
-            found[plane] |= {"goal": last, "times": _times_the_range(rows)}
+            # How many times as far as each state ranges the funnel reaches from its trajectory.
+            cost, level = rows[_COST].to_numpy()[:, None], rows[["rho"]].to_numpy()
+            reach = Funnels("exact", rows["time_s"].to_numpy()[-1:], cost, level).reach[0]
+            times = reach / np.ptp(rows[_REFERENCE].to_numpy(), axis=0)
+            found[plane] |= {"goal": last, "times": times}
     sound = [item for item in shown if "exact" in found[item.plane]]
     # A picture needs no more knots than the other variants, and no proof.
     fewer = replace(settings, knots=settings.fewer_knots, checks=())
@@ -290,13 +294,6 @@ def _sections(
             for index, item in enumerate(items):
                 found[item.plane][name] = first[:, index]
     return found
-
-
-def _times_the_range(rows: pd.DataFrame) -> np.ndarray:
-    """How many times as far as each state ranges a funnel reaches from its trajectory, shape (2,)."""
-    cost, level = rows[_COST].to_numpy()[:, None], rows[["rho"]].to_numpy()
-    funnels = Funnels("exact", rows["time_s"].to_numpy()[-1:], cost, level)
-    return funnels.reach[0] / np.ptp(rows[_REFERENCE].to_numpy(), axis=0)
 
 
 def _draw(axis, sections: dict[str, np.ndarray]) -> None:

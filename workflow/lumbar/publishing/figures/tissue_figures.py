@@ -90,12 +90,6 @@ def arrow(axis, tail: tuple[float, float], head: tuple[float, float], color: str
     axis.annotate("", xy=head, xytext=tail, arrowprops=style)
 
 
-def _ground(axis, x: float, y: float) -> None:
-    axis.plot([x - 0.5, x + 0.5], [y, y], color=INK, linewidth=_LINE)
-    for start in np.linspace(x - 0.5, x + 0.4, 7):
-        axis.plot([start + 0.1, start], [y, y - 0.12], color=INK, linewidth=0.6 * _LINE)
-
-
 @house_style
 def analogues_figure(models: tuple[TissueModel, ...]) -> Figure:
     """Figure 3.2: every model's mechanical analogue between the tool (top) and the ground, its network as it stands."""
@@ -133,7 +127,10 @@ def _draw_model(axis, model: TissueModel, tallest: float) -> None:
         draw_network(axis, model.network, 0.0, -rod)
         for start in (0.0, rod - tallest):
             axis.plot([0, 0], [start, start - rod], color=INK, linewidth=_LINE)
-    _ground(axis, 0.0, -tallest)
+    # The ground.
+    axis.plot([-0.5, 0.5], [-tallest, -tallest], color=INK, linewidth=_LINE)
+    for start in np.linspace(-0.5, 0.4, 7):
+        axis.plot([start + 0.1, start], [-tallest, -tallest - 0.12], color=INK, linewidth=0.6 * _LINE)
     axis.plot([-0.45, 0.45], [0, 0], color=INK, linewidth=2 * _LINE)  # the tool tip
     arrow(axis, (-0.3, 0.85), (-0.3, 0.08))
     axis.text(-0.38, 0.55, "$x$", ha="right", va="center", fontsize=10)

@@ -72,6 +72,10 @@ def evidence_sections(
     diagnosis: Verdict, evidence: Evidence, catalogue: dict[str, Effect], pictures: dict[str, Path | str]
 ) -> list[tuple[str, list[Markup]]]:
     """What a referee would want, by titles; parameters as of `diagnosis_page`."""
+    floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
+    after = diagnosis.model.test_rms
+    of_noise = _SAID["times_noise"].format(after / floor.rms) if floor else _SAID["noise_unknown"]
+    told = f"On unseen records {after:.4g} {unit} remain{of_noise}"
     sections = {
         "What was found, in full": [paragraph(line) for line in details(diagnosis, catalogue)],
         "Before and after": _errors(diagnosis, evidence),
@@ -79,7 +83,7 @@ def evidence_sections(
         "Parameters": _parameters(diagnosis),
         "Can it be told from the others?": [] if evidence.ties is None else _ties(diagnosis, evidence),
         "Pictures": [figure(svg, caption) for caption, svg in pictures.items()],
-        "What remains": _remains(diagnosis, evidence),
+        "What remains": [paragraph(told), listing(item.location.headline for item in evidence.remaining)],
         "What these records cannot decide": [listing(limitations(diagnosis, evidence))],
     }
     return [(title, found) for title, found in sections.items() if found]
@@ -205,11 +209,3 @@ def _ties(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
         blocks.append(paragraph(separation_sentence(evidence.separation, diagnosis), "headline"))
         blocks.append(paragraph("The signal lies beside this page as separating_excitation.csv.", "note"))
     return blocks
-
-
-def _remains(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
-    floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
-    after = diagnosis.model.test_rms
-    of_noise = _SAID["times_noise"].format(after / floor.rms) if floor else _SAID["noise_unknown"]
-    told = f"On unseen records {after:.4g} {unit} remain{of_noise}"
-    return [paragraph(told), listing(item.location.headline for item in evidence.remaining)]

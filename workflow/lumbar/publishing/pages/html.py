@@ -54,17 +54,13 @@ def equation(latex: str) -> Markup:
 
 def figure(svg: str | Path, caption: str) -> Markup:
     """Picture with a caption."""
-    return _macros().figure(_coded(svg), caption)
+    content = svg.read_bytes() if isinstance(svg, Path) else svg.encode()
+    return _macros().figure(base64.b64encode(content).decode("ascii"), caption)
 
 
 def document(title: str, data: str, blocks: Iterable[Markup]) -> str:
     """Return a whole page of blocks; `data` says where the data come from and is empty for pages without any."""
     return template(PAGE).render(title=title, data=data, blocks=blocks)
-
-
-def _coded(svg: str | Path) -> str:
-    content = svg.read_bytes() if isinstance(svg, Path) else svg.encode()
-    return base64.b64encode(content).decode("ascii")
 
 
 Reports = Sequence["ResidualReport | SpatialReport"]

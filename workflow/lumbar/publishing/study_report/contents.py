@@ -200,6 +200,7 @@ def _entry(
         return Entry(key, artefact, title, caption, files=files, missing=True)
     pictures = [path for path in files if path.endswith(".svg")]
     pages = [path for path in files if path.endswith(".html")]
+    verdicts = [path for path in files if path.endswith("diagnosis.json")]
     picture = read_picture(results / pictures[0]) if pictures else None
     is_table = bool(pages) and any(path.endswith(".tex") for path in files)
     text = (results / pages[0]).read_text(encoding="utf-8") if is_table else ""
@@ -214,17 +215,11 @@ def _entry(
         picture=picture,
         table=inner[1] if inner else "",
         page="" if is_table or not pages else pages[0],
-        sentence=_diagnosis(results, files),
+        sentence=diagnosis_sentence(read_json(results / verdicts[0])) if verdicts else "",
         files=files,
         said=() if claims is None else tuple(claims_shown_with(claims, artefact.id)),
         beside=None if claims is None else beside(claims, artefact.id),
     )
-
-
-def _diagnosis(results: Path, files: Sequence[str]) -> str:
-    """Say what the diagnosis among an artefact's files found; empty where there is none."""
-    found = [path for path in files if path.endswith("diagnosis.json")]
-    return diagnosis_sentence(read_json(results / found[0])) if found else ""
 
 
 _SAID: dict[str, dict[str, str]] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
@@ -334,11 +329,6 @@ def in_digits(value) -> str:
         return scientific(f"{float(value):.4g}")
     except ValueError:
         return str(value)
-
-
-def count_verdicts(claims: pd.DataFrame) -> Sequence[tuple[str, int]]:
-    """Return how many claims have each verdict."""
-    return list(claims["verdict"].value_counts().items())
 
 
 def _is_cell(claim: str) -> bool:

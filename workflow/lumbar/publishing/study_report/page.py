@@ -10,7 +10,7 @@ import pandas as pd
 from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
-from lumbar.publishing.study_report.contents import Chapter, count_verdicts, not_holding
+from lumbar.publishing.study_report.contents import Chapter, not_holding
 from lumbar.tables.layout import split_number
 
 FAILS, WARNS = "fails", "warns"
@@ -46,18 +46,14 @@ def recordings(results: Path) -> list[dict]:
             own = {
                 "chapter": path.stem,
                 "name": entry.get("name") or entry["file"],
-                "channels": _channels(entry),
+                "channels": f"{len(entry['markers'])} markers"
+                if "markers" in entry
+                else entry.get("quantities", ""),
                 "missing_percent": None if missing is None else 100 * missing,
                 "findings": tuple(map(_finding, sheet.get("findings", ()))),
             }
             found.append(own | {key: entry.get(key) for key in ("rate_Hz", "duration_s")})
     return found
-
-
-def _channels(entry: dict) -> str:
-    if "markers" in entry:
-        return f"{len(entry['markers'])} markers"
-    return entry.get("quantities", "")
 
 
 def _finding(finding: dict) -> str:
@@ -198,7 +194,7 @@ def report_page(
         recordings=recordings(results),
         sentences=sentences,
         cells=cells,
-        counted=() if claims is None else count_verdicts(claims),
+        counted=() if claims is None else list(claims["verdict"].value_counts().items()),
         missing=[entry for entry in entries if entry.missing],
         pages=[entry for entry in entries if entry.page],
         split=split_number,

@@ -129,7 +129,11 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, lis
     if np.all(np.abs(record.time - even) <= CLOCK_TOLERANCE * step):
         return record, []
     _check_gaps(record, steps, step, lines)
-    rate = _round(1 / step)
+    # A rate that differs from three digits by the rounding of its time stamps only is rounded.
+    rate = 1 / step
+    rounded = float(f"{rate:.3g}")
+    if abs(rounded / rate - 1) < 1e-3:
+        rate = rounded
     time = record.time[0] + np.arange(int((record.time[-1] - record.time[0]) * rate * (1 + 1e-12)) + 1) / rate
     channels = {
         role: replace(channel, values=_between_neighbours(record.time, channel.values, time))
@@ -149,12 +153,6 @@ def _between_neighbours(time: np.ndarray, values: np.ndarray, wanted: np.ndarray
     after = np.clip(np.searchsorted(time, wanted), 1, len(time) - 1)
     around = values[after - 1], values[after]
     return np.clip(CubicSpline(time, values)(wanted), np.minimum(*around), np.maximum(*around))
-
-
-def _round(rate: float) -> float:
-    """Return the rate to three digits where it differs from them by the rounding of its time stamps alone."""
-    rounded = float(f"{rate:.3g}")
-    return rounded if abs(rounded / rate - 1) < 1e-3 else rate
 
 
 def _check_gaps(record: Record, steps: np.ndarray, step: float, lines: Sequence[int] | None) -> None:

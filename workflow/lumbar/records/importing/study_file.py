@@ -10,7 +10,7 @@ from lumbar.base.files import as_name, read_json, write_csv, write_json, write_t
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import quoted
 from lumbar.records.importing.recording import ImportedRecording
-from lumbar.records.record import Record, exchanged, forced
+from lumbar.records.record import exchanged, forced
 
 SCHEMA = "lumbar.import/1"
 STUDY, PROVENANCE = "study.yaml", "imported.json"
@@ -53,7 +53,13 @@ def write_folder(
     if study.exists() and study.read_text(encoding="utf-8") != study_text(known, folder):
         raise InputError(f"{study}: was changed since it was made; move it away, or choose another folder")
     driven = (
-        [replace(item, record=_load_first(item.record)) for item in recordings] if forward else recordings
+        # The load is the input; `forced` exchanges the records as they are read if their quantities say which it is.
+        [
+            item if forced(item.record) is not item.record else replace(item, record=exchanged(item.record))
+            for item in recordings
+        ]
+        if forward
+        else recordings
     )
     new = [_entry(recording) for recording in driven]
     replaced = {entry["name"] for entry in new}
@@ -74,11 +80,6 @@ def write_folder(
     write_json(folder / PROVENANCE, content)
     write_text(study, study_text(content, folder))
     return study
-
-
-def _load_first(record: Record) -> Record:
-    """The record with its load as the input where no quantity says which that is; `forced` turns the others as they are read."""
-    return record if forced(record) is not record else exchanged(record)
 
 
 def _earlier(folder: Path) -> dict:
