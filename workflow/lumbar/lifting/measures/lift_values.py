@@ -62,7 +62,12 @@ def _value(course: Course, facts: Mapping, measure: Measure, column: str) -> tup
         return np.nan, facts["no_deposit"] if measure.phase == DEPOSIT else "the box is never held"
     time, values = (course.frame.loc[within, name].to_numpy(dtype=float) for name in ("time_s", column))
     if not np.isfinite(values).all():
-        return np.nan, _gap(course, column, within)
+        gone = ~np.isfinite(values)
+        first = float(time[gone][0])
+        return np.nan, (
+            f"not known at {gone.sum()} of {len(values)} instants, the first at {first:.2f} s: a marker behind one of "
+            f"{', '.join(course.unseen[column])} is not seen there, or no foot stands"
+        )
     if measure.how == INTEGRAL:
         from scipy.integrate import trapezoid
 
@@ -81,15 +86,6 @@ def _within(course: Course, facts: Mapping, phase: str) -> np.ndarray:
     if phase == CARRIED:
         return (course.frame["load_held"] == 1).to_numpy()
     return (course.frame["phase"] == "deposit").to_numpy() & (not facts["no_deposit"])
-
-
-def _gap(course: Course, column: str, within: np.ndarray) -> str:
-    gone = within & ~np.isfinite(course.frame[column].to_numpy(dtype=float))
-    first = float(course.frame["time_s"].to_numpy()[gone][0])
-    return (
-        f"not known at {gone.sum()} of {within.sum()} instants, the first at {first:.2f} s: a marker behind one of "
-        f"{', '.join(course.unseen[column])} is not seen there, or no foot stands"
-    )
 
 
 def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[str, str]) -> pd.DataFrame:

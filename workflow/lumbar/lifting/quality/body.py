@@ -205,19 +205,15 @@ def stature_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple
             names = [end if end in found else side + end for end in ends]
             if all(name in found for name in names):
                 between = points[found[names[0]]] - points[found[names[1]]]
-                statures.append(_median_length(between) / share)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    length = np.linalg.norm(between, axis=1)
+                length = length[np.isfinite(length)]
+                statures.append((float(np.median(length)) if length.size else np.nan) / share)
     trunk = trunk_axis(points, named)
     if trunk is not None:
         statures.append(trunk[2] / TRUNK_SHARE)
     statures = [value for value in statures if np.isfinite(value)]
     return (float(np.median(statures)), len(statures)) if statures else (np.nan, 0)
-
-
-def _median_length(vectors: np.ndarray) -> float:
-    with np.errstate(over="ignore", invalid="ignore"):
-        length = np.linalg.norm(vectors, axis=1)
-    length = length[np.isfinite(length)]
-    return float(np.median(length)) if length.size else np.nan
 
 
 def axes_found(points: dict[str, np.ndarray], named: dict[str, str]) -> tuple[Axis, Axis] | None:

@@ -22,7 +22,7 @@ from lumbar.records.record import Record
 from lumbar.tables.layout import unit_in_print
 from lumbar.tissue.diagnosis.residuals.compare import Comparison
 from lumbar.tissue.diagnosis.selection.verdict import distinguishing_digits
-from lumbar.tissue.effects.signature import AXES, RATES, Signature, pictured_form, signatures
+from lumbar.tissue.effects.signature import AXES, RATES, pictured_form, signatures
 from lumbar.tissue.models.form import Effect
 
 _SHOWN_SAMPLES = 500
@@ -247,17 +247,14 @@ def _draw_effect(row, effect: Effect, system: str) -> None:
     added.set_title(f"${form.latex}$", loc="left")
     for axis in (whole, added):
         axis.set_xlabel(moved)
-    _draw_course(course, slow, moved.lower(), response)
+    # The added force over time, with the motion scaled to it.
+    shown = slow.motion.time <= _SHOWN_S
+    time, force = slow.motion.time[shown], slow.added_force[shown]
+    scale = np.abs(force).max() / np.abs(slow.motion.position).max()
+    course.plot(time, scale * slow.motion.position[shown], label=f"{moved.lower()}, scaled", **_BASE)
+    course.plot(time, force, color=SERIES[0], linewidth=1.0, label=f"added {response}")
+    course.set_xlabel("Time (s)")
     for axis in row:
         head_room(axis, 0.22)
         axis.legend(loc="upper left", **_CLOSE)
         axis.tick_params(labelsize=6.5)
-
-
-def _draw_course(axis, item: Signature, moved: str, response: str) -> None:
-    shown = item.motion.time <= _SHOWN_S
-    time, added = item.motion.time[shown], item.added_force[shown]
-    scale = np.abs(added).max() / np.abs(item.motion.position).max()
-    axis.plot(time, scale * item.motion.position[shown], label=f"{moved}, scaled", **_BASE)
-    axis.plot(time, added, color=SERIES[0], linewidth=1.0, label=f"added {response}")
-    axis.set_xlabel("Time (s)")

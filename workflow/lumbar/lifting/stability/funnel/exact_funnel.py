@@ -62,19 +62,15 @@ def boundary_growth(form: NormalForm, level: np.ndarray) -> np.ndarray:
     root = np.sqrt(level)
     semi_axis, kappa = form.amplitude * root, form.coupling / root
     doublings = int(np.clip(np.ceil(np.log2(semi_axis.max() / SMALL_SEMI_AXIS)), 0, MOST_DOUBLINGS))
-    values = _growth_samples(form, semi_axis, kappa, SAMPLES << doublings)
-    start, sampled = _candidates(values, SECTORS << doublings)
-    polished = _newton(form, semi_axis, kappa, start, 2 * np.pi / values.shape[-1])
-    return np.maximum(sampled, polished).max(axis=-1)
-
-
-def _growth_samples(form: NormalForm, semi_axis: np.ndarray, kappa: np.ndarray, samples: int) -> np.ndarray:
-    c, s, c2, cs2, s2 = _circle(samples)
+    c, s, c2, cs2, s2 = _circle(SAMPLES << doublings)
     values = kappa[..., None] * s * remainder(form.angle[..., None], semi_axis[..., None] * c)
     values += form.alpha[..., None] * c2
     values += form.beta[..., None] * cs2
     values += form.gamma[..., None] * s2
-    return np.negative(values, out=values)
+    np.negative(values, out=values)
+    start, sampled = _candidates(values, SECTORS << doublings)
+    polished = _newton(form, semi_axis, kappa, start, 2 * np.pi / values.shape[-1])
+    return np.maximum(sampled, polished).max(axis=-1)
 
 
 def _candidates(values: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
