@@ -215,7 +215,8 @@ def _real_crossings(response: Callable[[np.ndarray], np.ndarray]) -> list[float]
     for index in np.flatnonzero(dips) + 1:
         sign = np.sign(values[index])
         lowest = scipy.optimize.minimize_scalar(
-            lambda angle, sign=sign: sign * imaginary(angle),
+            lambda angle, sign: sign * imaginary(angle),
+            args=(sign,),
             bounds=angles[[index - 1, index + 1]],
             method="bounded",
         )

@@ -83,9 +83,9 @@ NEGLIGIBLE_POINTS = 0.1
 """Points of %VAF within which a lower order is as good: no hand and no second record tells them apart."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ArxCandidate:
-    """One point of the grid: a structure with one ridge coefficient."""
+    """One point of the grid: a structure with one ridge coefficient; equal only to itself."""
 
     model: str
     structure: ArxStructure
@@ -223,11 +223,10 @@ def grid_rows(
     best: dict[ArxStructure, ArxCandidate] = {}
     for item in sorted(choice, key=lambda candidate: candidate.score(selection)):
         best[item.structure] = item
-    simulated = set(map(id, choice))
-    tested = simulated if selection == "test" else set(map(id, best.values()))
+    simulated = set(choice)
+    tested = simulated if selection == "test" else set(best.values())
     return [
-        _grid_row(item, trained_on, item is chosen, id(item) in simulated, id(item) in tested)
-        for item in candidates
+        _grid_row(item, trained_on, item is chosen, item in simulated, item in tested) for item in candidates
     ]
 
 

@@ -12,7 +12,7 @@ spring, a dashpot and a mass:
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import scipy
@@ -154,12 +154,12 @@ def _candidates(data: FitData) -> Iterator[LinearDynamics]:
     yield from (_solve("rational", data, replace(best.poles, direct=direct), held) for direct in (2, 3))
     lines = _excited_lines(data)
     for order in (order for order in ORDERS if order == 1 or order < lines):
-        fitted = _on_all(data, lambda part, order=order, lower=lower: _rational(part, order, lower))
+        fitted = _on_all(data, partial(_rational, order=order, lower=lower))
         yield fitted
         if order == 1:
-            yield _on_all(data, lambda part, fitted=fitted: _without_derivatives(part, fitted))
+            yield _on_all(data, partial(_without_derivatives, fitted=fitted))
         if order == _DELAYED_ORDER and not held:
-            yield _on_all(data, lambda part, fitted=fitted: _with_delay(part, fitted))
+            yield _on_all(data, partial(_with_delay, fitted=fitted))
         if order > 2 and fitted.squared_error > _WORTHWHILE * best.squared_error:
             break
         lower = fitted
