@@ -16,9 +16,16 @@ from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 from lumbar.tissue.diagnosis.evidence.evidence import gather_evidence
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.effects.catalogue import catalogue_with, catalogues_with, read_base
+from lumbar.tissue.effects.catalogue import (
+    CATALOGUES,
+    MOTION_SENSOR,
+    catalogue_with,
+    catalogues_with,
+    read_base,
+)
 from lumbar.tissue.models.fitted_model import models_document, read_models
 from lumbar.tissue.models.motion import Motion
+from refusing import refusal
 from study_settings import changed
 
 RIBS = """
@@ -48,6 +55,8 @@ equation: F + F**3/F_n**2
 parameters:
   F_n: {name: nonlinearity, unit: "{y}", start: [3, 30], scale: force, reach: [0.5, 2]}
 """
+EFFECTS = [effect for catalogue in (*CATALOGUES.values(), MOTION_SENSOR) for effect in catalogue.values()]
+FORMS = [form for effect in EFFECTS for form in effect.forms if not form.hand_written]
 
 
 def written(folder, text: str, name: str = "own.yaml"):
@@ -129,6 +138,63 @@ def test_other_files_are_refused(content, words, tmp_path):
         (tmp_path / "own.yaml").write_bytes(content)
     with pytest.raises(InputError, match=words):
         catalogue_with([tmp_path / "own.yaml"])
+
+
+@pytest.mark.parametrize(
+    ("equation", "state", "where"),
+    [
+        (
+            "A*sign(v)*sqrt(abs(v))",
+            "{}",
+            "line 4: equation: form equation: the derivative by v is not finite",
+        ),
+        ("A/v", "{}", "line 4: equation: form equation: the value is not finite"),
+        ("A*sqrt(z**2)", "{}", "line 4: equation: form equation: the derivative by z is not finite"),
+        (
+            "A*r",
+            '{r: "sqrt(abs(v)) - r"}',
+            "line 5: state.r: form equation: the derivative by v is not finite",
+        ),
+    ],
+)
+def test_an_equation_has_finite_value_and_slope_at_rest(equation, state, where, tmp_path):
+    text = f"""
+name: own
+mechanism: It has no slope at rest.
+equation: {equation}
+state: {state}
+parameters: {{A: {{name: size, unit: "{{y}}"}}}}
+"""
+    message = refusal(catalogue_with, [written(tmp_path, text)])
+    assert f"{where} at z = 0, v = 0; write tanh(v/vs) for sign(v), sqrt(v**2 + e**2)" in message
+
+
+@pytest.mark.parametrize(
+    "equation", ["A*tanh(v/0.1)", "A*sqrt(v**2 + 0.01)*z", "A*abs(v)*v", "A*sign(v)", "A*2**z"]
+)
+def test_a_kink_or_a_rounded_root_is_allowed(equation, tmp_path):
+    text = (
+        f"name: own\nmechanism: M.\nequation: {equation}\nparameters: {{A: {{name: size, unit: '{{y}}'}}}}\n"
+    )
+    assert "own" in catalogue_with([written(tmp_path, text)])
+
+
+def test_a_fitted_power_below_1_is_allowed(tmp_path):
+    """As a proposed law may have it."""
+    text = """
+name: own
+mechanism: M.
+equation: F_1*sign(v)*abs(v)**p
+parameters:
+  F_1: {name: size, unit: "{y}"}
+  p: {name: power, unit: "1", start: [0.4, 0.6], scale: one}
+"""
+    assert "own" in catalogue_with([written(tmp_path, text)])
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.key)
+def test_forms_of_the_catalogue_have_finite_slopes_at_rest(form):
+    assert form.parsed_equation.rest_problems() == []
 
 
 def test_the_same_name_twice_is_refused(tmp_path):
@@ -256,7 +322,7 @@ def test_what_it_carries_is_checked_as_a_file_is(tmp_path):
     for changes, words in (
         ({"equation": "Fc*r*__import__('os')"}, "effects.own_friction: equation: "),
         ({"by_hand": "play"}, "effects.own_friction: by_hand: unknown key"),
-        ({"equation": "Fc*r/z"}, "effects.own_friction: equation: is .*must be finite"),
+        ({"equation": "Fc*r/z"}, "effects.own_friction: equation: .* is not finite"),
         ({"name": "delay"}, "effects.own_friction: .*name: own_friction"),
         (
             {"constants": {"c": {"value": 10**400, "unit": "1"}}},

@@ -4,13 +4,15 @@ import cmath
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.tissue.models.algebra import Evaluator, check_powers, linear_parts
+from lumbar.tissue.models.algebra import Evaluator, check_powers, derivative, linear_parts
 from lumbar.tissue.models.expression import (
     OPERANDS,
     Expression,
@@ -256,6 +258,27 @@ class Equation:
                 found.append(("equation", str(error)))
         return found
 
+    def rest_problems(self) -> list[tuple[str, str]]:
+        """Values and slopes that are not finite at z = 0, v = 0; fits and exported models evaluate them there.
+
+        Parameters are in the middle of their starting range. Fitted powers are 2, for a proposed law may have one
+        below 1. Path, time, force and further channels are 1.
+        """
+        at_rest = {name for name, item in SIGNALS.items() if item.c_name not in ("path", "time", "")}
+        values = {name: 0.0 if name in at_rest else 1.0 for name in (FORCE, *SIGNALS)}
+        values |= self.parameters(float(np.sqrt(item.low * item.high)) for item in self.nonlinear)
+        trees = (*self.columns, *self.slopes.values())
+        powers = set().union(*map(_symbols_in_exponents, trees)) - {item.symbol for item in self.constants}
+        values |= dict.fromkeys(powers & values.keys() - at_rest, 2.0)
+        arrays: dict[str, Any] = {name: np.array([value]) for name, value in values.items()}
+        arrays |= {name: np.zeros(1) for name in self.slopes}
+        with np.errstate(all="ignore"):
+            begin = Evaluator(list(self.begin.values()))(arrays)
+            arrays |= dict(zip(self.begin, begin, strict=True))
+            found = [("equation", column) for column in self.columns]
+            found += [(f"state.{name}", rate) for name, rate in self.slopes.items()]
+            return [(where, said) for where, tree in found if (said := _said_at_rest(tree, arrays))]
+
     @cached_property
     def channels(self) -> tuple[str, ...]:
         """Roles of channels beside input and output that it needs."""
@@ -415,6 +438,35 @@ class Equation:
             f"linearised_step({count}, {size}, increments, matrix, memory, next);",
             f"if (first) {', '.join(f'next[{row}] = {start}' for row, start in enumerate(starts))};",
         ]
+
+
+_SLOPES = ("z", "v", "theta", "theta_dot")
+"""Signals by which an equation needs a finite slope at rest."""
+
+
+def _symbols_in_exponents(tree: Expression) -> set[str]:
+    match tree:
+        case Operation("**", (base, exponent)):
+            return symbols(exponent) | _symbols_in_exponents(base)
+        case Operation(_, operands):
+            return set().union(*map(_symbols_in_exponents, operands))
+    return set()
+
+
+def _said_at_rest(tree: Expression, values: Mapping[str, Any]) -> str:
+    """What is not finite of an expression at rest, and what to write instead; else nothing."""
+    trees = {"value": tree}
+    for name in _SLOPES:
+        with suppress(InputError):  # the symbol is in an exponent
+            if name in symbols(tree):
+                trees[f"derivative by {name}"] = derivative(tree, name)
+    for label, number in zip(trees, Evaluator(list(trees.values()))(values), strict=True):
+        if not np.isfinite(number).all():
+            return (
+                f"the {label} is not finite at z = 0, v = 0; write tanh(v/vs) for sign(v), sqrt(v**2 + e**2) for abs(v) "
+                "in a root or a divisor, and divide by nothing that is 0 at rest"
+            )
+    return ""
 
 
 def _c_lines(stem: str, trees: Sequence[Expression], names: Mapping[str, str]) -> tuple[list[str], list[str]]:

@@ -155,8 +155,8 @@ class Form:
         Raises
         ------
         InputError
-            If it uses symbols that nobody declares, or is not proportional to the linear parameters: all problems at
-            once.
+            If it uses symbols that nobody declares, is not proportional to the linear parameters, or has no finite value
+            or slope at rest: all problems at once.
         """
         problems = Problems(f"form {self.key.strip('/')}")
         for where, found in self.problems():
@@ -169,7 +169,10 @@ class Form:
             return []
         if self.place is Place.INPUT:
             return [("place", "no equation transforms a motion; a form at the input is hand-written")]
-        return self._unchecked.problems()
+        found = self._unchecked.problems()
+        if found or self.axes:
+            return found
+        return [(where, f"form {self.name}: {said}") for where, said in self._unchecked.rest_problems()]
 
     @cached_property
     def key(self) -> str:
