@@ -71,20 +71,17 @@ def excitation_family(reference: Motion, unit: str, limits: Kinematics | None) -
     allowed = limits or Kinematics(1.5 * own.displacement, 2 * own.velocity, 2 * own.acceleration)
     found = []
     turning = 2 * allowed.velocity / allowed.acceleration
+    slack = 0.01 * np.ptp(reference.position)
+    low, high = reference.position.min() - slack, reference.position.max() + slack
     for words, position in _signals(reference, turning, unit):
         peaks = peak_kinematics(position, 1 / reference.sampling_time)
         if all(
             getattr(peaks, name) <= getattr(allowed, name) * (1 + 1e-9) for name in peaks.__dataclass_fields__
         ):
             time = reference.sampling_time * np.arange(len(position))
-            within = _inside(position, reference.position)
+            within = bool(low <= position.min() and position.max() <= high)
             found.append(ExcitationCandidate(words, Motion(time, position, reference.sampling_time), within))
     return found
-
-
-def _inside(position: np.ndarray, reference: np.ndarray) -> bool:
-    slack = 0.01 * np.ptp(reference)
-    return bool(position.min() >= reference.min() - slack and position.max() <= reference.max() + slack)
 
 
 def _signals(reference: Motion, rounded: float, unit: str) -> Iterator[tuple[str, np.ndarray]]:

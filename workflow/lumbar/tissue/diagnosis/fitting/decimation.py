@@ -65,7 +65,10 @@ def decimate(data: FitData) -> FitData:
     Position and force go through the same filter, so that a linear model from one to the other stays what it is. The filter
     sees whole windows only: nothing rings at the ends. Errors are then taken as they are: the noise left is another one.
     """
-    factor = min(round(data.size / _ENOUGH_LINEAR), _largest_factor(data))
+    # `PER_CYCLE` samples are left in the fastest cycle of any of the records.
+    edges = [spectral_edge(np.diff(part.motion.position), _STEP_POWER) for part in data.records]
+    largest = min(int(1 / (PER_CYCLE * edge)) for edge in edges)
+    factor = min(round(data.size / _ENOUGH_LINEAR), largest)
     if factor < 2:
         return data
     if isinstance(data, JointData):
@@ -145,12 +148,6 @@ def _part(record: Record, samples: slice) -> Record:
     }
     filled = tuple(kept.index(sample) for sample in record.filled if sample in kept)
     return replace(record, time=record.time[samples], channels=channels, filled=filled)
-
-
-def _largest_factor(data: FitData) -> int:
-    """Largest factor that leaves `PER_CYCLE` samples in the fastest cycle of any of the records."""
-    edges = [spectral_edge(np.diff(part.motion.position), _STEP_POWER) for part in data.records]
-    return min(int(1 / (PER_CYCLE * edge)) for edge in edges)
 
 
 def _smooth(data: FitData, factor: int) -> FitData:

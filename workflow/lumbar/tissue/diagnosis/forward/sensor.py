@@ -54,8 +54,9 @@ def sensor_candidates(
 def _behind_absolute_value(experiment: Experiment, form: Form) -> list[tuple[Candidate, Candidate]]:
     """Every order: the sign of the motion is guessed, dynamics are fitted, their sign is the next guess."""
     training = experiment.training
-    if not _may_be_absolute(training.force):
-        return []
+    low, reach = float(training.force.min()), float(np.ptp(training.force))
+    if not -_NEVER_BELOW * reach <= low <= _NEAR_ZERO * reach:
+        return []  # it is no absolute value
     sign = min(
         (_settled_signs(training, start, _FIRST_ORDER) for start in _first_signs(training)),
         key=lambda pair: pair[0],
@@ -65,11 +66,6 @@ def _behind_absolute_value(experiment: Experiment, form: Form) -> list[tuple[Can
         _, sign, dynamics = _settled_signs(training, sign, order)
         pairs.append(_pair(experiment, dynamics, rational_of_order(training, order), form))
     return pairs
-
-
-def _may_be_absolute(signal: np.ndarray) -> bool:
-    low, reach = float(signal.min()), float(np.ptp(signal))
-    return -_NEVER_BELOW * reach <= low <= _NEAR_ZERO * reach
 
 
 def _first_signs(training: FitData) -> list[np.ndarray]:

@@ -129,7 +129,8 @@ class Search:
             return []
         starts: dict[str, list] = {}
         for _, term, start in self.screen(law.fit, bare):
-            if self.fits_beside(law, term):
+            states = sum(len(item.state) for item in (*law.terms, term))
+            if states <= _MOST_STATES and all(item.name != term.name for item in law.terms):
                 known = starts.setdefault(term.name, [])
                 if len(known) < STARTS:
                     known.append((term, start))
@@ -144,12 +145,6 @@ class Search:
         for item in sorted(filter(None, found), key=lambda item: item.candidate.score):
             best.setdefault(item.terms[-1].name, item)
         return list(best.values())
-
-    @staticmethod
-    def fits_beside(law: Law, term: Term) -> bool:
-        """Whether a term may be added to a law: it is not there, and its states are not too many."""
-        states = sum(len(item.state) for item in (*law.terms, term))
-        return states <= _MOST_STATES and all(item.name != term.name for item in law.terms)
 
     def refit(
         self, law: Law, terms: tuple[Term, ...], nonlinear: np.ndarray, shared: bool = False

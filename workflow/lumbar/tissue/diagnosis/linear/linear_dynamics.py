@@ -23,8 +23,7 @@ from lumbar.tissue.diagnosis.fitting.fit_data import FitData, FreeRun
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, folds, solve_linear, unfolded
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.linear.poles import Poles, forces, relocated_poles, slope_forces
-from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
-from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, Folding, fold_periods
+from lumbar.tissue.diagnosis.noise.periods import FEWEST_PERIODS, fold_periods
 from lumbar.tissue.diagnosis.residuals.time_frequency import excited_lines
 from lumbar.tissue.models.motion import JoinedMotions, Motion, is_held
 
@@ -118,7 +117,10 @@ def _lowest_criterion(candidates: list[LinearDynamics], data: FitData) -> Linear
     What a model of any order leaves of a nonlinear force is coloured, often a few lines: it holds fewer independent errors
     than samples, and pays for fewer parameters.
     """
-    candidates = [item for item in candidates if _is_bounded(item, data)]
+    # The spring must be of the size of the forces measured. A pole slower than the record and a spring can cancel on a record
+    # that begins at 0, however large both are; they do not on one that begins elsewhere.
+    moved, most = np.std(data.motion.position), _LARGEST_SPRING * np.std(data.force)
+    candidates = [item for item in candidates if abs(item.linear[1]) * moved <= most]
     least = min(candidates, key=lambda item: item.squared_error)
     errors = least.whitened_errors(data)
     independent = max(_independent_share(errors) * len(errors), 2.0)
@@ -128,15 +130,6 @@ def _lowest_criterion(candidates: list[LinearDynamics], data: FitData) -> Linear
         return independent * np.log(item.squared_error) + parameters * np.log(independent)
 
     return min(candidates, key=criterion)
-
-
-def _is_bounded(model: LinearDynamics, data: FitData) -> bool:
-    """Whether the spring is of the size of the forces measured.
-
-    A pole slower than the record and a spring can cancel on a record that begins at 0, however large both are; they do not
-    on one that begins elsewhere.
-    """
-    return abs(model.linear[1]) * np.std(data.motion.position) <= _LARGEST_SPRING * np.std(data.force)
 
 
 def _independent_share(errors: np.ndarray) -> float:
@@ -313,7 +306,11 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
         len(data.own(data.force)) * data.motion.sampling_time < FEWEST_PERIODS * floor.period
     ):  # the settled start left out
         return None
-    folding = _folding(data, floor)
+    channels = {
+        "input": Channel(data.own(data.motion.position), "position", ""),
+        "output": Channel(data.own(data.force), "force", ""),
+    }
+    folding = fold_periods(Record(data.name, data.own(data.motion.time), channels), floor.period)
     error = data.force - fit.simulate(data.motion)
     position, force, error = (
         folding.fold(data.own(signal)).mean(axis=0) for signal in (data.motion.position, data.force, error)
@@ -321,7 +318,10 @@ def nonlinear_share(experiment: Experiment, fit: Fit | LinearDynamics) -> float 
     excited = excited_lines(position)
     if len(excited) < 2 * _NEIGHBOURHOOD:
         return None
-    noise = _noise_power(floor, folding)
+    # Expected squared magnitude of the noise at the lines of the mean period's spectrum, from line 1 on.
+    frequency = np.fft.rfftfreq(folding.samples, floor.sampling_time)[1:]
+    density = floor.density(frequency) / 2  # two-sided
+    noise = density * folding.samples / floor.sampling_time / len(folding.rows)
     left = np.abs(np.fft.rfft(error)[1:]) ** 2
     if left.sum() < _ABOVE_NOISE * noise.sum():
         return None
@@ -346,18 +346,3 @@ def distortion_power(inputs: np.ndarray, outputs: np.ndarray, excited: np.ndarra
         fitted = columns @ np.linalg.lstsq(columns, outputs[near], rcond=1e-12)[0]
         power[line] = np.sum(np.abs(outputs[near] - fitted) ** 2) / (_NEIGHBOURHOOD - _DEGREES)
     return power
-
-
-def _folding(data: FitData, floor: NoiseFloor) -> Folding:
-    channels = {
-        "input": Channel(data.own(data.motion.position), "position", ""),
-        "output": Channel(data.own(data.force), "force", ""),
-    }
-    return fold_periods(Record(data.name, data.own(data.motion.time), channels), floor.period)
-
-
-def _noise_power(floor: NoiseFloor, folding: Folding) -> np.ndarray:
-    """Expected squared magnitude of the noise at the lines of the mean period's spectrum, from line 1 on."""
-    frequency = np.fft.rfftfreq(folding.samples, floor.sampling_time)[1:]
-    density = floor.density(frequency) / 2  # two-sided
-    return density * folding.samples / floor.sampling_time / len(folding.rows)

@@ -80,35 +80,24 @@ class Poles:
         )
 
 
-def direct_forces(motion: Motion | JoinedMotions, delay: float, held: bool) -> list[np.ndarray]:
-    """Forces of a constant, of the position and of its derivatives.
-
-    An input that is held between jumps acts through its present and its last value in place of its derivatives. Behind a delay
-    there is no acceleration: small delays are nearly what it does.
-    """
-    motion = _late(motion, delay)
-    one, position = np.ones(len(motion)), motion.position
-    if held:
-        return [one, position, np.append(position[:1], position[:-1])]
-    return [one, position, motion.velocity, *([] if delay else [motion.acceleration])]
-
-
-def pole_forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> list[np.ndarray]:
-    """Forces of the sections, two each, and of the branches."""
-    motion = _late(motion, poles.delay)
-    sections = [column for section in poles.sections for column in section_forces(motion, section, held)]
-    return sections + [_branch(motion, rate, held) for rate in poles.rates]
-
-
 def forces(motion: Motion | JoinedMotions, poles: Poles, held: bool) -> np.ndarray:
     """Forces one per linear parameter at size 1, all from rest at the first position.
 
-    The columns are those of `direct_forces`, then of `pole_forces`; shape (samples, parameters).
+    The columns are those of a constant, of the position and of its derivatives, two of each section, and those of the branches;
+    shape (samples, parameters). An input that is held between jumps acts through its present and its last value in place of
+    its derivatives. Behind a delay there is no acceleration: small delays are nearly what it does.
     """
     if isinstance(motion, JoinedMotions):
         return np.concatenate([forces(part, poles, held) for part in motion.parts])
-    direct = direct_forces(motion, poles.delay, held)[: poles.direct]
-    return np.column_stack([*direct, *pole_forces(motion, poles, held)])
+    motion = _late(motion, poles.delay)
+    one, position = np.ones(len(motion)), motion.position
+    if held:
+        direct = [one, position, np.append(position[:1], position[:-1])]
+    else:
+        direct = [one, position, motion.velocity, *([] if poles.delay else [motion.acceleration])]
+    sections = [column for section in poles.sections for column in section_forces(motion, section, held)]
+    branches = [_branch(motion, rate, held) for rate in poles.rates]
+    return np.column_stack([*direct[: poles.direct], *sections, *branches])
 
 
 def slope_forces(motion: Motion | JoinedMotions, poles: Poles, linear: np.ndarray, held: bool) -> np.ndarray:

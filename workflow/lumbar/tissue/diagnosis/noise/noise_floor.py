@@ -382,8 +382,13 @@ def find_bursts(noise: np.ndarray, degrees: float) -> Bursts | None:
     variance = float(
         sum(np.sum(item**2) for item in measured) / (per_row * sum(item.size for item in measured))
     )
-    quiet = _local_variance(noise) <= _LOUD * variance * per_row
-    if variance <= 0 or not _last(noise, quiet):
+    if variance <= 0:
+        return None
+    local = _local_variance(noise)
+    quiet, quietest = local <= _LOUD * variance * per_row, local <= np.quantile(local, _QUIET)
+    # Large deviations must last longer than the noise remembers.
+    of_noise = _neighbours(noise, quietest[1:] & quietest[:-1])
+    if _neighbours(noise, ~quiet[1:] & ~quiet[:-1]) <= of_noise + _LASTING * (1 - of_noise):
         return None
     excess = float(np.mean(noise**2)) / per_row - variance
     return Bursts(variance, quiet, float(np.sqrt(excess))) if excess > 0 else None
@@ -422,13 +427,6 @@ def _local_variance(rows: np.ndarray) -> np.ndarray:
     reach = _NEIGHBOURS // 2
     around = np.pad(np.mean(rows**2, axis=0), reach, mode="wrap")
     return np.convolve(around, np.full(_NEIGHBOURS, 1 / _NEIGHBOURS), mode="valid")
-
-
-def _last(noise: np.ndarray, quiet: np.ndarray) -> bool:
-    """Whether large deviations last longer than the noise remembers."""
-    quietest = _local_variance(noise) <= np.quantile(_local_variance(noise), _QUIET)
-    of_noise = _neighbours(noise, quietest[1:] & quietest[:-1])
-    return _neighbours(noise, ~quiet[1:] & ~quiet[:-1]) > of_noise + _LASTING * (1 - of_noise)
 
 
 def _neighbours(noise: np.ndarray, where: np.ndarray) -> float:

@@ -140,7 +140,10 @@ class _LineSearch:
             energy = float(np.sum((whitened.ravel() @ basis) ** 2)) - line.degrees
             if energy > best_energy:
                 best, best_energy = line, energy
-        if _stands_out(self._clip(whitened), self.free_rows) and (
+        # Wild samples are cut: a few of them make their period a direction of its own. A change of the response fills many
+        # samples and stays far above the noise when each is cut.
+        limit = _WILD * (np.median(np.abs(whitened) / self.taper) / _NORMAL_MEDIAN) * self.taper
+        if _stands_out(np.clip(whitened, -limit, limit), self.free_rows) and (
             _energy_of_largest(whitened, self.free_rows) > _UNNAMED_ADVANTAGE * best_energy
         ):
             best = Part(OTHER, np.zeros_like(self.rest), self.rest.shape[1])
@@ -194,15 +197,6 @@ class _LineSearch:
         """Tapered rows (along the last axis) through a filter that makes their noise white, of variance 1."""
         transform = np.fft.rfft(rows * self.taper, axis=-1) / np.sqrt(level)
         return np.fft.irfft(transform, rows.shape[-1], axis=-1)
-
-    def _clip(self, whitened: np.ndarray) -> np.ndarray:
-        """Whitened rows, wild samples cut: a few of them make their period a direction of its own.
-
-        A change of the response fills many samples and stays far above the noise when each is cut.
-        """
-        scale = np.median(np.abs(whitened) / self.taper) / _NORMAL_MEDIAN
-        limit = _WILD * scale * self.taper
-        return np.clip(whitened, -limit, limit)
 
     def _energy(self, kind: str, whitened: np.ndarray, level: np.ndarray) -> tuple[float, int]:
         """Energy that a kind of part explains of the whitened rest, and its degrees of freedom."""

@@ -15,7 +15,7 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, in_session
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
-from lumbar.tissue.diagnosis.noise.periods import Folding, fold_periods
+from lumbar.tissue.diagnosis.noise.periods import fold_periods
 from lumbar.tissue.diagnosis.residuals.compare import Comparison, compare_record, settling_samples
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import (
     cycle_view,
@@ -101,8 +101,12 @@ def _residual(
     record: Record, simulated: np.ndarray, floor: NoiseFloor | None, floor_from: str, start: float
 ) -> Residual:
     first = settling_samples(record, simulated, start)
-    own_floor = floor is not None and floor_from in ("", record.name)
-    folding = _counted_folding(fold_periods(record, floor.period), first) if own_floor else None
+    folding = None
+    if floor is not None and floor_from in ("", record.name):
+        # Periods that begin before the part that counts are left out.
+        whole = fold_periods(record, floor.period)
+        rows = whole.rows[whole.rows[:, 0] >= first] - first
+        folding = replace(whole, rows=rows) if len(rows) >= 2 else None
     return Residual(
         values=(record["output"] - simulated)[first:],
         time=record.time[first:] - record.time[0],
@@ -273,12 +277,6 @@ def all_reports_sentence(reports: Sequence[Any]) -> str:
 def least_explained(simulated: list[ResidualReport]) -> ResidualReport:
     """The record of whose output the model explains the smallest share."""
     return min(simulated, key=lambda item: item.comparison.vaf.value)
-
-
-def _counted_folding(folding: Folding, first: int) -> Folding | None:
-    """Folding of the part that counts: periods that begin before it are left out."""
-    rows = folding.rows[folding.rows[:, 0] >= first] - first
-    return replace(folding, rows=rows) if len(rows) >= 2 else None
 
 
 def of_axes(reports: Sequence[Any]) -> list[ResidualReport]:

@@ -135,7 +135,10 @@ class Residual:
         number = np.bincount(groups[inside], minlength=count)
         filled = np.flatnonzero(number)
         found = np.bincount(groups[inside], self.values[inside], count)[filled] / number[filled]
-        covariance = self._covariance_of_means(groups, filled, number)
+        if self.floor is not None and len(self.whitening) == 1:
+            covariance = np.diag(self.floor.rms**2 / number[filled])  # white: disjoint groups are unrelated
+        else:
+            covariance = self.covariance((groups == filled[:, None]) / number[filled, None])
         variance = np.diag(covariance)
         mean, deviation = np.full(count, np.nan), np.full(count, np.nan)
         mean[filled], deviation[filled] = found, np.sqrt(variance)
@@ -147,12 +150,6 @@ class Residual:
         noise = float(number[filled] @ variance) / len(self.values)
         share = self.share_beyond_chance(explained, noise)
         return Average(mean, deviation, number, share, chi_square_p(found, covariance))
-
-    def _covariance_of_means(self, groups: np.ndarray, filled: np.ndarray, number: np.ndarray) -> np.ndarray:
-        """Covariance of the means over the groups that are filled; disjoint ones are unrelated in white noise."""
-        if self.floor is not None and len(self.whitening) == 1:
-            return np.diag(self.floor.rms**2 / number[filled])
-        return self.covariance((groups == filled[:, None]) / number[filled, None])
 
     @property
     def span(self) -> int:

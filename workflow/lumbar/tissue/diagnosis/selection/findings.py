@@ -257,7 +257,13 @@ def whatever_the_speed(found: Verdict, effects: Mapping[str, Effect]) -> tuple[V
     named = [name for name in found.selected if effects[name].rate_independent]
     if found.verdict not in ("named", "tied") or not named:
         return found, []
-    low, high = _rates(found)
+    # Lowest and highest frequency (Hz) of the motion in all records.
+    records = [part for item in (found.experiment.training, *found.experiment.tests) for part in item.records]
+    bands = [
+        occupied_band(part.own(part.motion.position), part.motion.sampling_time, _FUNDAMENTAL)
+        for part in records
+    ]
+    low, high = min(edges[0] for edges in bands), max(edges[1] for edges in bands)
     apart, failed = high >= _APART * low, _not_predicted(found, named)
     if apart and not failed:
         return found, []
@@ -274,16 +280,6 @@ def whatever_the_speed(found: Verdict, effects: Mapping[str, Effect]) -> tuple[V
     kind = "other_rates_missed" if apart else "one_rate"
     finding = Finding.of(kind, high / low, "1", **words, missed=" and ".join(failed))
     return replace(found, verdict=verdict, tied_with=tied), [finding]
-
-
-def _rates(found: Verdict) -> tuple[float, float]:
-    """Lowest and highest frequency (Hz) of the motion in all records."""
-    records = [part for item in (found.experiment.training, *found.experiment.tests) for part in item.records]
-    bands = [
-        occupied_band(part.own(part.motion.position), part.motion.sampling_time, _FUNDAMENTAL)
-        for part in records
-    ]
-    return min(low for low, _ in bands), max(high for _, high in bands)
 
 
 def _not_predicted(found: Verdict, named: list[str]) -> list[str]:

@@ -88,21 +88,15 @@ def extend(
     )
     found = [add_form(model, form, experiment) for form in tried]
     if all_forms:
-        simpler = _simpler_ones(found, experiment)
+        # General forms may stand in for the best effects; for all where none of these leaves only noise: the simpler forms of
+        # what is right may be far from it.
+        ranked = best_by_effect(found)
+        enough = any(is_adequate(item, experiment) for item in ranked[:LOOK_AHEAD])
+        simpler = {item.effects[-1]: item for item in (ranked[:LOOK_AHEAD] if enough else ranked)}
         for form in every:
             if form.general and form.effect in simpler:
                 found += _where_needed(model, form, simpler[form.effect], experiment)
     return sorted(found, key=lambda item: item.score)
-
-
-def _simpler_ones(found: list[Candidate], experiment: Experiment) -> dict[str, Candidate]:
-    """Effects whose general forms may stand in, with their best simpler one.
-
-    Of the best effects; of all where none of these leaves only noise: the simpler forms of what is right may be far from it.
-    """
-    ranked = best_by_effect(found)
-    enough = any(is_adequate(item, experiment) for item in ranked[:LOOK_AHEAD])
-    return {item.effects[-1]: item for item in (ranked[:LOOK_AHEAD] if enough else ranked)}
 
 
 def _where_needed(
@@ -357,13 +351,9 @@ class Selection:
         """Verdict on the refined model."""
         if further is not None:
             return "named"
-        return "adequate" if self.leaves_noise(model) else "unexplained"
-
-    def leaves_noise(self, model: Candidate) -> bool:
-        """Whether a refined model leaves noise alone, and periods that differ are explained by an effect of time or path."""
         if self.periods_differ and not any(self.settings.candidates[name].changes for name in model.effects):
-            return False
-        return is_adequate(model, self.experiment, COMPLETE)
+            return "unexplained"  # an effect of time or path is missing
+        return "adequate" if is_adequate(model, self.experiment, COMPLETE) else "unexplained"
 
     def ranking(self, model: Candidate) -> list[Ranked]:
         """The selected set first, then every other set tried, best first."""

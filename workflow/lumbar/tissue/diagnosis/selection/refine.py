@@ -244,7 +244,10 @@ def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[
     training = distinguishing_digits([item.train_rms for item in path], 4)
     unseen = distinguishing_digits([item.test_rms for item in path], 4)
     names = [path[0].fit.structure.base.name, *(f"+ {name}" for name in path[-1].effects)]
-    changes = ["", *(f" ({_change(*pair)})" for pair in pairwise(path))]
+    changes = [""]
+    for before, after in pairwise(path):
+        change = 100 * (after.test_rms / before.test_rms - 1)
+        changes.append(f" ({change:+.2g} %)" if abs(change) < 10 else f" ({change:+.0f} %)")
     rungs = [
         f"{name}: {own} {unit} in training, {other} unseen{change}"
         for name, own, other, change in zip(names, training, unseen, changes, strict=True)
@@ -254,11 +257,6 @@ def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[
         noise_sentence(experiment),
         ladder_verdict(path, experiment),
     ]
-
-
-def _change(before: Candidate, after: Candidate) -> str:
-    change = 100 * (after.test_rms / before.test_rms - 1)
-    return f"{change:+.2g} %" if abs(change) < 10 else f"{change:+.0f} %"
 
 
 def ladder_verdict(path: Sequence[Candidate], experiment: Experiment) -> str:

@@ -59,7 +59,12 @@ def diagnose_points(records: Sequence[Record], settings: DiagnosisSettings, met_
         found = replace(found, verdict_after="unexplained")
         if found.model is found.base:
             found = replace(found, verdict="unexplained")
-    return replace(found, findings=(_said(experiment), *offsets(found)))
+    own = experiment.tests[0].name == experiment.training.records[0].name
+    unseen = f"One point in {_EVERY} was held back as unseen" if own else "Other tables are the unseen points"
+    count = sum(len(record) for record in experiment.records)
+    words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "unseen": unseen}
+    said = Finding.of("static_points", float(count), "1", **words)
+    return replace(found, findings=(said, *offsets(found)))
 
 
 class _StaticSelection(Selection):
@@ -139,11 +144,3 @@ def _bends(model: Candidate, experiment: Experiment) -> bool:
     ratio = float(np.sum(np.diff(errors) ** 2)) / square
     spread = 2 * np.sqrt((size - 2) / (size**2 - 1))
     return bool((2 - ratio) / spread > UNSEEN)
-
-
-def _said(experiment: Experiment) -> Finding:
-    own = experiment.tests[0].name == experiment.training.records[0].name
-    unseen = f"One point in {_EVERY} was held back as unseen" if own else "Other tables are the unseen points"
-    count = sum(len(record) for record in experiment.records)
-    words = {"position": experiment.input_quantity, "force": experiment.output_quantity, "unseen": unseen}
-    return Finding.of("static_points", float(count), "1", **words)

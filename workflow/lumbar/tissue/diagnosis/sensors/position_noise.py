@@ -83,7 +83,9 @@ def within_band(values: np.ndarray, sampling_time: float, edge: float) -> np.nda
     extended = np.concatenate([before, rest, after])
     length = scipy.fft.next_fast_len(len(extended), real=True)
     spectrum = scipy.fft.rfft(extended, length)
-    spectrum *= _gain(np.fft.rfftfreq(length, sampling_time), edge)
+    # Gain 1 up to the edge, then half a period of a cosine down to 0.
+    beyond = np.clip((np.fft.rfftfreq(length, sampling_time) / edge - 1) / _TRANSITION, 0, 1)
+    spectrum *= 0.5 + 0.5 * np.cos(np.pi * beyond)
     return mean + scipy.fft.irfft(spectrum, length)[len(before) : len(before) + len(values)]
 
 
@@ -97,12 +99,6 @@ def _continuation(end: np.ndarray, sampling_time: float, edge: float) -> np.ndar
     largest = 2 * np.abs(end).max()
     fade = 0.5 + 0.5 * np.cos(np.pi * np.linspace(0, 1, size - 1) ** 2)
     return np.clip(follows, -largest, largest) * fade
-
-
-def _gain(frequency: np.ndarray, edge: float) -> np.ndarray:
-    """1 up to the edge, then half a period of a cosine down to 0."""
-    beyond = np.clip((frequency / edge - 1) / _TRANSITION, 0, 1)
-    return 0.5 + 0.5 * np.cos(np.pi * beyond)
 
 
 # Noise and jitter

@@ -4,7 +4,6 @@ Stiffness and viscosity are symmetric matrices without negative values (a spring
 loaded; a dashpot only takes). A channel of the other sign, or two that are exchanged, leave matrices that are neither.
 """
 
-from collections.abc import Iterator
 from itertools import permutations, product
 
 import numpy as np
@@ -31,7 +30,13 @@ def exchanged_channels(
     """
     power, along, moved = _products(experiment, len(axes))
     least = power - float(np.trace(along @ np.linalg.lstsq(moved, along.T, rcond=None)[0]))
-    left = {reading: _left(reading, power, along, moved) for reading in _readings(len(axes))}
+    # Channel and sign of every axis, in every way, as recorded first.
+    readings = (
+        tuple(zip(order, signs, strict=True))
+        for order in permutations(range(len(axes)))
+        for signs in product((1, -1), repeat=len(axes))
+    )
+    left = {reading: _left(reading, power, along, moved) for reading in readings}
     as_recorded = next(iter(left.values()))
     best = min(left, key=lambda reading: left[reading])
     better = left[best] <= _BETTER * as_recorded and as_recorded - left[best] >= _MORE * power
@@ -49,13 +54,6 @@ def exchanged_channels(
         "columns": columns_yaml(**columns),
     }
     return Finding.of("force_channels", 100 * (1 - left[best] / power), "%", **words)
-
-
-def _readings(size: int) -> Iterator[tuple[tuple[int, int], ...]]:
-    """Channel and sign of every axis, in every way, as recorded first."""
-    for order in permutations(range(size)):
-        for signs in product((1, -1), repeat=size):
-            yield tuple(zip(order, signs, strict=True))
 
 
 def _products(experiment: Experiment, size: int) -> tuple[float, np.ndarray, np.ndarray]:

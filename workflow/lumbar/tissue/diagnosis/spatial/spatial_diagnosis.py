@@ -135,7 +135,9 @@ def _better_base(
     acting = model.fit.nonlinear[len(structure.base.nonlinear) :]
     turned, again = freed(model, experiment), choose_base(experiment, axes, kinds, structure.forms, acting)
     best = likelier(experiment, turned, again)
-    return None if best is turned and turned.score > model.score - TIED else _alone(best, experiment)
+    if best is turned and turned.score > model.score - TIED:
+        return None
+    return held(replace(best, fit=with_forms(best.fit, ())), experiment)
 
 
 class _Selection(Selection):
@@ -149,8 +151,3 @@ class _Selection(Selection):
             else item
             for item in models
         ]
-
-
-def _alone(model: Candidate, experiment: Experiment) -> Candidate:
-    """The base of a model with its axes, without the effects."""
-    return held(replace(model, fit=with_forms(model.fit, ())), experiment)
