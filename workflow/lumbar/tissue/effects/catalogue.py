@@ -135,16 +135,10 @@ def _under_gravity(effect: Effect, gravity_m_s2: float) -> Effect:
 
 def catalogues_with(files: Collection[str | Path], content: object = None) -> dict[str, dict[str, Effect]]:
     """Return the catalogue of every system with the effects of a user's files and those that a file of models carries."""
-    bases = {base.system: base.name for base in BASES.values()}
-    return with_carried({system: catalogue_with(files, base) for system, base in bases.items()}, content)
-
-
-def with_carried(
-    catalogues: Mapping[str, Mapping[str, Effect]], content: object
-) -> dict[str, dict[str, Effect | Base]]:
-    """Return catalogues by system with the effects that a file of models carries, and its bases."""
     from lumbar.tissue.effects.notation import carried_bases, carried_effects
 
+    bases = {base.system: base.name for base in BASES.values()}
+    catalogues = {system: catalogue_with(files, base) for system, base in bases.items()}
     found = {system: {**carried_effects(content, known), **known} for system, known in catalogues.items()}
     return {**found, OWN_BASES: carried_bases(content)}
 

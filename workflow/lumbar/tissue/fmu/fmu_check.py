@@ -168,7 +168,9 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
             "states": check.model.dynamics.kept,
             "largest_pole": check.model.dynamics.largest_pole,
             "stable": "yes" if check.model.stable else "NO",
-            "feedthrough": "none" if not check.model.feedthrough else _feedthrough(check.version),
+            "feedthrough": {"2.0": "one sample late", "3.0": "at once"}[check.version]
+            if check.model.feedthrough
+            else "none",
             "schema_problems": len(check.schema),
             "largest_output": check.largest_output,
             "relative_error": check.largest_error,
@@ -184,10 +186,6 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
         "limit": first.output_limit,
     }
     return described(__file__, "fmu_checks", rows, data, words)
-
-
-def _feedthrough(version: str) -> str:
-    return "one sample late" if version == "2.0" else "at once"
 
 
 @dataclass(frozen=True)

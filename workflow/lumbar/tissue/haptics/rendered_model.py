@@ -161,8 +161,12 @@ def linearised(
     That is where they were looked for, None where all are the same, and the forces at rest.
     """
     axes = len(model.axes)
-    known = model.valid_for and (model.valid_for.lowest, model.valid_for.highest)
-    reach = reach_mm(known, model.input.offset, unit)
+    # Ends of the motion about rest over which it is linearised, in mm: those of what it was fitted to, where they are known.
+    low, high = -REACH_MM, REACH_MM
+    if model.valid_for:
+        ends = model.valid_for.lowest, model.valid_for.highest
+        low, high = (unit * (end - model.input.offset) for end in ends)
+    reach = min(low, 0.0), max(high, 0.0)
 
     def limited(positions: np.ndarray) -> np.ndarray:
         places = positions if axes else positions[:, 0]
@@ -195,22 +199,6 @@ def beside(rate_limited: bool, still: np.ndarray) -> str:
     alone = np.ptp(still) > _ENDED * max(np.abs(still).max(), 1.0)
     found = ["a limit on its rate"] * rate_limited + ["a force that changes with time alone"] * bool(alone)
     return " and ".join(found)
-
-
-def reach_mm(known: tuple[float, float] | None, rest: float, unit: float) -> tuple[float, float]:
-    """Ends of the motion about rest over which a model with effects is linearised, in mm.
-
-    Parameters
-    ----------
-    known : tuple of float, optional
-        Lowest and highest position of what it was fitted to, where that is known.
-    rest : float
-        Position at which it rests.
-    unit : float
-        Of both, in mm.
-    """
-    low, high = (-REACH_MM, REACH_MM) if known is None else (unit * (end - rest) for end in known)
-    return min(low, 0.0), max(high, 0.0)
 
 
 def renderable(model: FittedModel | ExportModel) -> bool:

@@ -128,7 +128,10 @@ class Evaluator:
             case Symbol("pi"):
                 value = np.pi
             case Operation():
-                function, given = self._computed(expression)
+                function, given = self._functions[expression.name], expression.operands
+                if expression.name == "**" and (exponent := whole_power(given[1])):
+                    # Small whole powers are products.
+                    function, given = partial(_product, self._functions["*"], exponent), given[:1]
                 operands = [self._place(operand) for operand in given]
                 known = [self._known[operand] for operand in operands]
                 if any(item is None for item in known):
@@ -144,12 +147,6 @@ class Evaluator:
             second = others[0] if others else None
             self._operations.append((function, first, second, tuple(others[1:]), place))
         return place
-
-    def _computed(self, expression: Operation) -> tuple[Callable, tuple[Expression, ...]]:
-        """Function and its operands; small whole powers are products."""
-        if expression.name == "**" and (exponent := whole_power(expression.operands[1])):
-            return partial(_product, self._functions["*"], exponent), expression.operands[:1]
-        return self._functions[expression.name], expression.operands
 
     def __call__(self, values: Mapping[str, np.ndarray | float]) -> list[np.ndarray | float]:
         """Return the expressions' values for those of the symbols, one per expression."""

@@ -77,7 +77,10 @@ def entry_of(model: ModelData) -> dict:
     else:
         forward = isinstance(model.structure, ForwardStructure) or None
         spatial = model.structure.base.spatial
-        space = None if spatial is None else _space(spatial)
+        space = None
+        if spatial is not None:
+            ends = (getattr(spatial, name, None) for name in ("depth", "reach"))  # of a plane
+            space = _Space(spatial.axes, str(spatial.symmetry), spatial.frames, *ends)
         written = _Written(effects=tuple(map(_added, model.structure.forms)), forward=forward, space=space)
     plain = _schema().dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
     plain["structure"] = _without_none(plain["structure"])
@@ -85,11 +88,6 @@ def entry_of(model: ModelData) -> dict:
         if not plain[name]:
             del plain[name]
     return plain
-
-
-def _space(spatial) -> _Space:
-    ends = (getattr(spatial, name, None) for name in ("depth", "reach"))  # of a plane
-    return _Space(spatial.axes, str(spatial.symmetry), spatial.frames, *ends)
 
 
 def _added(form: Form) -> _Added:

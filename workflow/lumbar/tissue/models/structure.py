@@ -223,14 +223,14 @@ class ForwardStructure(Structure):
                     columns.append(inner[:, count] * nonlinear[index])
                     count += 1
                 else:
-                    columns.append(self._by_difference(motion, linear, nonlinear, zero, index))
+                    # By what the logarithm of the parameter changes.
+                    step = 1e-4 * np.eye(len(nonlinear))[index]
+                    more, less = (
+                        self.simulate(motion, linear, nonlinear * np.exp(way * step), zero) for way in (1, -1)
+                    )
+                    columns.append((more - less) / 2e-4)
                 index += 1
         return np.stack(columns, axis=1)
-
-    def _by_difference(self, motion, linear, nonlinear, zero, index) -> np.ndarray:
-        step = 1e-4 * np.eye(len(nonlinear))[index]
-        ends = [self.simulate(motion, linear, nonlinear * np.exp(way * step), zero) for way in (1, -1)]
-        return (ends[0] - ends[1]) / 2e-4
 
     @cached_property
     def _key(self) -> str:

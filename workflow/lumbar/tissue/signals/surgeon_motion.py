@@ -43,7 +43,10 @@ class MotionSpectra:
 
     def pooled(self, quantity: str) -> np.ndarray:
         """Mean over surgeons of the mean over each one's trials, shape (lines,)."""
-        return _surgeon_weights(self.surgeons) @ self.psd[quantity]
+        # Surgeons count alike, however many trials each has.
+        surgeons = len(set(self.surgeons))
+        weights = np.array([1 / (surgeons * self.surgeons.count(surgeon)) for surgeon in self.surgeons])
+        return weights @ self.psd[quantity]
 
 
 def motion_spectra(
@@ -223,12 +226,6 @@ def _interval_facts(spectra: MotionSpectra, settings: BandwidthSettings, seed: i
         "trials": len(spectra.names),
         "seed": seed,
     }
-
-
-def _surgeon_weights(surgeons: Sequence[str]) -> np.ndarray:
-    """Weight of every trial in the pooled spectrum: surgeons count alike, however many trials each has."""
-    names = sorted(set(surgeons))
-    return np.array([1 / (len(names) * surgeons.count(surgeon)) for surgeon in surgeons])
 
 
 def _bootstrap_weights(surgeons: Sequence[str], resamples: int, seed: int) -> np.ndarray:

@@ -70,7 +70,10 @@ def signed_rank_test(differences: np.ndarray, zeros: str = "pratt") -> SignedRan
     statistic, expected = float(ranks[positive].sum()), float(ranks.sum() / 2)
     nonzero = len(ranks)
     if nonzero <= EXACT_LIMIT:
-        return SignedRank(statistic, expected, _exact_p(ranks, statistic), nonzero, True)
+        # Probability of a sum at least as far from its mean; the distribution is symmetric.
+        probability, place = positive_rank_sum_distribution(ranks), round(2 * statistic)
+        tail = float(min(probability[: place + 1].sum(), probability[place:].sum()))
+        return SignedRank(statistic, expected, min(1.0, 2 * tail), nonzero, True)
     deviate = (statistic - expected) / np.sqrt((ranks**2).sum() / 4)
     return SignedRank(statistic, expected, float(2 * norm.sf(abs(deviate))), nonzero, False)
 
@@ -99,13 +102,6 @@ def positive_rank_sum_distribution(ranks: np.ndarray) -> np.ndarray:
         probability[rank : reached + rank + 1] += shifted
         reached += rank
     return probability
-
-
-def _exact_p(ranks: np.ndarray, statistic: float) -> float:
-    """Probability of a sum at least as far from its mean; the distribution is symmetric."""
-    probability = positive_rank_sum_distribution(ranks)
-    place = round(2 * statistic)
-    return min(1.0, 2 * float(min(probability[: place + 1].sum(), probability[place:].sum())))
 
 
 def friedman(ratings: Ratings) -> tuple[Overall, float]:

@@ -16,7 +16,6 @@ from lumbar.tissue.fmu.build.sources import C_FILES, content_token
 from lumbar.tissue.fmu.conventions import (
     ANNOTATION,
     ELEMENT,
-    PUSH,
     RATE_LIMIT,
     base_unit,
     element_names,
@@ -59,11 +58,6 @@ def guards_text(model: ExportModel) -> list[str]:
     there = {"contact": guards.contact, "rate": guards.rate_limit > 0, "passive": guards.passive}
     space = [sentence("space", model)] if model.axes else []
     return [*space, *(sentence(f"{name}_guard", model) for name, guard in there.items() if guard)]
-
-
-def gain_text(model: ExportModel) -> str:
-    """Say what a change of the gain does while the model runs: switched or scaled as a layer is passed."""
-    return sentence("gain", model, switched=None if model.guards.passive else switched_on(model), push=PUSH)
 
 
 def switched_on(model: ExportModel) -> tuple[float, float, float] | None:

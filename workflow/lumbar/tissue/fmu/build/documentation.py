@@ -4,10 +4,17 @@ import numpy as np
 
 from lumbar import __version__
 from lumbar.base.templates import template
-from lumbar.tissue.fmu.build.description import AUTHOR, gain_text, guards_text, model_version, sentence
+from lumbar.tissue.fmu.build.description import (
+    AUTHOR,
+    guards_text,
+    model_version,
+    sentence,
+    switched_on,
+)
 from lumbar.tissue.fmu.build.effect_model import Term
 from lumbar.tissue.fmu.build.export_model import ExportModel
 from lumbar.tissue.fmu.build.linear_model import LinearModel
+from lumbar.tissue.fmu.conventions import PUSH
 from lumbar.tissue.models.form import Place
 
 
@@ -23,7 +30,7 @@ def documentation_html(model: ExportModel, version: str, data: str) -> str:
             *_equations(model),
             _averaged(model),
             *guards_text(model),
-            gain_text(model),
+            sentence("gain", model, switched=None if model.guards.passive else switched_on(model), push=PUSH),
             _stability(model),
             f"The model samples its input every {model.sampling_time:g} s from the start time and holds its output in "
             "between. Communication steps of any length are allowed.",

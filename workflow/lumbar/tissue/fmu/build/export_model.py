@@ -238,8 +238,10 @@ def find_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[Fi
         A model is not there: all problems at once.
     """
     problems = Problems("runtime.models")
-    for text in _duplicate_identifiers(settings.models):
-        problems.add("", text, "rename one: both would have the same name in C")
+    first: dict[str, str] = {}
+    for name in settings.models:
+        if (known := first.setdefault(identifier(name), name)) != name:
+            problems.add("", f"{name!r} and {known!r}", "rename one: both would have the same name in C")
     found = [_find(fitted, name, settings, problems) for name in settings.models]
     problems.raise_if_any()
     return [model for model in found if model is not None]
@@ -259,15 +261,6 @@ def export_models(fitted: list[FittedModel], settings: RuntimeSettings) -> list[
     if settings.unstable == "refuse":
         _refuse_unstable(models)
     return models
-
-
-def _duplicate_identifiers(names: list[str]) -> list[str]:
-    first: dict[str, str] = {}
-    return [
-        f"{name!r} and {first[identifier(name)]!r}"
-        for name in names
-        if first.setdefault(identifier(name), name) != name
-    ]
 
 
 def _find(

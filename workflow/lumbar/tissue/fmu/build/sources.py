@@ -36,20 +36,16 @@ def _fixed_source(name: str, several: bool) -> str:
     return header.read_text(encoding="utf-8").replace("\r\n", "\n")
 
 
-def _fixed_sources(model: ExportModel) -> dict[str, str]:
-    names = (*C_FILES, model.dynamics.c_source, *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
-    several = ("spatial_force.c",) * bool(model.axes)
-    return {name: _fixed_source(name, bool(model.axes)) for name in (*names, *several)}
-
-
 def source_files(model: ExportModel) -> dict[str, str]:
     """Return all sources of a model's library by file name; ``model_data.h`` holds the numbers."""
     return _sources(model, content_token(model))
 
 
 def _sources(model: ExportModel, token: str) -> dict[str, str]:
-    numbers = {SIZES: _model_size(model), NUMBERS: _model_data(model, token)}
-    return {**_fixed_sources(model), **numbers}
+    names = (*C_FILES, model.dynamics.c_source, *_HEADERS, *model.dynamics.headers, *_FMI_HEADERS)
+    several = ("spatial_force.c",) * bool(model.axes)
+    fixed = {name: _fixed_source(name, bool(model.axes)) for name in (*names, *several)}
+    return {**fixed, SIZES: _model_size(model), NUMBERS: _model_data(model, token)}
 
 
 def content_token(model: ExportModel) -> str:
