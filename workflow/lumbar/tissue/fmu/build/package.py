@@ -7,13 +7,16 @@ files are stimulus, reference result and experiment; both are drafts, and nobody
 import csv
 import hashlib
 import io
+import json
 import struct
 import zipfile
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
+from lumbar import __version__
 from lumbar.base.errors import InputError
 from lumbar.base.files import replacing
 from lumbar.base.progress import track
@@ -22,7 +25,6 @@ from lumbar.tissue.fmu.build.compiler import TARGETS, library_of, resolve_target
 from lumbar.tissue.fmu.build.description import FMI_VERSIONS, model_description
 from lumbar.tissue.fmu.build.documentation import documentation_html
 from lumbar.tissue.fmu.build.export_model import ExportModel
-from lumbar.tissue.fmu.build.record import record_text
 from lumbar.tissue.fmu.build.reference_response import reference_output, reference_push
 from lumbar.tissue.fmu.build.sources import C_FILES, source_files
 from lumbar.tissue.fmu.conventions import (
@@ -35,10 +37,16 @@ from lumbar.tissue.fmu.conventions import (
     WITHOUT_EVENT_MODE,
     element_names,
 )
+from lumbar.tissue.models.fitted_model import models_document
 
 _TO_THE_TOP = "../../"
 """From the folder of the layered standard."""
 _TYPES = {".csv": "text/csv", ".exp": "application/x-ma-hs-experiments"}
+_OF_THE_STUDY = {
+    *("models", "trained_on", "estimator", "unstable"),
+    *("targets", "compiler_cache", "check_samples", "device"),
+}
+"""Settings that choose, build or judge models: how one is run is what all others say."""
 
 
 def related_files(model: ExportModel, signals: dict[str, str]) -> dict[str, str]:
@@ -208,7 +216,7 @@ def fmu_contents(
     contents = {f"sources/{name}": text for name, text in source_files(model).items()}
     contents["modelDescription.xml"] = model_description(model, version, data)
     contents["documentation/index.html"] = documentation_html(model, version, data)
-    contents[RECORD] = record_text(model, data)
+    contents[RECORD] = _record_text(model, data)
     if version == "3.0":
         build = template("tissue/fmu/build/buildDescription.xml.jinja")
         contents["sources/buildDescription.xml"] = build.render(model=model, files=C_FILES)
@@ -216,6 +224,21 @@ def fmu_contents(
     contents.update({**signals, **related_files(model, signals)})
     files = {path: text.encode("utf-8") for path, text in contents.items()}
     return {**files, **attachments(model, version), **_binaries(model, version, libraries)}
+
+
+def _record_text(model: ExportModel, data: str) -> str:
+    """Return the record, from which all else in the FMU follows.
+
+    It is a file of models that holds this one, the settings that shape the FMU, and what wrote it.
+    """
+    run = {item.name: getattr(model.settings, item.name) for item in fields(model.settings)}
+    content = {
+        **models_document([model.identified], data),
+        "runtime": {name: value for name, value in run.items() if name not in _OF_THE_STUDY},
+        "on_device": list(model.on_device),
+        "written_by": f"lumbar {__version__}",
+    }
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _binaries(model: ExportModel, version: str, libraries: dict[str, bytes]) -> dict[str, bytes]:
