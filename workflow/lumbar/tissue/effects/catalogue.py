@@ -116,21 +116,17 @@ def catalogue_with(
     """
     catalogue = dict(catalogue_of(base))
     if system_of(base) == "pendulum" and gravity_m_s2 is not None:
-        catalogue = {name: _under_gravity(effect, gravity_m_s2) for name, effect in catalogue.items()}
+        if not 0 < gravity_m_s2 < math.inf:
+            raise InputError(f"gravity_m_s2 is {gravity_m_s2:g}: the effects on a pendulum need m/s² above 0")
+        constants = {"g": float(gravity_m_s2)}
+        for name, effect in catalogue.items():
+            forms = tuple(form.with_constants(constants) for form in effect.forms)
+            catalogue[name] = replace(effect, forms=forms)
     if files:
         from lumbar.tissue.effects.notation import load_effects
     for file in files:
         catalogue.update(load_effects(Path(file), catalogue))
     return catalogue
-
-
-def _under_gravity(effect: Effect, gravity_m_s2: float) -> Effect:
-    """The effect where masses weigh otherwise than on the ground here."""
-    if not 0 < gravity_m_s2 < math.inf:
-        raise InputError(f"gravity_m_s2 is {gravity_m_s2:g}: the effects on a pendulum need m/s² above 0")
-    return replace(
-        effect, forms=tuple(form.with_constants({"g": float(gravity_m_s2)}) for form in effect.forms)
-    )
 
 
 def catalogues_with(files: Collection[str | Path], content: object = None) -> dict[str, dict[str, Effect]]:

@@ -16,7 +16,7 @@ from lumbar.tissue.models.driven_motion import linearised
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.measured_motion import for_base, with_measured_motion
 from lumbar.tissue.models.model_data import ModelData, Scores, headline, in_html, in_text
-from lumbar.tissue.models.model_entry import checked_entry, entry_of, read_entry
+from lumbar.tissue.models.model_entry import checked_entry, entry_of
 from lumbar.tissue.models.motion import Motion, SpatialMotion
 from lumbar.tissue.models.structure import ForwardStructure, Structure
 from lumbar.tissue.models.transfer_function import FirstOrder, TransferFunction
@@ -173,7 +173,7 @@ class FittedModel(ModelData):
         return entry_of(self)
 
     @classmethod
-    def from_json(cls, entry: dict, catalogues: Mapping[str, Mapping[str, Effect]]) -> FittedModel:
+    def from_json(cls, entry: object, catalogues: Mapping[str, Mapping[str, Effect]]) -> FittedModel:
         """Return the model of an entry of ``models.json``.
 
         Catalogues are effects by name for every system, as `lumbar.tissue.effects.catalogue.CATALOGUES`.
@@ -183,7 +183,12 @@ class FittedModel(ModelData):
         InputError
             With the place of everything that is missing, unknown or not allowed.
         """
-        return cls(**read_entry(entry, catalogues))
+        name = entry.get("name") if isinstance(entry, dict) else None
+        problems = Problems(f"model {name!r}")
+        found = checked_entry(entry, catalogues, problems)
+        problems.raise_if_any()
+        assert found is not None  # else there were problems
+        return cls(**found)
 
     def without_scores(self) -> FittedModel:
         """The model without what it owes to one record."""

@@ -113,16 +113,6 @@ def _schema() -> TypeAdapter:
     return TypeAdapter(_Entry)
 
 
-def read_entry(entry: object, catalogues: Catalogues) -> dict:
-    """Return the fields of the model of an entry; see `lumbar.tissue.models.fitted_model.FittedModel.from_json`."""
-    name = entry.get("name") if isinstance(entry, dict) else None
-    problems = Problems(f"model {name!r}")
-    found = checked_entry(entry, catalogues, problems)
-    problems.raise_if_any()
-    assert found is not None  # else there were problems
-    return found
-
-
 def checked_entry(entry: object, catalogues: Catalogues, problems: Problems) -> dict | None:
     """Return the fields of the model of an entry, or None where something was added to `problems`."""
     plain = _typed(entry, problems)

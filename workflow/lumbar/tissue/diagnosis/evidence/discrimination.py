@@ -256,8 +256,15 @@ def separating_excitation(diagnosis: Verdict, limits: Kinematics | None = None) 
     model = diagnosis.model.fit
 
     def first_order(item: ExcitationCandidate) -> _Left:
+        """The smallest of what one of two models leaves of the other beyond its tangent space."""
         data = FitData(item.words, item.motion, np.zeros(len(item.motion)), training.whitening)
-        return min(_left_to_first_order(model, rival.fit, data) for rival in rivals)
+        left = []
+        for rival in rivals:
+            difference = data.whiten(model.simulate(data.motion) - rival.fit.simulate(data.motion))
+            for fit in (model, rival.fit):
+                rest = beyond(tangent_basis(fit, [data]), difference)
+                left.append(_Left.of(float(rest @ rest), data.size))
+        return min(left)
 
     ranked = sorted(((first_order(item), item) for item in family), key=lambda pair: -pair[0].rms)
     own = ExcitationCandidate(training.name, training.motion, True)
@@ -283,13 +290,6 @@ class _Left:
 
     def distance(self, noise: float) -> float:
         return float(np.sqrt(self.sum_of_squares) / noise)
-
-
-def _left_to_first_order(first: Fit, second: Fit, data: FitData) -> _Left:
-    """The smaller of what either model leaves of the other beyond its tangent space."""
-    difference = data.whiten(first.simulate(data.motion) - second.simulate(data.motion))
-    left = [beyond(tangent_basis(fit, [data]), difference) for fit in (first, second)]
-    return min(_Left.of(float(item @ item), data.size) for item in left)
 
 
 def _judged(model: Fit, rivals: list[Candidate], excitation: ExcitationCandidate, whitening):

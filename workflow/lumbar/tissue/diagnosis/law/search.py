@@ -80,7 +80,13 @@ class Search:
     """One search under way, in a library of terms; the experiment's tests are what choices are made with."""
 
     def __init__(self, experiment: Experiment, library):
-        self.experiment = replace(experiment, training=_shortened(experiment))
+        training, floor = experiment.training, experiment.floor
+        if floor is not None and floor.structured_rms <= 0 and not isinstance(training, JointData):
+            # The record does nothing but repeat: a few of its periods are enough.
+            time = training.own(training.motion.time)
+            share = _PERIODS * floor.period / (time[-1] - time[0])
+            training = training.split(share)[0] if share < 1 else training
+        self.experiment = replace(experiment, training=training)
         self.library = tuple(library)
 
     @cached_property
@@ -267,16 +273,6 @@ def _at_bound(found: Fit, data: FitData, first: int) -> bool:
     value = found.nonlinear
     at = (value <= low * (1 + _AT_BOUND)) | (value >= high * (1 - _AT_BOUND))
     return bool(at[first:].any())
-
-
-def _shortened(experiment: Experiment) -> FitData:
-    """The training record, cut after a few periods where it does nothing but repeat."""
-    training, floor = experiment.training, experiment.floor
-    if floor is None or floor.structured_rms > 0 or isinstance(training, JointData):
-        return training
-    time = training.own(training.motion.time)
-    share = _PERIODS * floor.period / (time[-1] - time[0])
-    return training.split(share)[0] if share < 1 else training
 
 
 def _explained(columns: np.ndarray, residual: np.ndarray) -> float:

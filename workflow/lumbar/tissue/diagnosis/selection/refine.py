@@ -160,10 +160,15 @@ def refine(
 
         return refine_forward(records, chosen, settings)
     experiment = prepare_for(records, settings)
-    chosen = _with_channels(chosen, experiment)
-    surfaced, path = _added_in_turn(experiment, chosen, settings.base)
+    # Each effect with the forms that the records' channels allow.
+    usable, left_out = usable_effects(chosen, experiment.training.motion.channels, experiment.training.scale)
+    for name in chosen:
+        if name not in usable:
+            missing = {role: None for form, roles in left_out if form.effect == name for role in roles}
+            raise InputError(f"{name} needs channels that the records do not have: {', '.join(missing)}")
+    surfaced, path = _added_in_turn(experiment, usable, settings.base)
     if experiment.error_dwarfs_noise(path[-1].train_rms):
-        surfaced, path = _added_in_turn(experiment.without_whitening(), chosen, settings.base)
+        surfaced, path = _added_in_turn(experiment.without_whitening(), usable, settings.base)
     return surfaced, path
 
 
@@ -220,16 +225,6 @@ def not_converged(model: Candidate, experiment: Experiment) -> Finding:
     """Say that a base's parameters are no result; what it leaves can be looked at all the same."""
     training, unit = experiment.training.name, experiment.output_unit
     return Finding.of("not_converged", model.train_rms, unit, training, model=model_name(model.fit))
-
-
-def _with_channels(chosen: dict[str, Effect], experiment: Experiment) -> dict[str, Effect]:
-    """Return the effects with the forms that the records' channels allow."""
-    usable, left_out = usable_effects(chosen, experiment.training.motion.channels, experiment.training.scale)
-    for name in chosen:
-        if name not in usable:
-            missing = {role: None for form, roles in left_out if form.effect == name for role in roles}
-            raise InputError(f"{name} needs channels that the records do not have: {', '.join(missing)}")
-    return usable
 
 
 def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[str]:

@@ -137,7 +137,11 @@ def _is_skew(growth: np.ndarray, spectra: dict[str, np.ndarray]) -> bool:
     """Whether the rate of change alone explains what grows, and nothing else does as well."""
     others = ("force", "position", "speed")
     explanations = [("rate",), *combinations(others, 1), *combinations(others, 2)]
-    left = {names: _squared_rest(growth, [spectra[name] for name in names]) for names in explanations}
+    left = {}
+    for names in explanations:
+        columns = np.column_stack([spectra[name] for name in names])
+        rest = growth - columns @ np.linalg.lstsq(columns, growth, rcond=None)[0]
+        left[names] = float(np.sum(rest**2))
     rate = left.pop(("rate",))
     explained = float(growth @ growth) - rate
     single = min(value for names, value in left.items() if len(names) == 1)
@@ -149,11 +153,6 @@ def _is_skew(growth: np.ndarray, spectra: dict[str, np.ndarray]) -> bool:
         and rate - paired < _BETTER
         and rate - usual < _UNEXPLAINED * explained
     )
-
-
-def _squared_rest(growth: np.ndarray, columns: list[np.ndarray]) -> float:
-    columns = np.column_stack(columns)
-    return float(np.sum((growth - columns @ np.linalg.lstsq(columns, growth, rcond=None)[0]) ** 2))
 
 
 def _periods(record: Record) -> Folding | None:

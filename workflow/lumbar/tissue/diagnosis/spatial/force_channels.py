@@ -89,13 +89,12 @@ def _left(reading: tuple[tuple[int, int], ...], power: float, along: np.ndarray,
     normal = np.einsum("aij,jk,bik->ab", terms, moved, terms)
     found = np.linalg.lstsq(normal, np.einsum("aij,ij->a", terms, read), rcond=None)[0]
     matrices = np.tensordot(found, terms, axes=1)
-    passive = np.concatenate([_without_negative(each) for each in np.split(matrices, 2, axis=1)], axis=1)
+    parts = []
+    for each in np.split(matrices, 2, axis=1):
+        values, vectors = np.linalg.eigh(each)
+        parts.append((vectors * np.maximum(values, 0.0)) @ vectors.T)
+    passive = np.concatenate(parts, axis=1)
     return float(power - 2 * np.sum(passive * read) + np.sum((passive @ moved) * passive))
-
-
-def _without_negative(matrix: np.ndarray) -> np.ndarray:
-    values, vectors = np.linalg.eigh(matrix)
-    return (vectors * np.maximum(values, 0.0)) @ vectors.T
 
 
 def _columns(
