@@ -6,7 +6,7 @@ import json
 import os
 import struct
 import zipfile
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
@@ -274,15 +274,14 @@ def shows(found: object, canary: bytes) -> bool:
     return canary[:20] in as_bytes or canary[:16] in found.tobytes() or bool(numbers & set(values.tolist()))
 
 
-def write_forged(folder: Path, drawn_too: int, seed: int, without: Collection[str] = ()) -> list[Path]:
+def write_forged(folder: Path, drawn_too: int, seed: int) -> list[Path]:
     """Write what attacks, and so many files that are changed at random; return them."""
     (folder / "canary").write_bytes(SECRET)
     os.mkfifo(folder / "pipe")
     files = folder / "files"
     files.mkdir()
     for name, make in attacks(folder / "canary", folder / "marker").items():
-        if name not in without:
-            (files / name).write_bytes(make())
+        (files / name).write_bytes(make())
     for name, content in drawn(drawn_too, seed):
         (files / name).write_bytes(content)
     return sorted(files.iterdir())
