@@ -96,7 +96,7 @@ def saved_lift(made_once):
 
     def analyse(folder):
         somebody = example_lift(folder / "lift.c3d")
-        lift = lumbar.lift(folder / "lift.c3d", somebody, box_mass_kg=15, data="synthetic twin")
+        lift = lumbar.lift(folder / "lift.c3d", somebody, box_mass_kg=15, source_label="synthetic twin")
         lift.save(folder)
         return lumbar.lift_page(lift).to_html()
 

@@ -212,7 +212,7 @@ def accuracy_table(frame: pd.DataFrame, settings: HiddenEffectsSettings) -> Tabl
             "test_over_noise": "median of the free-run error on unseen excitation, with the selected effects "
             "added, over the true RMS of the noise",
         },
-        data=SYNTHETIC_TWIN,
+        source_label=SYNTHETIC_TWIN,
         notes=(
             "Of what is hidden outside the catalogue, a spring-pot and a power-law branch resemble entries of it.",
         ),
@@ -275,7 +275,7 @@ def forms_table(frame: pd.DataFrame, settings: HiddenEffectsSettings) -> Table:
             "high_percent": "upper end of it",
             "instead": "what was said where it was not right",
         },
-        data=SYNTHETIC_TWIN,
+        source_label=SYNTHETIC_TWIN,
         decimals={"share_percent": 1, "low_percent": 1, "high_percent": 1},
     )
 

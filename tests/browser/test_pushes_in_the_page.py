@@ -25,7 +25,7 @@ PUSHES = np.array([[0.05, 0.4], [-0.3, 0.2], [0.0, -2.0], [1.2, 3.0]]).T
 @pytest.fixture(scope="module")
 def page_file(saved_lift, tmp_path_factory):
     path = tmp_path_factory.mktemp("lift") / "lift.html"
-    lift_page(saved_lift[0], settings=SETTINGS, data="synthetic twin").save(path)
+    lift_page(saved_lift[0], settings=SETTINGS, source_label="synthetic twin").save(path)
     return path.as_uri()
 
 

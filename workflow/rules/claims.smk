@@ -20,7 +20,7 @@ rule run_config:
     params:
         config=plain(settings),
         subjects=plain(study.subjects),
-        data=DATA,
+        source_label=DATA,
     message:
         "Settings, seeds and versions of this run"
     script:
@@ -65,7 +65,7 @@ rule examine_claims:
         names=list(EVIDENCE),
         synthetic=study.synthetic,
         groups=lambda wildcards: list(settings.stability.compare.groups),
-        data=DATA,
+        source_label=DATA,
     message:
         "Claims: the thesis's values against this run's"
     script:

@@ -66,7 +66,7 @@ rule diagnose_records:
         records=lambda wildcards: plain(record_set(settings, wildcards.record_set).records),
         effects=lambda wildcards: plain(record_set(settings, wildcards.record_set).effects),
         settings=lambda wildcards: part(settings_of_set(settings, wildcards.record_set), *DIAGNOSED),
-        data=DATA,
+        source_label=DATA,
     message:
         "{wildcards.record_set}: what the model is missing"
     script:

@@ -40,7 +40,7 @@ rule lift:
         subject=lambda wildcards: plain(study.subject_of(wildcards.lift)),
         trial=lambda wildcards: plain(study.lifts[wildcards.lift].trial),
         settings=part(settings.lifting, *LIFT),
-        data=DATA,
+        source_label=DATA,
     message:
         "{wildcards.lift}: events, centres of mass, pendulum states"
     script:
@@ -74,7 +74,7 @@ if study.has("lifting"):
         params:
             code=library_code("lifting_figures.py"),
             pendulum=plain(settings.stability.pendulum),
-            data=DATA,
+            source_label=DATA,
         message:
             "Quality of the recordings, Figures 4.1 and 4.2, events of every lift"
         script:

@@ -37,7 +37,7 @@ if study.has("population"):
             },
             lifting=part(settings.lifting, *LIFT),
             stability=part(settings.stability, *MEASURED),
-            data=DATA,
+            source_label=DATA,
         message:
             "{wildcards.person}: measures of every lift"
         script:
@@ -61,7 +61,7 @@ if study.has("population"):
             code=library_code("compare_people.py"),
             groups=lambda wildcards: list(settings.stability.compare.groups),
             labels=study.labels,
-            data=DATA,
+            source_label=DATA,
         message:
             "Groups of people and their boxes compared"
         script:

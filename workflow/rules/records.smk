@@ -48,7 +48,7 @@ for group, checked in check_groups().items():
         params:
             code=library_code("check_recordings.py"),
             plan=lambda wildcards, chapters=checked: reading_plan(study, chapters),
-            data=DATA,
+            source_label=DATA,
         message:
             f"Recordings ({', '.join(checked)}): read and checked"
         script:

@@ -56,7 +56,7 @@ rule export_fmus:
         code=library_code("export_fmus.py"),
         settings=plain(settings.runtime),
         seed=settings.seed,
-        data=DATA,
+        source_label=DATA,
     message:
         "FMUs of the identified models, checked against the identified transfer functions"
     script:
@@ -87,7 +87,7 @@ rule render_models:
         code=library_code("render_models.py"),
         settings=plain(settings.runtime),
         tissue=plain(settings.tissue),
-        data=DATA,
+        source_label=DATA,
     message:
         "The models in a person's hand: what they ask of the device, and passive fits"
     script:

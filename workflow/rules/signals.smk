@@ -25,7 +25,7 @@ rule design_signals:
         code=library_code("design_signals.py"),
         settings=plain(settings.signals),
         seed=settings.seed,
-        data=DATA,
+        source_label=DATA,
     message:
         "Excitation signals up to {params.settings[band_factor]} times the surgeons' bandwidth"
     script:

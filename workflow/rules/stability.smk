@@ -66,7 +66,7 @@ if study.has("stability"):
             code=library_code("stability_tables.py"),
             settings=plain(settings.stability),
             labels=study.labels,
-            data=DATA,
+            source_label=DATA,
         message:
             "Table 4.1, its controls and parts, the areas of all basins, Figures 4.3 and 4.4"
         script:
@@ -94,7 +94,7 @@ if study.has("stability"):
             code=library_code("measure_movement.py"),
             settings=part(settings.stability, "pendulum", "measures"),
             labels=study.labels,
-            data=DATA,
+            source_label=DATA,
         message:
             "Margins of stability, impulse to a step, posture and moment about L5/S1 of every lift"
         script:
@@ -122,7 +122,7 @@ if study.has("stability"):
         params:
             code=library_code("show_lifts.py"),
             settings=part(settings.stability, *MEASURED, "limits", "knots"),
-            data=DATA,
+            source_label=DATA,
         message:
             "A page of every lift to look around in, with pushes against the funnel"
         script:

@@ -23,7 +23,7 @@ rule surgeon_motion:
         code=library_code("surgeon_motion.py"),
         settings=plain(settings.surgeon),
         seed=settings.seed,
-        data=DATA,
+        source_label=DATA,
     message:
         "Bandwidth of the surgeons' motion"
     script:

@@ -24,7 +24,7 @@ rule analyse_survey:
         code=library_code("analyse_survey.py"),
         settings=plain(settings.survey),
         seed=settings.seed,
-        data=DATA,
+        source_label=DATA,
     message:
         "Table 3.2: ratings of the models, as published and within participants"
     script:

@@ -22,7 +22,7 @@ rule definition_figures:
         **job_size(peak_mb=130, seconds=3),
     params:
         code=library_code("definition_figures.py"),
-        data="definitions, no data",
+        source_label="definitions, no data",
     message:
         "Table 2.1, Figures 1.1, 2.4, 3.1 and 3.2: the models and the steps of the thesis"
     script:
@@ -59,7 +59,7 @@ rule identify_tissue:
             "stability.pendulum.gravity_m_s2",
             "seed",
         ),
-        data=DATA,
+        source_label=DATA,
     message:
         "Table 3.1, Figures 3.4 and 3.5: the identified tissue models"
     script:

@@ -5,7 +5,7 @@ from job import run, stem
 from lumbar.settings.survey import SurveySettings
 
 
-def main(input, output, settings: SurveySettings, seed: int, data: str):
+def main(input, output, settings: SurveySettings, seed: int, source_label: str):
     """Read the answers, analyse them as published and within participants, write tables, results and figures."""
     import numpy as np
 
@@ -15,7 +15,7 @@ def main(input, output, settings: SurveySettings, seed: int, data: str):
     from lumbar.records.ratings import read_ratings
     from lumbar.tissue.survey.survey_analysis import analyse_survey
 
-    analysis = analyse_survey(read_ratings(input.ratings, settings.layout), settings, seed, data)
+    analysis = analyse_survey(read_ratings(input.ratings, settings.layout), settings, seed, source_label)
     results = analysis.results
     for name, table in analysis.tables.items():
         table.write(stem(output[name]))

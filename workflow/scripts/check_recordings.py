@@ -3,7 +3,7 @@
 from job import run
 
 
-def main(input, output, plan: list[dict], data: str):
+def main(input, output, plan: list[dict], source_label: str):
     """Read the planned recordings and write one description per chapter."""
     from pathlib import Path
 
@@ -16,7 +16,7 @@ def main(input, output, plan: list[dict], data: str):
     chapters = check_recordings(here, read_upright)
     for path in output:
         recordings = chapters[Path(path).stem]
-        write_json(path, {"schema": "lumbar.checked/1", "data": data, "recordings": recordings})
+        write_json(path, {"schema": "lumbar.checked/1", "data": source_label, "recordings": recordings})
 
 
 run(main, snakemake)

@@ -5,7 +5,7 @@ from pathlib import Path
 from job import run, stem
 
 
-def main(input, output, names: list[str], groups: list[str], synthetic: bool, data: str):
+def main(input, output, names: list[str], groups: list[str], synthetic: bool, source_label: str):
     """Read the published tables and this run's results, examine all claims, write them."""
     import pandas as pd
 
@@ -18,9 +18,9 @@ def main(input, output, names: list[str], groups: list[str], synthetic: bool, da
         for name, path in zip(names, input.results, strict=True)
     }
     claims = all_claims(published, synthetic, tuple(groups))
-    claims = examine_claims(claims, results, synthetic, data)
+    claims = examine_claims(claims, results, synthetic, source_label)
     write_csv(output.claims, claims)
-    summary_table(claims, data).write(stem(output.claims_table))
+    summary_table(claims, source_label).write(stem(output.claims_table))
 
 
 run(main, snakemake)

@@ -8,7 +8,7 @@ def main(
     output,
     labels: dict[str, str],
     groups: tuple[str, str],
-    data: str,
+    source_label: str,
 ):
     """Join the persons' tables, compare, write tables and figure."""
     import pandas as pd
@@ -20,9 +20,9 @@ def main(
     table = pd.concat([pd.read_csv(path) for path in input.persons], ignore_index=True)
     table.insert(2, "group", table["person"].map(labels))
     write_csv(output.measures, table)
-    compared = compare_groups(table, groups=groups, data=data)
+    compared = compare_groups(table, groups=groups, source_label=source_label)
     compared.table.write(stem(output.measure_comparison))
-    save(compared.figure(), stem(output.measure_comparison_figure), data)
+    save(compared.figure(), stem(output.measure_comparison_figure), source_label)
 
 
 run(main, snakemake)

@@ -3,7 +3,7 @@
 from job import run, stem
 
 
-def main(input, output, data: str):
+def main(input, output, source_label: str):
     """Write the table and all drawings."""
     from lumbar.publishing.figures.outline_figures import article_figure, outline_figure
     from lumbar.publishing.figures.style import save
@@ -12,11 +12,11 @@ def main(input, output, data: str):
     from lumbar.tissue.models.tissue_models import HO, IL, KB, MW, TABLE_2_1
 
     pictures = [analogue_picture(model) for model in TABLE_2_1]
-    table_2_1(data, pictures).write(stem(output.table_2_1))
-    save(outline_figure(), stem(output.figure_1_1), data="")
-    save(arx_figure(), stem(output.figure_2_4), data="")
-    save(article_figure(), stem(output.figure_3_1), data="")
-    save(analogues_figure((MW, KB, HO, IL)), stem(output.figure_3_2), data="")
+    table_2_1(source_label, pictures).write(stem(output.table_2_1))
+    save(outline_figure(), stem(output.figure_1_1), source_label="")
+    save(arx_figure(), stem(output.figure_2_4), source_label="")
+    save(article_figure(), stem(output.figure_3_1), source_label="")
+    save(analogues_figure((MW, KB, HO, IL)), stem(output.figure_3_2), source_label="")
 
 
 run(main, snakemake)

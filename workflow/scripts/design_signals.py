@@ -5,17 +5,17 @@ from job import run, stem
 from lumbar.settings.signals import SignalsSettings
 
 
-def main(input, output, settings: SignalsSettings, seed: int, data: str):
+def main(input, output, settings: SignalsSettings, seed: int, source_label: str):
     """Design the signals from the surgeons' bandwidth, check them against the machine, write them."""
     from pathlib import Path
 
     from lumbar.interface.surgeons import design_signals
     from lumbar.publishing.figures.style import save
 
-    found = design_signals(input.bandwidth, settings=settings, seed=seed, data=data)
+    found = design_signals(input.bandwidth, settings=settings, seed=seed, source_label=source_label)
     found.save(Path(output.properties).parent)
     found.properties.write(stem(output.signal_properties))
-    save(found.figure(), stem(output.excitation_signals), data)
+    save(found.figure(), stem(output.excitation_signals), source_label)
 
 
 run(main, snakemake)

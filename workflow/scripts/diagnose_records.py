@@ -12,7 +12,7 @@ def main(
     records: tuple[RecordSettings, ...],
     settings: StudySettings,
     effects: tuple[str, ...] | None,
-    data: str,
+    source_label: str,
 ):
     """Read the records, diagnose them, write the evidence."""
     from pathlib import Path
@@ -21,7 +21,9 @@ def main(
     from lumbar.interface.reading import read_listed
 
     read = read_listed(input.recordings, records, settings.tissue.layout, settings.tissue.rate_Hz)
-    diagnose(read, settings=settings, data=data).save(Path(output.refined).parent, effects=effects)
+    diagnose(read, settings=settings, source_label=source_label).save(
+        Path(output.refined).parent, effects=effects
+    )
 
 
 run(main, snakemake)

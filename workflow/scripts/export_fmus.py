@@ -5,7 +5,7 @@ from job import run, stem
 from lumbar.settings.runtime import RuntimeSettings
 
 
-def main(input, output, settings: RuntimeSettings, seed: int, data: str):
+def main(input, output, settings: RuntimeSettings, seed: int, source_label: str):
     """Compile and pack every model, validate and simulate every FMU; write the table of checks and the figure of forces."""
     from pathlib import Path
 
@@ -25,10 +25,10 @@ def main(input, output, settings: RuntimeSettings, seed: int, data: str):
         trained_on=settings.trained_on,
         effect_files=input.effects,
         settings=settings,
-        data=data,
+        source_label=source_label,
     )
     models = export_models(find_models(fitted, settings), settings)
-    table = check_table(check_fmus(models, folder, settings.check_samples, seed), data, seed)
+    table = check_table(check_fmus(models, folder, settings.check_samples, seed), source_label, seed)
     write_csv(output.checks, table.frame)
     table.write(stem(output.fmu_check))
     played = push(models, folder)
@@ -40,7 +40,7 @@ def main(input, output, settings: RuntimeSettings, seed: int, data: str):
         models[0].input.label,
         models[0].output.label,
     )
-    save(figure, stem(output.fmu_force), data)
+    save(figure, stem(output.fmu_force), source_label)
 
 
 run(main, snakemake)

@@ -5,7 +5,7 @@ from job import run, stem
 from lumbar.settings.study_settings import StudySettings
 
 
-def main(input, output, settings: StudySettings, data: str):
+def main(input, output, settings: StudySettings, source_label: str):
     """Read the records, identify every model on every training record and publish the models."""
     from lumbar.base.files import write_csv, write_json
     from lumbar.interface.identification import identify
@@ -17,14 +17,14 @@ def main(input, output, settings: StudySettings, data: str):
 
     tissue = settings.tissue
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
-    found = identify(records, tissue.training, settings=settings, data=data)
-    write_json(output.models, models_document(distinct(found.models), data))
+    found = identify(records, tissue.training, settings=settings, source_label=source_label)
+    write_json(output.models, models_document(distinct(found.models), source_label))
     write_csv(output.search, found.search)
     found.table_3_1.write(stem(output.table_3_1))
     found.physical_parameters.write(stem(output.physical_parameters))
     trained = sorted((records[name] for name in tissue.training), key=lambda item: (item.duration, item.name))
-    save(excitation_figure(trained, tissue.segment_s), stem(output.figure_3_4), data)
-    save(found.comparison_figure(records[tissue.training[0]]), stem(output.figure_3_5), data)
+    save(excitation_figure(trained, tissue.segment_s), stem(output.figure_3_4), source_label)
+    save(found.comparison_figure(records[tissue.training[0]]), stem(output.figure_3_5), source_label)
 
 
 run(main, snakemake)

@@ -13,7 +13,7 @@ def main(
     subject: SubjectSettings,
     trial: TrialSettings,
     settings: LiftingSettings,
-    data: str,
+    source_label: str,
 ):
     """Read the markers, analyse the lift, write what it holds; warn where that is no pendulum."""
     import sys
@@ -23,7 +23,13 @@ def main(
 
     static = next(iter(input.static), None)
     found = analyse(
-        input.markers, subject, trial=trial, name=lift, static=static, settings=settings, data=data
+        input.markers,
+        subject,
+        trial=trial,
+        name=lift,
+        static=static,
+        settings=settings,
+        source_label=source_label,
     )
     found.save(Path(output.summary).parent)
     if not found.analysed.states:

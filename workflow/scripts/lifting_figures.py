@@ -5,7 +5,7 @@ from job import run, stem
 from lumbar.settings.stability import PendulumSettings
 
 
-def main(input, output, pendulum: PendulumSettings, data: str):
+def main(input, output, pendulum: PendulumSettings, source_label: str):
     """Tabulate and draw from the files of the lifts."""
     import pandas as pd
 
@@ -15,7 +15,7 @@ def main(input, output, pendulum: PendulumSettings, data: str):
     from lumbar.publishing.figures.style import person_and_box, save
 
     sheets = [read_json(path) for path in input.quality]
-    quality_table(sheets, data).write(stem(output.quality))
+    quality_table(sheets, source_label).write(stem(output.quality))
     lifts = [
         {
             "motion": pd.read_csv(motion),
@@ -36,12 +36,12 @@ def main(input, output, pendulum: PendulumSettings, data: str):
         )
     ]
     for lift, svg in zip(lifts, output.lifting_events[::2], strict=True):
-        save(events_figure(lift), stem([svg]), data, who=person_and_box(lift["summary"]))
+        save(events_figure(lift), stem([svg]), source_label, who=person_and_box(lift["summary"]))
     number = next((place for place, lift in enumerate(lifts) if len(lift["states"])), 0)
     shown = lifts[number] | {"body": pd.read_csv(input.body[number])}
     who = person_and_box(shown["summary"])
-    save(pendulum_figure(shown, pendulum), stem(output.figure_4_1), data, who=who)
-    save(segments_figure(shown), stem(output.figure_4_2), data, who=who)
+    save(pendulum_figure(shown, pendulum), stem(output.figure_4_1), source_label, who=who)
+    save(segments_figure(shown), stem(output.figure_4_2), source_label, who=who)
 
 
 run(main, snakemake)

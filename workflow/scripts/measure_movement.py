@@ -5,7 +5,7 @@ from job import run, stem
 from lumbar.settings.stability import StabilitySettings
 
 
-def main(input, output, settings: StabilitySettings, labels: dict[str, str], data: str):
+def main(input, output, settings: StabilitySettings, labels: dict[str, str], source_label: str):
     """Measure every lift, write each course, the long table, and the figures."""
     from lumbar.base.files import read_json, write_csv
     from lumbar.interface.movement import measure_movement
@@ -18,13 +18,13 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
         for body, facts, events in zip(input.body, input.facts, input.events, strict=True)
     ]
     for (found, _), path in zip(lifts, output.courses, strict=True):
-        write_csv(path, found.instants.assign(data=data))
+        write_csv(path, found.instants.assign(data=source_label))
     values = long_table(((found.values, found.facts) for found, _ in lifts), labels)
-    write_measures(stem(output.movement_measures), values, data)
+    write_measures(stem(output.movement_measures), values, source_label)
     shown = [{"course": found.instants, "facts": found.facts, "events": events} for found, events in lifts]
     share = settings.measures.functional_share
-    save(course_figure(shown, share), stem(output.movement_course), data)
-    save(support_figure(shown, share), stem(output.base_of_support), data)
+    save(course_figure(shown, share), stem(output.movement_course), source_label)
+    save(support_figure(shown, share), stem(output.base_of_support), source_label)
 
 
 run(main, snakemake)

@@ -14,7 +14,7 @@ def main(
     trials: dict[str, TrialSettings],
     lifting: LiftingSettings,
     stability: StabilitySettings,
-    data: str,
+    source_label: str,
 ):
     """Analyse the lifts one after the other; a lift without a result has its reason in the table."""
     from dataclasses import replace
@@ -29,7 +29,7 @@ def main(
         lifting,
         stability,
         static=next(iter(input.static), None),
-        data=data,
+        source_label=source_label,
     )
     write_csv(output.measures, table)
 

@@ -6,7 +6,7 @@ from lumbar.settings.runtime import RuntimeSettings
 from lumbar.settings.tissue import TissueSettings
 
 
-def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, data: str):
+def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, source_label: str):
     """Judge the exported models on the study's device, fit passive ones, write tables, figures and the passive models."""
     from lumbar.base.files import write_json
     from lumbar.interface.device import load_models, rendering_of
@@ -18,18 +18,18 @@ def main(input, output, settings: RuntimeSettings, tissue: TissueSettings, data:
     from lumbar.tissue.models.fitted_model import models_document
 
     models = load_models(input.models, input.effects)
-    found = rendering_of(find_models(models, settings), settings, data)
+    found = rendering_of(find_models(models, settings), settings, source_label)
     found.table.write(stem(output.rendering))
     loops = found.loop_figure() if len(found) else nothing_to_show(found.refused)
-    save(loops, stem(output.closed_loop), data)
+    save(loops, stem(output.closed_loop), source_label)
     width = found.z_width_figure() if found.linear else nothing_to_show(found.refused)
-    save(width, stem(output.z_width), data)
+    save(width, stem(output.z_width), source_label)
     records = read_listed(input.recordings, tissue.records, tissue.layout, tissue.rate_Hz)
     training = records[settings.trained_on]
     tests = [record for record in records if record.name != settings.trained_on]
     fits = fit_passive_models(models, training, tests, settings, tissue.settling_s)
-    fits.table(data).write(stem(output.passive_fits))
-    write_json(output.models, models_document(fits.passive, data))
+    fits.table(source_label).write(stem(output.passive_fits))
+    write_json(output.models, models_document(fits.passive, source_label))
 
 
 run(main, snakemake)

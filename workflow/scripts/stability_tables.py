@@ -5,7 +5,7 @@ from job import run, stem
 from lumbar.settings.stability import StabilitySettings
 
 
-def main(input, output, settings: StabilitySettings, labels: dict[str, str], data: str):
+def main(input, output, settings: StabilitySettings, labels: dict[str, str], source_label: str):
     """Collect the areas of all lifts, compare them, write tables and figures and name what is missing."""
     import sys
 
@@ -37,7 +37,7 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
         for name in ("boa", "failures")
     )
     boa, failures = (frame.assign(experience=frame["subject"].map(labels)) for frame in (boa, failures))
-    study = Study(lifts, boa, settings, pd.read_csv(input.published), data)
+    study = Study(lifts, boa, settings, pd.read_csv(input.published), source_label)
     boa, disagreements = cross_check(boa, study.trajectories(convention=THESIS), settings)
     failures = join_rows([failures, failures_frame(disagreements)])
     parts, without = decomposition_table(study)
@@ -50,14 +50,16 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], dat
     table.write(stem(output.table_4_1))
     controls.write(stem(output.table_4_1_controls))
     parts.write(stem(output.table_4_1_parts))
-    areas_table(boa, settings, data).write(stem(output.basin_areas))
-    failures_table(failures, data).write(stem(output.missing_basins))
+    areas_table(boa, settings, source_label).write(stem(output.basin_areas))
+    failures_table(failures, source_label).write(stem(output.missing_basins))
     if len(failures):
         print(announcement(output.failures), file=sys.stderr)
-    _draw(input, output, facts, settings, labels, data)
+    _draw(input, output, facts, settings, labels, source_label)
 
 
-def _draw(input, output, facts: list[dict], settings: StabilitySettings, labels: dict[str, str], data: str):
+def _draw(
+    input, output, facts: list[dict], settings: StabilitySettings, labels: dict[str, str], source_label: str
+):
     """Choose the lift shown, read its funnels, draw."""
     import pandas as pd
 
@@ -73,12 +75,12 @@ def _draw(input, output, facts: list[dict], settings: StabilitySettings, labels:
     chosen = shown_lift(facts, labels, settings.compare.groups[0])
     funnels, states = pd.read_csv(input.funnels[chosen]), pd.read_csv(input.states[chosen])
     person, pendulum = person_and_box(facts[chosen]), settings.pendulum
-    save(figure_4_3(funnels, settings), stem(output.figure_4_3), data, who=person)
-    save(figure_4_4(funnels, settings), stem(output.figure_4_4), data, who=person)
+    save(figure_4_3(funnels, settings), stem(output.figure_4_3), source_label, who=person)
+    save(figure_4_4(funnels, settings), stem(output.figure_4_4), source_label, who=person)
     trajectories, _ = trajectories_of_lift(states, facts[chosen], pendulum.mass, pendulum.time)
     who = f"{person}, {pendulum.sign}, {pendulum.time} time"
     comparison = comparison_figure(trajectories, funnels, settings, who)
-    save(comparison, stem(output.basin_comparison), data, who=person)
+    save(comparison, stem(output.basin_comparison), source_label, who=person)
 
 
 run(main, snakemake)

@@ -5,7 +5,7 @@ from job import run, stem
 from lumbar.settings.signals import SurgeonSettings
 
 
-def main(input, output, settings: SurgeonSettings, seed: int, data: str):
+def main(input, output, settings: SurgeonSettings, seed: int, source_label: str):
     """Read the trials, analyse them, write spectra, bandwidths and the figure."""
     from pathlib import Path
 
@@ -20,9 +20,9 @@ def main(input, output, settings: SurgeonSettings, seed: int, data: str):
         names=[entry.name for entry in settings.records],
     )
     surgeons = [entry.surgeon for entry in settings.records]
-    found = bandwidth(trials, surgeons, settings=settings, seed=seed, data=data)
+    found = bandwidth(trials, surgeons, settings=settings, seed=seed, source_label=source_label)
     found.save(Path(output.bandwidth).parent)
-    save(found.figure(), stem(output.surgeon_psd), data)
+    save(found.figure(), stem(output.surgeon_psd), source_label)
 
 
 run(main, snakemake)

@@ -15,7 +15,7 @@ SETTINGS = StudySettings(improvement=ImprovementSettings(base="LE", most_effects
 
 @pytest.fixture(scope="module")
 def diagnosis():
-    return lumbar.diagnose([record(FRICTION)], settings=SETTINGS, data="made up")
+    return lumbar.diagnose([record(FRICTION)], settings=SETTINGS, source_label="made up")
 
 
 def test_the_page_tells_axes_effect_pictures_and_how_to_repeat_it(diagnosis, tmp_path):
@@ -33,7 +33,7 @@ def test_a_robot_may_count_from_its_foot(diagnosis, tmp_path):
     moved = record(FRICTION)
     foot = dict(zip("xyz", (300.0, -450.0, 120.0), strict=True))
     moved = moved.with_values(**{f"input_{axis}": moved[f"input_{axis}"] + at for axis, at in foot.items()})
-    found = lumbar.diagnose([moved], settings=SETTINGS, data="made up")
+    found = lumbar.diagnose([moved], settings=SETTINGS, source_label="made up")
     assert found.selected == ("coulomb_friction",)
     assert "counted from (300" in found.sentences[2]
     assert found.model.rests == pytest.approx(tuple(foot.values()), abs=0.1)

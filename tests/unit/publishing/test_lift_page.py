@@ -63,7 +63,7 @@ def test_outlines_of_the_base_hold_the_margin(page):
 
 
 def test_words_of_the_data_are_shown_and_not_run(folder):
-    html = lumbar.lift_page(folder, data=f"a lab {EVIL}").to_html()
+    html = lumbar.lift_page(folder, source_label=f"a lab {EVIL}").to_html()
     assert EVIL not in html
     assert "alert(1)" in html
 

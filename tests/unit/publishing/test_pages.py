@@ -202,7 +202,7 @@ def diagnosis():
     return lumbar.diagnose(
         example_records(),
         settings=StudySettings(improvement=ImprovementSettings(most_effects=1)),
-        data=f"a lab {EVIL}",
+        source_label=f"a lab {EVIL}",
     )
 
 

@@ -23,7 +23,7 @@ def made(**changes) -> Table:
         "title": "A table & its title.",
         "frame": pd.DataFrame({"model": ["A_1", "<B>"], "value_N": [1 / 3, 2000.0], "p": [None, 0.5]}),
         "definitions": {"model": "Name", "value_N": "Force in N, 100 % scale", "p": "p-value", "unused": "x"},
-        "data": "synthetic twin",
+        "source_label": "synthetic twin",
         "notes": ("A note < 5 %.",),
         "may_be_empty": frozenset({"p"}),
     }

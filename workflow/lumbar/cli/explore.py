@@ -104,7 +104,9 @@ def _example(options) -> ExploredSet:
     from lumbar.page_server.served_sets import ExploredSet
     from lumbar.twin.examples import example_records
 
-    make = partial(diagnose, example_records(), settings=fit_settings(options), data="synthetic example")
+    make = partial(
+        diagnose, example_records(), settings=fit_settings(options), source_label="synthetic example"
+    )
     output = (options.output or EXPLORED) / "example"
     return ExploredSet("_example", make, output, title="an example to try")
 
@@ -126,7 +128,7 @@ def _of_folder(options) -> tuple[list[ExploredSet], OwnDiagnosis]:
     output = options.output or EXPLORED / options.folder.resolve().name  # two folders, two places
     explored = ExploredSet(
         "records",
-        partial(diagnose, records, settings=settings, data=data),
+        partial(diagnose, records, settings=settings, source_label=data),
         output,
         title=str(options.folder),
     )
@@ -170,7 +172,9 @@ def _of_set(study: Study, name: str, file: Path, output: Path) -> ExploredSet:
 
     def diagnosed() -> Diagnosis:
         return diagnose(
-            _records_of(study, name), settings=settings_of_set(study.settings, name), data=study.data_label
+            _records_of(study, name),
+            settings=settings_of_set(study.settings, name),
+            source_label=study.data_label,
         )
 
     stored = StoredVerdict(

@@ -36,7 +36,7 @@ def run_lift(options) -> None:
         trial=options.trial,
         settings=study.lifting,
         static=options.static,
-        data=options.data or options.markers.name,
+        source_label=options.data or options.markers.name,
     )
     found.save(options.output)
     measures = measure_movement(found, settings=study.stability)

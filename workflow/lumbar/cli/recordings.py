@@ -30,7 +30,9 @@ def run_import(options) -> None:
     print(imported)
     if options.dry_run:
         return
-    study = imported.save(options.output, data=options.data, licence=options.licence, forward=options.forward)
+    study = imported.save(
+        options.output, source_label=options.data, licence=options.licence, forward=options.forward
+    )
     written = f"{len(imported)} record{'s' * (len(imported) != 1)} and {study.name}"
     print(f"{study.parent}: {written}; next: {imported.next_command(study)}")
 

@@ -22,7 +22,7 @@ def run_bandwidth(options) -> None:
     settings = given_settings(options)
     surgeon, data = settings.surgeon, options.data or options.folder.name
     trials = read(options.folder, layout=surgeon.layout, rate=surgeon.rate_Hz)
-    found = bandwidth(trials, settings=surgeon, seed=settings.seed, data=data)
+    found = bandwidth(trials, settings=surgeon, seed=settings.seed, source_label=data)
     print(found)
     if options.output:
         found.save(options.output)
@@ -47,12 +47,12 @@ def run_identify(options) -> None:
     settings = given_settings(options)
     records = read(options.folder, layout=settings.tissue.layout, rate=settings.tissue.rate_Hz)
     train = options.train or max(records, key=len).name
-    found = identify(records, train, settings=settings, data=options.data or options.folder.name)
+    found = identify(records, train, settings=settings, source_label=options.data or options.folder.name)
     found.save(options.output)
     print(found)
     if options.passive:
         fits = found.passive(records, settings=settings.runtime)
-        fits.save(options.output, found.data)
+        fits.save(options.output, found.source_label)
         print(fits)
     print(f"identified on {train}; models.json, table_3_1 and physical_parameters are in {options.output}")
 
@@ -96,7 +96,7 @@ def _refinement(options) -> Refinement:
     from lumbar.interface.refinement import refine
 
     records, settings, data = read_folder(options)
-    return refine(records, options.add, settings=settings, data=data)
+    return refine(records, options.add, settings=settings, source_label=data)
 
 
 def run_compare(options) -> None:
@@ -126,7 +126,7 @@ def run_diagnose(options) -> None:
     from lumbar.interface.diagnosis import diagnose
 
     records, settings, data = read_folder(options)
-    diagnosis = diagnose(records, settings=settings, data=data)
+    diagnosis = diagnose(records, settings=settings, source_label=data)
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)
     print(f"{options.output / 'diagnosis.html'} shows it.")
@@ -141,7 +141,7 @@ def run_propose(options) -> None:
     from lumbar.interface.diagnosis import propose
 
     records, settings, data = read_folder(options)
-    law = propose(records, settings=settings, data=data)
+    law = propose(records, settings=settings, source_label=data)
     if options.output and law.found:
         law.save(options.output, options.output.stem)
     if options.picture and law.proposal.is_needed:
@@ -155,7 +155,7 @@ def run_survey(options) -> None:
 
     settings = given_settings(options)
     data = options.data or options.file.name
-    found = analyse_survey(options.file, settings=settings.survey, seed=settings.seed, data=data)
+    found = analyse_survey(options.file, settings=settings.survey, seed=settings.seed, source_label=data)
     found.save(options.output)
     print(found)
     print(f"tables and figures are in {options.output}")

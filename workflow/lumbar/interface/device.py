@@ -66,7 +66,7 @@ def export_fmu(
     targets: Iterable[Platform] | None = None,
     effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> list[Path]:
     """Export models as FMUs for FMI 2.0 and 3.0, and validate each file with fmpy.
 
@@ -87,7 +87,7 @@ def export_fmu(
         Of a file: files with effects of your own.
     settings : RuntimeSettings, optional
         Moving average, limits, guards of the force, what to do with an unstable model, the compiler's cache.
-    data : str
+    source_label : str
         Words for the source of the data; they stand in the FMU. Default those of the file.
 
     Returns
@@ -120,7 +120,7 @@ def export_fmu(
     cache = cache_folder(settings.compiler_cache)
     resolve_targets(settings.targets)  # a wrong one is told before the models are judged
     asked = with_device(export_models(selected, settings), settings, selected)
-    written = export_fmus(asked, Path(folder), data or read_from, settings.targets, cache)
+    written = export_fmus(asked, Path(folder), source_label or read_from, settings.targets, cache)
     validate_new_files(written)
     return written
 
@@ -164,7 +164,7 @@ def render(
     rate_Hz: float | None = None,
     effect_files: Iterable[str | os.PathLike] = (),
     settings: RuntimeSettings | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> Rendering:
     """Say what models do on a haptic device in a person's hand: passive, stable, or oscillating.
 
@@ -213,16 +213,16 @@ def render(
     values = {key: value for key, value in given.items() if value is not None}
     settings = replace(settings, device=replace(settings.device, **values))  # type: ignore[arg-type]  # no words
     fitted, read_from = chosen_models(model, settings, names, trained_on, effect_files)
-    found = rendering_of(fitted, settings, data or read_from)
+    found = rendering_of(fitted, settings, source_label or read_from)
     if not len(found):
         raise InputError("\n".join(found.refused))
     return found
 
 
-def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, data: str) -> Rendering:
+def rendering_of(models: Sequence[FittedModel], settings: RuntimeSettings, source_label: str) -> Rendering:
     """Judge models on the device of the settings; models that cannot be rendered are refused with the reason, not an error."""
     judgements, refused = judge(models, settings)
-    return Rendering(tuple(judgements), tuple(refused), settings, data)
+    return Rendering(tuple(judgements), tuple(refused), settings, source_label)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -236,7 +236,7 @@ class Rendering(Result):
     """Why models have no counterpart at a rate."""
     settings: RuntimeSettings
     """With the device."""
-    data: str
+    source_label: str
 
     def __getitem__(self, index: int) -> Judgement:
         return self.judgements[index]
@@ -250,7 +250,7 @@ class Rendering(Result):
     @property
     def table(self) -> Table:
         """Model × device, with the definition of every number."""
-        return device_table(self.judgements, self.refused, self.settings, self.data)
+        return device_table(self.judgements, self.refused, self.settings, self.source_label)
 
     @property
     def linear(self) -> list[FittedModel]:

@@ -52,7 +52,7 @@ class Diagnosis:
     """Selected effects, selection path, ranking, ties."""
     study: StudySettings
     """All settings: of the machine, the thesis's models and the intervals too."""
-    data: str
+    source_label: str
     proposal: Proposal | None = None
     """The search of a law for what the catalogue leaves, where one was made."""
 
@@ -111,7 +111,7 @@ class Diagnosis:
 
     def refit(self, effects: Iterable[str]) -> Refinement:
         """Fit the base with these effects and no others; arguments and errors as of `lumbar.refine`."""
-        return fit_effects(self.records, list(effects), self.settings, self.study.seed, self.data)
+        return fit_effects(self.records, list(effects), self.settings, self.study.seed, self.source_label)
 
     def with_effects(self, effects: Iterable[str]) -> Refinement:
         """Return the base with these effects as the page of the diagnosis shows it.
@@ -126,7 +126,7 @@ class Diagnosis:
         steps = [model_key(effects[:number]) for number in range(len(effects) + 1)]
         path = [known[step] for step in steps if step in known]
         seed = self.study.seed
-        return Refinement(self.records, self.settings, self.verdict.experiment, path, seed, self.data)
+        return Refinement(self.records, self.settings, self.verdict.experiment, path, seed, self.source_label)
 
     def propose(self) -> ProposedLaw:
         """Look for a short formula for what the catalogue leaves.
@@ -151,13 +151,15 @@ class Diagnosis:
         from lumbar.tissue.diagnosis.law.proposal import propose
 
         proposal = self.proposal or propose(verdict.experiment, verdict.base, verdict.model)
-        return ProposedLaw(proposal, self.candidates, self.data)
+        return ProposedLaw(proposal, self.candidates, self.source_label)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
         """Return the diagnosis as a page without script, for notebooks and mail."""
         from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 
-        return diagnosis_page(self.verdict, self.evidence, self.candidates, self.data, dict(pictures or {}))
+        return diagnosis_page(
+            self.verdict, self.evidence, self.candidates, self.source_label, dict(pictures or {})
+        )
 
     @cached_property
     def thesis_models(self) -> ThesisModels:
@@ -192,7 +194,7 @@ class Diagnosis:
             self.evidence,
             self.candidates,
             self.base_on_records,
-            self.data,
+            self.source_label,
             evidence_sections(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
             [*own, *beside.models],
             beside.remark,
@@ -213,10 +215,10 @@ class Diagnosis:
             Effects of the model in ``refined.json``; default those that were selected.
         """
         folder = Path(folder)
-        write_diagnosis(self.verdict, lambda: self.evidence, folder, self.data)
+        write_diagnosis(self.verdict, lambda: self.evidence, folder, self.source_label)
         kept = self.verdict if effects is None else self.with_effects(effects)
         linear = [] if self.verdict.linear is None else [self.verdict.linear]
-        document = refined_document([*linear, *kept.path], kept.experiment, self.data)
+        document = refined_document([*linear, *kept.path], kept.experiment, self.source_label)
         write_json(folder / "refined.json", document)
         # A file that an earlier diagnosis left is removed.
         path = folder / "proposed_law.yaml"
@@ -239,9 +241,9 @@ class Diagnosis:
         from lumbar.publishing.pages.diagnosis_pictures import draw_pictures
 
         simulated = self.base_on_records
-        comparison_table([item.comparison for item in simulated], self.data).write(folder / "compare")
-        location_table(self.reports, self.data).write(folder / "location")
-        given = (self.verdict, self.reports, self.settings.candidates, folder, self.data)
+        comparison_table([item.comparison for item in simulated], self.source_label).write(folder / "compare")
+        location_table(self.reports, self.source_label).write(folder / "location")
+        given = (self.verdict, self.reports, self.settings.candidates, folder, self.source_label)
         return draw_pictures(*given, self.proposal)
 
     def __str__(self) -> str:
@@ -262,7 +264,7 @@ class ProposedLaw:
     proposal: Proposal
     candidates: dict[str, Effect]
     """The catalogue that did not suffice, whose names the law cannot take."""
-    data: str
+    source_label: str
     """What the records are, for the file and the picture."""
 
     @property
@@ -288,7 +290,7 @@ class ProposedLaw:
         check_name(name, self.candidates)
         from lumbar.tissue.diagnosis.law.proposal import effect_text
 
-        return effect_text(self.proposal, name, self.data)
+        return effect_text(self.proposal, name, self.source_label)
 
     def save(self, path: str | os.PathLike, name: str = "proposed_law") -> None:
         """Write the effect's file, for ``improvement: effect_files``; errors as of `to_yaml`."""
@@ -307,7 +309,7 @@ class ProposedLaw:
 
         if not self.proposal.is_needed:
             raise InputError(f"nothing to draw: {self.sentences[0]}")
-        save(law_figure(self.proposal), Path(stem), self.data)
+        save(law_figure(self.proposal), Path(stem), self.source_label)
 
     @property
     def sentences(self) -> list[str]:

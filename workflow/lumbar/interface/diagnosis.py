@@ -26,7 +26,7 @@ def diagnose(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     settings: StudySettings | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> Diagnosis:
     """Say which physical effect a base model is missing, or that nothing is.
 
@@ -43,7 +43,7 @@ def diagnose(
         As `lumbar.load_settings` returns them; used are ``improvement`` (effects of your own, how many to add, whether the
         records were cut from one session or have the force as input), ``signals.machine`` (limits of what would play a
         separating excitation), ``tissue`` (the thesis's models beside), ``stability.pendulum.gravity_m_s2`` and ``seed``.
-    data : str
+    source_label : str
         Words for the source of the data, for pages and figures; default the folder or file they were read from.
 
     Raises
@@ -66,10 +66,10 @@ def diagnose(
     """
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
-    data = label_of(data, records)
+    source_label = label_of(source_label, records)
     driven = [forced(record) for record in records] if chosen.load_drives else list(records)
     if any(record.points for record in driven):
-        return Diagnosis(driven, chosen, search(driven, chosen), settings, data)
+        return Diagnosis(driven, chosen, search(driven, chosen), settings, source_label)
     used, changed = limit_samples(driven, chosen.session)
     if any(record.axes for record in driven):
         from lumbar.interface.spatial_diagnosis import SpatialDiagnosis
@@ -77,14 +77,14 @@ def diagnose(
 
         verdict = search_in_space(used, chosen)
         verdict = replace(verdict, findings=(*changed, *verdict.findings))
-        return SpatialDiagnosis(used, chosen, verdict, settings, data)
+        return SpatialDiagnosis(used, chosen, verdict, settings, source_label)
     verdict = search(used, chosen)
     verdict = replace(verdict, findings=(*changed, *verdict.findings))
     proposing = settings.improvement.propose_law and chosen.system == "tissue" and not chosen.forward
     verdict, proposal = (
         _beyond_catalogue(verdict, proposing) if verdict.goes_beyond_catalogue else (verdict, None)
     )
-    return Diagnosis(used, chosen, verdict, settings, data, proposal)
+    return Diagnosis(used, chosen, verdict, settings, source_label, proposal)
 
 
 def _beyond_catalogue(verdict: Verdict, proposing: bool) -> tuple[Verdict, Proposal | None]:
@@ -101,7 +101,7 @@ def propose(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     settings: StudySettings | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> ProposedLaw:
     """Diagnose, and look for a short formula for what the catalogue leaves; parameters as of `lumbar.diagnose`.
 
@@ -118,6 +118,6 @@ def propose(
     """
     if settings_or_default(settings).improvement.forward:
         raise InputError(FORWARD)
-    data = label_of(data, records)
+    source_label = label_of(source_label, records)
     require_one_axis(records, "propose")
-    return diagnose(records, base=base, train=train, settings=settings, data=data).propose()
+    return diagnose(records, base=base, train=train, settings=settings, source_label=source_label).propose()

@@ -35,7 +35,7 @@ def identify(
     train: str | Sequence[str] | None = None,
     *,
     settings: StudySettings | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> Identification:
     """Identify MW, Maxwell, KB, HO, LE and IL, by ridge ARX as in the thesis and by output error beside it.
 
@@ -48,7 +48,7 @@ def identify(
     settings : StudySettings, optional
         ``tissue`` and ``seed``; the ``effects`` of ``improvement`` are added to its ``base``, and the model with them stands
         beside the others.
-    data : str
+    source_label : str
         Words for the source of the data; default the folder or file they were read from.
 
     Raises
@@ -69,7 +69,7 @@ def identify(
     """
     settings = settings_or_default(settings)
     tissue, improvement = settings.tissue, settings.improvement
-    data, records = label_of(data, records), RecordSet(records)
+    source_label, records = label_of(source_label, records), RecordSet(records)
     require_clock(records)
     require_one_axis(records, "identify")
     train = train or tissue.training or max(records, key=len).name
@@ -87,7 +87,7 @@ def identify(
             found.append(refined_fit([training, *tests], list(improvement.effects), how))
         models += found
         grid += rows
-    return Identification(models, pd.DataFrame(grid).assign(data=data), tissue, data)
+    return Identification(models, pd.DataFrame(grid).assign(data=source_label), tissue, source_label)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,7 +100,7 @@ class Identification(Result):
     search: pd.DataFrame
     """Every structure and ridge coefficient that was tried, one row each."""
     settings: TissueSettings
-    data: str
+    source_label: str
 
     def __getitem__(self, name: str) -> FittedModel:
         """Return a model by name: the ridge ARX fit on the first training record where there are several."""
@@ -133,12 +133,12 @@ class Identification(Result):
     @property
     def table_3_1(self) -> Table:
         """Error metrics of all models on all training records."""
-        return table_3_1(self.models, self.settings, self.data)
+        return table_3_1(self.models, self.settings, self.source_label)
 
     @property
     def physical_parameters(self) -> Table:
         """Physical parameters with intervals."""
-        return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.data)
+        return physical_parameters_table(self.models, self.settings.bootstrap.confidence, self.source_label)
 
     def comparison_figure(self, record: Record) -> Figure:
         """Return Figure 3.5: a record beside the free runs of the thesis's models and of those with effects."""
@@ -184,7 +184,7 @@ class Identification(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``models.json``, ``search.csv``, tables ``table_3_1`` and ``physical_parameters``."""
-        yield "models.json", models_document(distinct(self.models), self.data)
+        yield "models.json", models_document(distinct(self.models), self.source_label)
         yield "search.csv", self.search
         yield "table_3_1", self.table_3_1
         yield "physical_parameters", self.physical_parameters

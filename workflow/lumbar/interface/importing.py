@@ -228,7 +228,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         self,
         folder: str | os.PathLike,
         *,
-        data: str | None = None,
+        source_label: str | None = None,
         licence: str | None = None,
         forward: bool = False,
     ) -> Path:
@@ -246,7 +246,7 @@ class ImportedRecordings(Sequence[ImportedRecording]):
         folder = Path(folder)
         there = sorted(folder.iterdir()) if folder.is_dir() else []
         return write_folder(
-            self.recordings, folder, list(filter(is_column_file, there)), data, licence, forward
+            self.recordings, folder, list(filter(is_column_file, there)), source_label, licence, forward
         )
 
     def next_command(self, study: Path) -> str:

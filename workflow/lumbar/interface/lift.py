@@ -37,7 +37,7 @@ def lift(
     name: str | None = None,
     settings: LiftingSettings | None = None,
     static: str | os.PathLike | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> Lift:
     """Find the events, centres of mass and pendulum states of one lift.
 
@@ -56,7 +56,7 @@ def lift(
         Name of the lift; default that of the trial, as in a study.
     static : path, optional
         Marker file of a static trial; default the subject's, looked for below the folder that the trial's file lies below.
-    data : str
+    source_label : str
         Words for the source of the data; default the folder or file they were read from.
 
     Raises
@@ -88,8 +88,8 @@ def lift(
     recording, sheet = read_screened(markers, settings.markers, name, subject.height_m, bodies)
     sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
     analysed = lifting.analyse_lift(recording, name, subject, trial, settings, bodies.gaps, sheet.findings)
-    data = data_label(data, [recording.source])
-    return Lift(analysed, subject, trial, settings, data, sheet)
+    source_label = data_label(source_label, [recording.source])
+    return Lift(analysed, subject, trial, settings, source_label, sheet)
 
 
 def labelled_markers(path: str | os.PathLike, layout: MarkerLayout, height_m: float) -> MarkerRecording:
@@ -119,7 +119,7 @@ class Lift(Result):
     subject: SubjectSettings
     trial: TrialSettings
     settings: LiftingSettings
-    data: str
+    source_label: str
     quality: QualitySheet
     """What is in the recording and what in it cannot be a body: such stretches were left out."""
 
@@ -193,7 +193,7 @@ class Lift(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``pendulum``, ``thesis_pendulum``, ``com``, ``body``, ``events``, ``gaps``, ``quality``, for figures."""
-        label = {"data": self.data}
+        label = {"data": self.source_label}
         tables = {
             "pendulum": self.states,
             "thesis_pendulum": self.thesis_states,

@@ -26,7 +26,7 @@ def basins(
     facts: Mapping | None = None,
     settings: StabilitySettings | None = None,
     seed: int = SEED,
-    data: str = "",
+    source_label: str = "",
 ) -> "Basins":
     """Compute the basins of attraction of one lift, with the checks of the settings.
 
@@ -38,7 +38,7 @@ def basins(
         With a file: what the pendulums are made of; default ``pendulum.json`` beside it.
     seed : int
         Of the simulated starts.
-    data : str
+    source_label : str
         Words for the source of the data; default those of the lift.
 
     Examples
@@ -65,11 +65,14 @@ def basins(
     """
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
-        states, data = LiftStates(lift.states, lift.facts, lift.thesis_states), data or lift.data
+        states, source_label = (
+            LiftStates(lift.states, lift.facts, lift.thesis_states),
+            source_label or lift.source_label,
+        )
     else:
         states = _read_states(Path(lift), facts)
-        data = data or states.facts.get("data", "")
-    return Basins(states, settings, seed, data or NOT_SAID)
+        source_label = source_label or states.facts.get("data", "")
+    return Basins(states, settings, seed, source_label or NOT_SAID)
 
 
 def _read_states(path: Path, facts: Mapping | None) -> LiftStates:
@@ -94,7 +97,7 @@ class Basins(Result):
     states: LiftStates
     settings: StabilitySettings
     seed: int
-    data: str
+    source_label: str
 
     @cached_property
     def _found(self) -> tuple[list[Trajectory], list[Failure]]:

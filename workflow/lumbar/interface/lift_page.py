@@ -23,7 +23,7 @@ FILES = ("body.csv", "com.csv", "pendulum.csv", "pendulum.json", "events.json")
 
 
 def lift_page(
-    lift: Lift | str | os.PathLike, *, settings: StabilitySettings | None = None, data: str = ""
+    lift: Lift | str | os.PathLike, *, settings: StabilitySettings | None = None, source_label: str = ""
 ) -> LiftPage:
     """Make the page of one lift: body, balance, pendulum states, and pushes against the funnel.
 
@@ -35,7 +35,7 @@ def lift_page(
         Of `lift`, or the folder that it was saved to.
     settings : StabilitySettings, optional
         Pendulum, regulator, goal and limits of the torque; no checks are run.
-    data : str
+    source_label : str
         Words for the source of the data; default those of the lift.
 
     Returns
@@ -57,7 +57,7 @@ def lift_page(
     """
     from lumbar.publishing.lift_page.page import LiftPage
 
-    recorded = _analysed(lift, data) if isinstance(lift, Lift) else _saved(Path(lift), data)
+    recorded = _analysed(lift, source_label) if isinstance(lift, Lift) else _saved(Path(lift), source_label)
     return LiftPage(recorded, settings or StabilitySettings())
 
 
@@ -68,12 +68,14 @@ def saved_lifts(folder: str | os.PathLike) -> list[Path]:
     return [path for path in (folder, *inner) if all((path / name).is_file() for name in FILES)]
 
 
-def _analysed(lift: Lift, data: str) -> RecordedLift:
+def _analysed(lift: Lift, source_label: str) -> RecordedLift:
     events = {name: event.as_dict() for name, event in lift.analysed.events.items()}
-    return RecordedLift(lift.body, lift.analysed.pivot, lift.states, lift.facts, events, data or lift.data)
+    return RecordedLift(
+        lift.body, lift.analysed.pivot, lift.states, lift.facts, events, source_label or lift.source_label
+    )
 
 
-def _saved(folder: Path, data: str) -> RecordedLift:
+def _saved(folder: Path, source_label: str) -> RecordedLift:
     absent = [name for name in FILES if not (folder / name).is_file()]
     if absent:
         raise InputError(f"{folder}: no {', '.join(absent)}; a folder that 'lumbar lift' writes is needed")
@@ -84,4 +86,6 @@ def _saved(folder: Path, data: str) -> RecordedLift:
         raise InputError(f"{folder}: not the tables that 'lumbar lift' writes ({error})") from error
     facts, events = (read_json(folder / name) for name in FILES[3:])
     pivot = pivots if len(pivots) == len(body) and np.isfinite(pivots).any() else None
-    return RecordedLift(body, pivot, states, facts, events["events"], data or facts.get("data", NOT_SAID))
+    return RecordedLift(
+        body, pivot, states, facts, events["events"], source_label or facts.get("data", NOT_SAID)
+    )

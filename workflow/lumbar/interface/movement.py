@@ -29,7 +29,7 @@ def measure_movement(
     *,
     facts: Mapping | None = None,
     settings: StabilitySettings | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> "Measures":
     """Compute the measures of one lift that see its movement: balance over the feet, posture, moment about L5/S1.
 
@@ -41,7 +41,7 @@ def measure_movement(
         With a file: masses, stature and what is missing; default ``pendulum.json`` beside it.
     settings : StabilitySettings, optional
         ``measures``, and gravity of ``pendulum``.
-    data : str
+    source_label : str
         Words for the source of the data; default those of the lift.
 
     Raises
@@ -62,9 +62,9 @@ def measure_movement(
     """
     settings = settings or StabilitySettings()
     if isinstance(lift, Lift):
-        return Measures(lift.body, lift.facts, settings, data or lift.data)
+        return Measures(lift.body, lift.facts, settings, source_label or lift.source_label)
     body, facts = _read_body(Path(lift), facts)
-    return Measures(body, facts, settings, data or facts.get("data", NOT_SAID))
+    return Measures(body, facts, settings, source_label or facts.get("data", NOT_SAID))
 
 
 def _read_body(path: Path, facts: Mapping | None) -> tuple[pd.DataFrame, Mapping]:
@@ -87,7 +87,7 @@ class Measures(Result):
     """Trajectories they are made of."""
     facts: Mapping
     settings: StabilitySettings
-    data: str
+    source_label: str
 
     @cached_property
     def course(self) -> Course:
@@ -107,8 +107,8 @@ class Measures(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``movement_measures.csv`` (the values) and ``movement_course.csv`` (every instant)."""
-        yield "movement_measures.csv", self.values.assign(data=self.data)
-        yield "movement_course.csv", self.instants.assign(data=self.data)
+        yield "movement_measures.csv", self.values.assign(data=self.source_label)
+        yield "movement_course.csv", self.instants.assign(data=self.source_label)
 
     def __str__(self) -> str:
         named = self.values[self.values["measure"].map(lambda name: MEASURES[name].headline)]
@@ -152,7 +152,7 @@ def measure_person(
     stability: StabilitySettings,
     *,
     static: str | os.PathLike | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> pd.DataFrame:
     """Measure every lift of a person: balance, posture, load of the back, and areas of the basins with either sign.
 
@@ -166,7 +166,7 @@ def measure_person(
         By the same names.
     static : path, optional
         Marker file of a static trial.
-    data : str
+    source_label : str
         Words for the source of the data.
     """
     found: dict[str, Lift] = {}
@@ -180,7 +180,7 @@ def measure_person(
                 name=name,
                 settings=lifting,
                 static=static,
-                data=data,
+                source_label=source_label,
             )
             frames[name] = measure_movement(one, settings=stability).values
             found[name] = one

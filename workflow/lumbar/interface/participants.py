@@ -24,7 +24,7 @@ def analyse_survey(
     *,
     settings: SurveySettings | None = None,
     seed: int = SEED,
-    data: str = "",
+    source_label: str = "",
 ) -> Survey:
     """Analyse ratings as the thesis did (Table 3.2), and within participants.
 
@@ -34,7 +34,7 @@ def analyse_survey(
         Answers, or the participants' sheet.
     seed : int
         Of the bootstrap.
-    data : str
+    source_label : str
         Words for the source of the data; default the folder or file they were read from.
 
     Raises
@@ -59,10 +59,10 @@ def analyse_survey(
     """
     settings = settings or SurveySettings()
     if isinstance(ratings, str | os.PathLike):
-        data = data_label(data, [os.fspath(ratings)])
+        source_label = data_label(source_label, [os.fspath(ratings)])
         ratings = read_ratings(ratings, settings.layout)
-    data = data or NOT_SAID
-    return Survey(ratings, analyse(ratings, settings, seed, data), settings, data)
+    source_label = source_label or NOT_SAID
+    return Survey(ratings, analyse(ratings, settings, seed, source_label), settings, source_label)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,7 +73,7 @@ class Survey(Result):
     analysis: SurveyAnalysis
     """Tables, and all results as plain data."""
     settings: SurveySettings
-    data: str
+    source_label: str
 
     @property
     def table(self) -> Table:

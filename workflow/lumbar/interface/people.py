@@ -24,7 +24,7 @@ def compare_groups(
     table: pd.DataFrame | str | os.PathLike | Sequence[str | os.PathLike],
     *,
     groups: tuple[str, str] | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> PeopleCompared:
     """Compare two groups of people at the same box, and the boxes within each group, measure by measure.
 
@@ -35,7 +35,7 @@ def compare_groups(
         they are known ``unit`` and ``safer`` (``higher`` or ``lower``). Several CSV files are joined.
     groups : tuple of str, optional
         The first is compared with the second; default expert and novice or, where the table has other labels, these.
-    data : str
+    source_label : str
         Words for the source of the data.
 
     Raises
@@ -64,7 +64,7 @@ def compare_groups(
         there = ", ".join(sorted(map(str, frame["group"].unique())))
         raise InputError(f"groups: nobody is labelled {' or '.join(map(repr, unknown))}; there are: {there}")
     found = tuple(compare_people(frame, chosen))
-    return PeopleCompared(found, chosen, data_label(data, sources))
+    return PeopleCompared(found, chosen, data_label(source_label, sources))
 
 
 NEEDED = ("person", "group", "box_mass_kg", "measure", "plane", "value")
@@ -107,12 +107,12 @@ class PeopleCompared(Result):
 
     comparisons: tuple[Comparison, ...]
     groups: tuple[str, str]
-    data: str
+    source_label: str
 
     @cached_property
     def table(self) -> Table:
         """Differences with intervals and p values."""
-        return comparison_table(self.comparisons, self.data)
+        return comparison_table(self.comparisons, self.source_label)
 
     def figure(self) -> Figure:
         """Return all measures at one glance: who is safer, and how certain that is."""

@@ -54,7 +54,7 @@ def refine(
     base: str | None = None,
     train: str | Sequence[str] | None = None,
     settings: StudySettings | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> Refinement:
     """Fit a base model with effects that are named, each added in turn; parameters as of `lumbar.diagnose`.
 
@@ -84,8 +84,8 @@ def refine(
     """
     settings = settings_or_default(settings)
     chosen = DiagnosisSettings.from_study(settings, base, train)
-    data = label_of(data, records)
-    return fit_effects(list(records), list(effects), chosen, settings.seed, data)
+    source_label = label_of(source_label, records)
+    return fit_effects(list(records), list(effects), chosen, settings.seed, source_label)
 
 
 def fit_effects(records, effects, settings, seed, data) -> Refinement:
@@ -114,7 +114,7 @@ class Refinement(Result):
     path: list[Candidate]
     """Base, base and first effect, …."""
     seed: int
-    data: str
+    source_label: str
     findings: tuple[Finding, ...] = ()
     """Records that were too long or too fast and what was used of them, and a base whose fit did not converge."""
 
@@ -136,20 +136,20 @@ class Refinement(Result):
     def add(self, *effects: str) -> Refinement:
         """Refit with these effects more."""
         wanted = list(dict.fromkeys([*self.effects, *effects]))
-        return fit_effects(self.records, wanted, self.settings, self.seed, self.data)
+        return fit_effects(self.records, wanted, self.settings, self.seed, self.source_label)
 
     def remove(self, *effects: str) -> Refinement:
         """Refit without these effects."""
         wanted = [name for name in self.effects if name not in effects]
-        return fit_effects(self.records, wanted, self.settings, self.seed, self.data)
+        return fit_effects(self.records, wanted, self.settings, self.seed, self.source_label)
 
     def compare(self) -> Comparisons:
         """Compare the model with every record."""
-        return Comparisons(self.model, self._on_records, self.data, self.findings)
+        return Comparisons(self.model, self._on_records, self.source_label, self.findings)
 
     def locate(self) -> Locations:
         """See where the model fails on every record."""
-        return Locations(self.model, self._on_records, self.data, self.findings)
+        return Locations(self.model, self._on_records, self.source_label, self.findings)
 
     @cached_property
     def _on_records(self) -> Sequence[ResidualReport | SpatialReport]:
@@ -173,7 +173,7 @@ class Refinement(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``refined.json``, every model of the path, ready for export, and ``ladder``, its picture."""
-        yield "refined.json", refined_document(self.path, self.experiment, self.data)
+        yield "refined.json", refined_document(self.path, self.experiment, self.source_label)
         yield "ladder", self.figure()
 
     def figure(self) -> Figure:
@@ -203,7 +203,7 @@ def compare(
     *,
     train: str | Sequence[str] | None = None,
     settings: StudySettings | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> Comparisons:
     """Simulate a model on every record: its errors with intervals, and the part that could be explained.
 
@@ -216,7 +216,7 @@ def compare(
     settings : StudySettings, optional
         ``improvement.session`` says whether the records were cut from one session, in their order, ``tissue.settling_s`` from
         where on they count; ``seed`` is that of the intervals.
-    data : str
+    source_label : str
         Words for the source of the data; default the folder or file they were read from.
 
     Raises
@@ -235,7 +235,7 @@ def compare(
     >>> f"{found['other'].comparison.vaf.value:.1f} % of the variance"
     '100.0 % of the variance'
     """
-    return Comparisons(*_on_records(records, model, train, settings, data))
+    return Comparisons(*_on_records(records, model, train, settings, source_label))
 
 
 def locate(
@@ -244,7 +244,7 @@ def locate(
     *,
     train: str | Sequence[str] | None = None,
     settings: StudySettings | None = None,
-    data: str = "",
+    source_label: str = "",
 ) -> Locations:
     """See where a model fails: time, frequency, motion, depth, reversals; parameters as of `compare`.
 
@@ -257,7 +257,7 @@ def locate(
     >>> print(found["other"].location.sentences[0].split(";")[0])
     other: 0.224 N of the error's 0.225 N are not noise
     """
-    return Locations(*_on_records(records, model, train, settings, data))
+    return Locations(*_on_records(records, model, train, settings, source_label))
 
 
 def _on_records(
@@ -292,7 +292,7 @@ class OnRecords(Result):
     model: FittedModel
     reports: Sequence[ResidualReport | SpatialReport]
     """Of the records, one each."""
-    data: str
+    source_label: str
     findings: tuple[Finding, ...] = ()
     """Records that were too long or too fast, and what was used of them."""
     stem: ClassVar[str]
@@ -341,7 +341,7 @@ class OnRecords(Result):
             of_axis = self.reports[0].record.axes and name.endswith(")")
             file = "_".join(name[:-1].rsplit(" (", 1)) if of_axis else name
             stem = folder / f"{self.picture}_{file}"
-            save(self.figure(name), stem, self.data)
+            save(self.figure(name), stem, self.source_label)
             pictures[name] = stem.with_name(f"{stem.name}.svg")
         self.table.write(folder / self.stem)
         write_text(folder / f"{self.stem}_page.html", self._page(pictures))
@@ -368,7 +368,7 @@ class Comparisons(OnRecords):
     @property
     def table(self) -> Table:
         """VAF, FIT, error, noise and explainable error of every record."""
-        return comparison_table([item.comparison for item in self.simulated], self.data)
+        return comparison_table([item.comparison for item in self.simulated], self.source_label)
 
     def figure(self, name: str) -> Figure:
         """Return the picture of one record: measured and simulated output, and what is left of every record."""
@@ -385,7 +385,7 @@ class Comparisons(OnRecords):
     def _page(self, pictures: dict[str, Path]) -> str:
         from lumbar.publishing.pages.html import comparison_page
 
-        return comparison_page(self.reports, self.model.name, self.data, pictures)
+        return comparison_page(self.reports, self.model.name, self.source_label, pictures)
 
     def __str__(self) -> str:
         still = [line for item in self.reports for line in item.remarks]
@@ -402,7 +402,7 @@ class Locations(OnRecords):
     @property
     def table(self) -> Table:
         """Numbers behind the pictures."""
-        return location_table(self.reports, self.data)
+        return location_table(self.reports, self.source_label)
 
     @property
     def pictured(self) -> list[str]:
@@ -423,7 +423,7 @@ class Locations(OnRecords):
     def _page(self, pictures: dict[str, Path]) -> str:
         from lumbar.publishing.pages.html import location_page
 
-        return location_page(self.reports, self.model.name, self.data, pictures)
+        return location_page(self.reports, self.model.name, self.source_label, pictures)
 
     def __str__(self) -> str:
         told = [all_reports_sentence(self.reports)]

@@ -51,7 +51,9 @@ class SpatialDiagnosis(Diagnosis):
     def axes_table(self) -> Table:
         """Principal stiffnesses and viscosities with their axes and intervals."""
         return principal_axes_table(
-            principal_axes(self.verdict.model.fit, self.verdict.experiment), self.records[0].axes, self.data
+            principal_axes(self.verdict.model.fit, self.verdict.experiment),
+            self.records[0].axes,
+            self.source_label,
         )
 
     @cached_property
@@ -88,7 +90,7 @@ class SpatialDiagnosis(Diagnosis):
         sections = {
             "Stiffness and viscosity in space": [table([axes.header(name) for name in axes.first], rows)],
         }
-        given = self.verdict, self.evidence, self.candidates, self.data
+        given = self.verdict, self.evidence, self.candidates, self.source_label
         return diagnosis_page(*given, dict(pictures or {}), sections, self.headline)
 
     def save(
@@ -99,11 +101,11 @@ class SpatialDiagnosis(Diagnosis):
         With `pictures` those of comparison, location and ladder too, and the tables ``compare`` and ``location``.
         """
         folder = Path(folder)
-        told = {**self.verdict.to_json(), "data": self.data, "headline": self.headline}
+        told = {**self.verdict.to_json(), "data": self.source_label, "headline": self.headline}
         write_json(folder / "diagnosis.json", told)
-        write_text(folder / "ladder.csv", ladder_csv(self.verdict, self.data))
+        write_text(folder / "ladder.csv", ladder_csv(self.verdict, self.source_label))
         kept = self.verdict if effects is None else self.with_effects(effects)
-        write_json(folder / "refined.json", refined_document(kept.path, kept.experiment, self.data))
+        write_json(folder / "refined.json", refined_document(kept.path, kept.experiment, self.source_label))
         self.axes_table.write(folder / "principal_axes")
         drawn = self._save_pictures(folder) if pictures else {}
         write_text(folder / "diagnosis.html", self.to_html(drawn))

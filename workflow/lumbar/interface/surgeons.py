@@ -42,7 +42,7 @@ def bandwidth(
     *,
     settings: SurgeonSettings | None = None,
     seed: int = SEED,
-    data: str = "",
+    source_label: str = "",
 ) -> Bandwidth:
     """Find the bandwidth of surgeons' tool motion by Welch's method.
 
@@ -54,7 +54,7 @@ def bandwidth(
         Who moved the tool, by trial; default the part of the trial's name before ``_trial``.
     seed : int
         Of the intervals.
-    data : str
+    source_label : str
         Words for the source of the data; default the folder or file they were read from.
 
     Examples
@@ -71,11 +71,11 @@ def bandwidth(
     >>> f"{found.values['position']['power_share']['value_Hz']:.1f} Hz"
     '2.1 Hz'
     """
-    data = label_of(data, trials)
+    source_label = label_of(source_label, trials)
     settings, trials = settings or SurgeonSettings(), list(trials)
     surgeons = list(surgeons or (trial.name.split("_trial")[0] for trial in trials))
     spectra = motion_spectra(trials, surgeons, settings.welch)
-    return Bandwidth(spectra, motion_bandwidths(spectra, settings.bandwidth, seed), settings, data)
+    return Bandwidth(spectra, motion_bandwidths(spectra, settings.bandwidth, seed), settings, source_label)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,7 +88,7 @@ class Bandwidth(Result):
     values: dict
     """By quantity (position, velocity) and rule: ``value_Hz``, ``low_Hz``, ``high_Hz``."""
     settings: SurgeonSettings
-    data: str
+    source_label: str
 
     def figure(self) -> Figure:
         """Return the spectra with the bandwidths read off them."""
@@ -106,8 +106,11 @@ class Bandwidth(Result):
 
     def files(self) -> Iterator[tuple[str, Any]]:
         """``bandwidth.json`` and ``psd.csv``."""
-        yield "bandwidth.json", {**self.values, "welch": plain(self.settings.welch), "data": self.data}
-        yield "psd.csv", spectra_table(self.spectra).assign(data=self.data)
+        yield (
+            "bandwidth.json",
+            {**self.values, "welch": plain(self.settings.welch), "data": self.source_label},
+        )
+        yield "psd.csv", spectra_table(self.spectra).assign(data=self.source_label)
 
     def rows(self) -> list[dict]:
         """One dict per quantity and rule."""
@@ -138,7 +141,7 @@ def design_signals(
     *,
     settings: SignalsSettings | None = None,
     seed: int = SEED,
-    data: str = "",
+    source_label: str = "",
 ) -> Signals:
     """Design multisine, noise and chirp for a testing machine, and check them against it.
 
@@ -146,7 +149,7 @@ def design_signals(
     ----------
     band : float, Bandwidth or path
         Upper end of the band to excite in hertz; or the surgeons' bandwidth, or its file, from which it follows.
-    data : str
+    source_label : str
         Words for the source of the band; default those of the bandwidth, or that it was given.
 
     Raises
@@ -165,7 +168,7 @@ def design_signals(
     """
     settings, values = settings or SignalsSettings(), {}
     if isinstance(band, Bandwidth):
-        values = {**band.values, "data": band.data}
+        values = {**band.values, "data": band.source_label}
     elif isinstance(band, str | os.PathLike):
         if not Path(band).is_file():
             raise InputError(
@@ -174,9 +177,11 @@ def design_signals(
         values = read_json(Path(band))
     elif not 0 < band < settings.rate_Hz / 2:
         raise InputError(f"the band is {band:g} Hz; allowed: above 0 and below {settings.rate_Hz / 2:g} Hz")
-    data = data or values.get("data", "" if values else "band given by hand")
+    source_label = source_label or values.get("data", "" if values else "band given by hand")
     highest = band if isinstance(band, int | float) else excited_band(values, settings)
-    return Signals(design_excitation(highest, settings, seed), highest, settings, data, values or None)
+    return Signals(
+        design_excitation(highest, settings, seed), highest, settings, source_label, values or None
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -188,14 +193,14 @@ class Signals(Result):
     band_Hz: float
     """Upper end of what is excited."""
     settings: SignalsSettings
-    data: str
+    source_label: str
     bandwidths: dict | None = None
     """The surgeons', from which the band follows."""
 
     @property
     def properties(self) -> Table:
         """What the signals are and ask of the machine."""
-        return signal_properties(self.excitation, self.settings, self.data, self.bandwidths)
+        return signal_properties(self.excitation, self.settings, self.source_label, self.bandwidths)
 
     def figure(self) -> Figure:
         """Return the signals in time and in frequency."""
@@ -208,8 +213,8 @@ class Signals(Result):
         for signal in self.excitation.signals:
             yield f"{signal.name}.csv", machine_file(signal)
         described = multisine_description(self.excitation, self.settings)
-        yield "multisine.json", {**described, "data": self.data}
-        yield "properties.csv", self.properties.frame.assign(data=self.data)
+        yield "multisine.json", {**described, "data": self.source_label}
+        yield "properties.csv", self.properties.frame.assign(data=self.source_label)
 
     def __repr__(self) -> str:
         return f"<Signals up to {self.band_Hz:g} Hz>"

@@ -98,7 +98,7 @@ def read_table(path: str | os.PathLike, what: str) -> pd.DataFrame:
 class Result:
     """What a verb found: printed it says so in sentences, a notebook shows its table, `save` writes its files."""
 
-    data: str
+    source_label: str
     """Words for the source of the data."""
     shown: ClassVar[str] = "table"
     """Attribute or method that has what a notebook shows: a published table, a frame or rows."""
@@ -110,7 +110,7 @@ class Result:
     def save(self, folder: str | os.PathLike) -> None:
         """Write all `files` into a folder; tables and figures in each of their formats."""
         for name, content in self.files():
-            _write(Path(folder) / name, content, self.data)
+            _write(Path(folder) / name, content, self.source_label)
 
     @property
     def notebook_table(self) -> Any:
@@ -124,7 +124,7 @@ class Result:
         return pd.DataFrame(getattr(self.notebook_table, "frame", self.notebook_table)).to_html(index=False)
 
 
-def _write(path: Path, content: Any, data: str) -> None:
+def _write(path: Path, content: Any, source_label: str) -> None:
     if path.suffix == ".csv":
         write_csv(path, content)
     elif path.suffix == ".json":
@@ -134,4 +134,4 @@ def _write(path: Path, content: Any, data: str) -> None:
     else:
         from lumbar.publishing.figures.style import save
 
-        save(content, path, data)
+        save(content, path, source_label)

@@ -123,7 +123,7 @@ class OwnDiagnosis:
     """How recordings that are given on the page are diagnosed."""
 
     diagnose: Callable[..., Diagnosis]
-    """Takes records, ``train`` and ``data``; returns the diagnosis."""
+    """Takes records, ``train`` and ``source_label``; returns the diagnosis."""
     output: Path
     """Folder below which files are written when they are asked for."""
 
@@ -254,7 +254,7 @@ class OwnRecordings:
             rate = common_rate(1 / record.sampling_time for record in imported.records)
             records = [record if rate is None else resample(record, rate) for record in imported.records]
             train = checked_training(asked.get("train"), records)
-            make = partial(own.diagnose, records, train=train, data=f"own recordings {name}")
+            make = partial(own.diagnose, records, train=train, source_label=f"own recordings {name}")
             if self._explored is not None and self._explored.job is not None:
                 self._explored.job.cancel()
             self._explored = ExploredSet(name, make, own.output / name, own=self.address)

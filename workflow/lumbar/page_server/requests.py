@@ -135,5 +135,5 @@ def save_refinement(refit: Refinement, folder) -> list[str]:
         refit.save(folder)
         refit.compare().save(folder)
         refit.locate().save(folder)
-        export_fmu(refit.model, folder, data=refit.data)
+        export_fmu(refit.model, folder, source_label=refit.source_label)
     return sorted(path.name for path in folder.iterdir() if path.is_file())

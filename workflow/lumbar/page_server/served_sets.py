@@ -209,7 +209,7 @@ class ServedLift:
     folder: Path
     """That `lumbar lift` or a study wrote; its name is the lift's."""
     settings: StabilitySettings
-    data: str = ""
+    source_label: str = ""
     """Words for the source of the data; empty for those of the lift."""
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
@@ -220,7 +220,7 @@ class ServedLift:
 
     @cached_property
     def _html(self) -> str:
-        return lift_page(self.folder, settings=self.settings, data=self.data).to_html()
+        return lift_page(self.folder, settings=self.settings, source_label=self.source_label).to_html()
 
     def html(self) -> str:
         """Return the page, made once."""

@@ -72,9 +72,9 @@ class Ratings:
         """How often each model was picked as the best: shape (models,)."""
         return np.array([self.best.count(model) for model in self.models])
 
-    def label(self, data: str, not_real: str) -> str:
+    def label(self, source_label: str, not_real: str) -> str:
         """Where the answers come from, on every table and figure: `not_real` first where the file marks them so."""
-        return f"{not_real}, {data}" if NOT_REAL in self.sources else data
+        return f"{not_real}, {source_label}" if NOT_REAL in self.sources else source_label
 
 
 def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:

@@ -31,7 +31,7 @@ def described(
     module: str,
     name: str,
     values: pd.DataFrame | Sequence[Mapping],
-    data: str,
+    source_label: str,
     words: Mapping[str, Any] | None = None,
     without: Collection[str] = (),
     **more: Any,
@@ -76,7 +76,7 @@ def described(
         "first": _shown(said, columns),
     }
     definitions = {column: text.format(**words) for column, text in of_columns("is").items()}
-    return Table(said["title"].format(**words), values, definitions, data, **fields | more)
+    return Table(said["title"].format(**words), values, definitions, source_label, **fields | more)
 
 
 def _shown(said: Mapping[str, Any], names: Iterable[str]) -> tuple[str, ...]:

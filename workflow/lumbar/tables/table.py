@@ -67,7 +67,7 @@ class Table:
     `may_be_empty`."""
     definitions: dict[str, str]
     """Definition of each column: formula or rule, scaling and unit."""
-    data: str
+    source_label: str
     """Where the data come from, e.g. ``"synthetic twin"``; shown in every format."""
     notes: tuple[str, ...] = ()
     """Remarks shown below the table."""
@@ -117,7 +117,7 @@ class Table:
         carry title, definitions and notes.
         """
         stem = Path(stem)
-        frame = self.frame.assign(data=self.data)
+        frame = self.frame.assign(data=self.source_label)
         write_text(stem.with_name(stem.name + ".csv"), frame.to_csv(index=False, lineterminator="\n"))
         write_text(stem.with_name(stem.name + ".tex"), self.to_latex())
         write_text(stem.with_name(stem.name + ".html"), self.to_html())
@@ -167,7 +167,7 @@ class Table:
         """Return ``booktabs`` table environments of what is shown first: a journal's column, or both."""
         names, rows = self._first
         told = [f"{word}: {text}" for word, text in self._remarks(names)]
-        return latex_table(self.title, self._columns(names, rows), [*self.notes, *told], self.data)
+        return latex_table(self.title, self._columns(names, rows), [*self.notes, *told], self.source_label)
 
     def to_html(self) -> str:
         """Return a page of its own: no script, no outside resource.
@@ -184,7 +184,7 @@ class Table:
         shown = self._columns(names, rows)
         return template("tables/table.html.jinja").render(
             title=self.title,
-            data=self.data,
+            source_label=self.source_label,
             shown=blocks(shown, keys_of(shown)),
             rest=rest,
             counts=(len(rows), len(every), len(names), len(names) + len(hidden)),
@@ -205,7 +205,7 @@ def _power_of_ten(found: re.Match) -> str:
     return f"${power}$" if found[1] == "1" else rf"{found[1]}$\cdot{power}$"
 
 
-def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], data: str) -> str:
+def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], source_label: str) -> str:
     """Return ``booktabs`` table environments; the number in the title is left to LaTeX."""
     wide = sum(column.width for column in columns) > LATEX_WIDTH
     environment = "table*" if wide else "table"
@@ -215,7 +215,7 @@ def latex_table(title: str, columns: Sequence[Column], remarks: Sequence[str], d
         r"% needs \usepackage{array,booktabs}; compile with LuaLaTeX or XeLaTeX, which know the Greek letters"
     ]
     for number, part in enumerate(parts):
-        caption = f"{_unnumbered(title)} Data: {data}." if number == 0 else "(continued)"
+        caption = f"{_unnumbered(title)} Data: {source_label}." if number == 0 else "(continued)"
         lines += [
             rf"\begin{{{environment}}}",
             *([] if number == 0 else [r"\addtocounter{table}{-1}"]),

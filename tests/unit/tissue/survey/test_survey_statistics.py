@@ -239,7 +239,7 @@ def test_analysis_is_the_same_at_every_run_and_says_what_the_answers_are(analyse
     first, second = analysed, analyse_survey(ratings, settings, 7, "synthetic twin")
     for name, table in first.tables.items():
         assert table.to_html() == second.tables[name].to_html()
-        assert table.data == "reconstructed survey (not real answers), synthetic twin"
+        assert table.source_label == "reconstructed survey (not real answers), synthetic twin"
         assert any("a demonstration here, not evidence" in note for note in table.notes)
     other = analyse_survey(ratings, settings, 8, "synthetic twin")
     assert other.tables["survey_paired"].to_html() != first.tables["survey_paired"].to_html()
@@ -248,7 +248,7 @@ def test_analysis_is_the_same_at_every_run_and_says_what_the_answers_are(analyse
 def test_only_reconstructed_answers_are_called_so(ratings, settings):
     real = replace(ratings, sources=("laboratory X",))
     for table in analyse_survey(real, settings, 1, "laboratory X").tables.values():
-        assert table.data == "laboratory X"
+        assert table.source_label == "laboratory X"
         assert "reconstructed" not in table.to_html()
 
 

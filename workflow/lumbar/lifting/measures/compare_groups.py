@@ -124,7 +124,7 @@ def _pairs(rows: pd.DataFrame, groups: tuple[str, str]) -> Iterator[tuple]:
             yield f"decrease_in_mass_{group}", box, sides, True, [cells[group, mass] for mass in boxes]
 
 
-def comparison_table(comparisons: Sequence[Comparison], data: str) -> Table:
+def comparison_table(comparisons: Sequence[Comparison], source_label: str) -> Table:
     """Return what differs between groups and boxes, with p values adjusted after Holm for each comparison and box."""
     from statsmodels.stats.multitest import multipletests
 
@@ -146,4 +146,4 @@ def comparison_table(comparisons: Sequence[Comparison], data: str) -> Table:
             row["p_holm"] = value
     sizes = " or ".join(map(str, sorted(set(map(len, families.values())))))
     words = {"fewest": MIN_PERSONS, "sizes": sizes or "no"}
-    return described(__file__, "measure_comparison", rows, data, words)
+    return described(__file__, "measure_comparison", rows, source_label, words)

@@ -112,7 +112,7 @@ def long_table(lifts: Iterable[tuple[pd.DataFrame, Mapping]], labels: Mapping[st
 SENSITIVITY = "Synthetic lifters show that the measures see movement; whether who moves so falls or aches sooner they cannot show"
 
 
-def measures_page(values: pd.DataFrame, data: str) -> Table:
+def measures_page(values: pd.DataFrame, source_label: str) -> Table:
     """Tabulate the mean of every measure over the lifts of a group with one box, from the values of `long_table`."""
     cells = values.assign(column=values["group"] + " " + values["box_mass_kg"].map("{:g} kg".format))
     names = list(dict.fromkeys(cells["column"]))
@@ -124,7 +124,7 @@ def measures_page(values: pd.DataFrame, data: str) -> Table:
         for plane in measure.columns
     ]
     words = {"lifts": cells.groupby("column")["lift"].nunique()}
-    notes = [SENSITIVITY] if data == SYNTHETIC_TWIN else []
+    notes = [SENSITIVITY] if source_label == SYNTHETIC_TWIN else []
     notes += [
         f"{value_in_words(measure.name)} ({measure.symbol}), {WINDOWS[measure.phase]}: {measure.meaning}. "
         f"Source: {measure.source}"
@@ -135,12 +135,12 @@ def measures_page(values: pd.DataFrame, data: str) -> Table:
         f"Absent, {', '.join(rows['lift'].unique())}, {', '.join(rows['measure'].unique())}: {reason}"
         for reason, rows in absent.groupby("reason", sort=False)
     ]
-    return described(__file__, "measures", pd.DataFrame(rows), data, words, notes=notes)
+    return described(__file__, "measures", pd.DataFrame(rows), source_label, words, notes=notes)
 
 
-def write_measures(stem: str | os.PathLike, values: pd.DataFrame, data: str) -> None:
+def write_measures(stem: str | os.PathLike, values: pd.DataFrame, source_label: str) -> None:
     """Write ``stem.csv``, one row per lift, measure and plane, and the page as ``stem.tex`` and ``stem.html``."""
-    stem, page = Path(stem), measures_page(values, data)
-    write_csv(stem.with_name(f"{stem.name}.csv"), values.assign(data=data))
+    stem, page = Path(stem), measures_page(values, source_label)
+    write_csv(stem.with_name(f"{stem.name}.csv"), values.assign(data=source_label))
     write_text(stem.with_name(f"{stem.name}.tex"), page.to_latex())
     write_text(stem.with_name(f"{stem.name}.html"), page.to_html())

@@ -218,9 +218,9 @@ def _open_stretches(points: dict[str, np.ndarray], recording: MarkerRecording) -
     return tuple(sorted(found, key=lambda gap: -gap.longest_s))
 
 
-def quality_table(sheets: Sequence[dict], data: str) -> Table:
+def quality_table(sheets: Sequence[dict], source_label: str) -> Table:
     """Return one row per recording: sheets as of `QualitySheet.as_dict`, with the name of the lift under ``lift``."""
-    return described(__file__, "quality", list(map(_row, sheets)), data)
+    return described(__file__, "quality", list(map(_row, sheets)), source_label)
 
 
 def _row(sheet: dict) -> dict:

@@ -226,7 +226,7 @@ def _shares(boa: pd.DataFrame) -> list[str]:
     return notes
 
 
-def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Table:
+def areas_table(boa: pd.DataFrame, settings: StabilitySettings, source_label: str) -> Table:
     """Return the areas of all basins and their checks as a published table, without the columns of checks not chosen."""
     others = [check for check in CHECK_COLUMNS if check not in settings.checks]
     left_out = {name for check in others for name in CHECK_COLUMNS[check]}
@@ -238,7 +238,7 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, data: str) -> Ta
         __file__,
         "basin_areas",
         frame,
-        data,
+        source_label,
         {"resolution": ", ".join(f"{100 * size:g} % ({name})" for name, size in RESOLUTION.items())},
         notes=(
             *_shares(boa),

@@ -74,7 +74,7 @@ class ExplorerPage:
     catalogue: dict[str, Effect]
     base_on_records: list[ResidualReport]
     """The base model on every record, for what is told of where it fails."""
-    data: str
+    source_label: str
     """Where the data come from."""
     sections: Sequence[tuple[str, Sequence[Markup]]] = ()
     """Further evidence by titles, folded below."""
@@ -127,7 +127,7 @@ class ExplorerPage:
             groups.setdefault(model.group, []).append(model)
         return {
             "title": self.title,
-            "data": self.data,
+            "data": self.source_label,
             "verdict": verdict.verdict,
             "headline": headline(verdict),
             "left": what_is_left(verdict) if verdict.selected else "",

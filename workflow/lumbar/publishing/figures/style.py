@@ -206,7 +206,7 @@ def svg_text(figure) -> str:
 
 
 @house_style
-def save(figure, stem: str | os.PathLike, data: str, who: str = "") -> None:
+def save(figure, stem: str | os.PathLike, source_label: str, who: str = "") -> None:
     """Write ``stem.svg`` and ``stem.pdf``, byte for byte the same at every run.
 
     Parameters
@@ -215,16 +215,16 @@ def save(figure, stem: str | os.PathLike, data: str, who: str = "") -> None:
         The finished figure.
     stem : path
         Path without ending.
-    data : str
+    source_label : str
         Where the data come from, e.g. ``"synthetic twin"``: stands at the foot of the picture and in the file's
         metadata, below a note of the figure's own (its `supxlabel`). Empty only for drawings that show no data.
     who : str
-        Person and box that the picture shows, where it shows one: stands beside `data`.
+        Person and box that the picture shows, where it shows one: stands beside `source_label`.
     """
     stem = Path(stem)
-    words = f"Data: {data}" if data else "Drawing without data"
+    words = f"Data: {source_label}" if source_label else "Drawing without data"
     words = f"{SHOWS}{who}. {words}" if who else words
-    if data:
+    if source_label:
         own = figure.get_supxlabel()
         below = f"{own}\n{words}" if own else words
         figure.supxlabel(below, x=0.995, ha="right", fontsize=6, color="#555555")

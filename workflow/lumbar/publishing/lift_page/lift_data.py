@@ -37,7 +37,7 @@ class RecordedLift:
     """``pendulum.json``."""
     events: Mapping[str, Mapping[str, Any]]
     """By name as of `lumbar.lifting.movement.events.Event.as_dict`."""
-    data: str
+    source_label: str
     """Where the data come from."""
 
     @property

@@ -137,7 +137,7 @@ class LiftPage:
         facts, limits = self.lift.facts, self.settings.pendulum
         return {
             "title": self.title,
-            "data": self.lift.data,
+            "data": self.lift.source_label,
             "facts": facts,
             "events": [(EVENT_LABELS[name], time) for name, time in self.lift.event_times.items()],
             "absent": [

@@ -41,7 +41,7 @@ def diagnosis_page(
     diagnosis: Verdict,
     evidence: Evidence,
     catalogue: dict[str, Effect],
-    data: str,
+    source_label: str,
     pictures: dict[str, Path | str] | None = None,
     more: Mapping[str, list[Markup]] | None = None,
     said: str = "",
@@ -52,7 +52,7 @@ def diagnosis_page(
     ----------
     catalogue : dict of str to Effect
         Where mechanisms and experiments are looked up.
-    data : str
+    source_label : str
         Where the data come from.
     pictures : dict of str to (pathlib.Path or str), optional
         SVG files, or their text, by caption; they stand before the list of what remains.
@@ -65,7 +65,7 @@ def diagnosis_page(
     first, *last = more.items() if more else (("", []),)
     for title, found in (first, *evidence_sections(diagnosis, evidence, catalogue, pictures or {}), *last):
         blocks += [heading(title), *found] if found else []
-    return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", data, blocks)
+    return document(f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model", source_label, blocks)
 
 
 def evidence_sections(

@@ -30,7 +30,7 @@ def draw_pictures(
     reports: Sequence[ResidualReport | SpatialReport],
     catalogue: dict[str, Effect],
     folder: Path,
-    data: str,
+    source_label: str,
     proposal: Proposal | None = None,
 ) -> dict[str, Path]:
     """Write ``comparison``, ``location``, ``ladder`` and ``signatures``, and ``proposed_law`` where found.
@@ -62,7 +62,7 @@ def draw_pictures(
     if diagnosis.linear is not None:
         figures["linear_dynamics"] = linear_figure(diagnosis)
     for name, drawn in figures.items():
-        save(drawn, folder / name, "" if name == "signatures" else data)
+        save(drawn, folder / name, "" if name == "signatures" else source_label)
     words = {"base": base.name, "least_explained": whole.record.name, "trained": trained.record.name}
     words["location"] = location
     return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}

@@ -24,7 +24,7 @@ LOCATION_CAPTION, SPACE_CAPTION = _SAID["location"], _SAID["location_in_space"]
 
 
 def _macros():
-    return template(PAGE).make_module({"title": "", "data": "", "blocks": ()})
+    return template(PAGE).make_module({"title": "", "source_label": "", "blocks": ()})
 
 
 def heading(text: str, level: int = 2) -> Markup:
@@ -58,21 +58,21 @@ def figure(svg: str | Path, caption: str) -> Markup:
     return _macros().figure(base64.b64encode(content).decode("ascii"), caption)
 
 
-def document(title: str, data: str, blocks: Iterable[Markup]) -> str:
-    """Return a whole page of blocks; `data` says where the data come from and is empty for pages without any."""
-    return template(PAGE).render(title=title, data=data, blocks=blocks)
+def document(title: str, source_label: str, blocks: Iterable[Markup]) -> str:
+    """Return a whole page of blocks; `source_label` says where the data come from and is empty for pages without any."""
+    return template(PAGE).render(title=title, source_label=source_label, blocks=blocks)
 
 
 Reports = Sequence["ResidualReport | SpatialReport"]
 """Of a model beside every record."""
 
 
-def comparison_page(reports: Reports, model: str, data: str, pictures: dict[str, Path]) -> str:
+def comparison_page(reports: Reports, model: str, source_label: str, pictures: dict[str, Path]) -> str:
     """Return the page of a comparison; `pictures` are SVG files by record."""
     blocks = [paragraph(_SAID["comparison"]), *comparison_blocks(of_axes(reports))]
     caption = _SAID["compared_in_space" if reports[0].record.axes else "compared"]
     blocks += [figure(svg, f"{name}: {caption}") for name, svg in pictures.items()]
-    return document(f"The {model} model against every record", data, blocks)
+    return document(f"The {model} model against every record", source_label, blocks)
 
 
 def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
@@ -91,7 +91,7 @@ def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
     return [listing(item.comparison.sentence for item in simulated), table(head, rows)]
 
 
-def location_page(reports: Reports, model: str, data: str, pictures: dict[str, Path]) -> str:
+def location_page(reports: Reports, model: str, source_label: str, pictures: dict[str, Path]) -> str:
     """Return the page that says and shows where a model fails; parameters as for `comparison_page`."""
     blocks = [paragraph(all_reports_sentence(reports), "headline")]
     for item in with_axes(reports):
@@ -102,4 +102,4 @@ def location_page(reports: Reports, model: str, data: str, pictures: dict[str, P
             listing(sentences),
             figure(pictures[name], SPACE_CAPTION if item.record.axes else LOCATION_CAPTION),
         ]
-    return document(f"Where the {model} model fails", data, blocks)
+    return document(f"Where the {model} model fails", source_label, blocks)

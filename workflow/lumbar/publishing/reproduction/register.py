@@ -40,7 +40,7 @@ def all_claims(
     return claims
 
 
-def examine_claims(claims: list[Claim], results: Results, synthetic: bool, data: str) -> pd.DataFrame:
+def examine_claims(claims: list[Claim], results: Results, synthetic: bool, source_label: str) -> pd.DataFrame:
     """Examine all claims on the results of one run.
 
     Columns ``claim, location, statement, thesis_value, this_run, verdict, criterion, remark, evidence, data``.
@@ -59,7 +59,7 @@ def examine_claims(claims: list[Claim], results: Results, synthetic: bool, data:
                 "criterion": claim.criterion,
                 "remark": finding.remark,
                 "evidence": " ".join(claim.needs),
-                "data": data,
+                "data": source_label,
             }
         )
     return pd.DataFrame(rows)
@@ -73,7 +73,7 @@ def _shown(value) -> str:
     )
 
 
-def summary_table(claims: pd.DataFrame, data: str) -> Table:
+def summary_table(claims: pd.DataFrame, source_label: str) -> Table:
     """Return the claims as a table: sentences first, then the cells of the published tables."""
     counts = claims.verdict.value_counts()
     notes = "; ".join(f"{verdict}: {counts[verdict]}" for verdict in counts.index)
@@ -85,7 +85,7 @@ def summary_table(claims: pd.DataFrame, data: str) -> Table:
         __file__,
         "claims",
         frame,
-        data,
+        source_label,
         {"count": len(claims), "verdicts": notes},
         first_rows=tuple((~claims.claim.str.startswith("table_")).to_numpy().nonzero()[0]),
     )

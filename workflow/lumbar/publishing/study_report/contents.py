@@ -31,7 +31,7 @@ class Picture:
     width: int
     height: int
     """`width`, `height`: in points."""
-    data: str
+    source_label: str
     """Where the data come from; "Drawing without data" where there are none."""
     shows: str = ""
     """Person and box, where it shows one."""
@@ -82,7 +82,7 @@ class Entry:
     title: str
     caption: str
     """What it shows."""
-    data: str = ""
+    source_label: str = ""
     """Where the data come from."""
     shows: str = ""
     """Person and box, where it shows one."""
@@ -210,7 +210,7 @@ def _entry(
         artefact=artefact,
         title=title,
         caption=caption,
-        data=picture.data if picture else unescape(told[1]) if told else "",
+        source_label=picture.source_label if picture else unescape(told[1]) if told else "",
         shows=picture.shows if picture else "",
         picture=picture,
         table=inner[1] if inner else "",

@@ -171,7 +171,7 @@ class StudyFacts:
 
     name: str
     title: str
-    data: str
+    source_label: str
     people: tuple[str, ...]
     """Person and box of every lift."""
     seed: int

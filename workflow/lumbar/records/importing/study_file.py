@@ -22,7 +22,7 @@ def write_folder(
     recordings: Sequence[ImportedRecording],
     folder: Path,
     beside: Sequence[Path],
-    data: str | None = None,
+    source_label: str | None = None,
     licence: str | None = None,
     forward: bool = False,
 ) -> Path:
@@ -70,7 +70,7 @@ def write_folder(
         raise InputError(f"{folder}: its records were imported as driven {said}; choose another folder")
     content = {
         "schema": SCHEMA,
-        "data": data or known["data"],
+        "data": source_label or known["data"],
         "licence": licence or known["licence"],
         "forward": forward,
         "records": records,

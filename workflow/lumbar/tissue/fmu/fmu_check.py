@@ -153,10 +153,10 @@ def check_fmus(models: list[ExportModel], folder: Path, samples: int, seed: int)
     return checks
 
 
-def check_table(checks: list[Check], data: str, seed: int) -> Table:
+def check_table(checks: list[Check], source_label: str, seed: int) -> Table:
     """Return the table of checked FMUs.
 
-    `data` says where the models' data come from; `seed` is that of the test input.
+    `source_label` says where the models' data come from; `seed` is that of the test input.
     """
     rows = [
         {
@@ -185,7 +185,7 @@ def check_table(checks: list[Check], data: str, seed: int) -> Table:
         "unit": first.output.unit,
         "limit": first.output_limit,
     }
-    return described(__file__, "fmu_checks", rows, data, words)
+    return described(__file__, "fmu_checks", rows, source_label, words)
 
 
 @dataclass(frozen=True)

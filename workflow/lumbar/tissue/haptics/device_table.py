@@ -20,7 +20,7 @@ from lumbar.tissue.models.fitted_model import FittedModel
 
 
 def device_table(
-    judgements: Sequence[Judgement], refused: Sequence[str], settings: RuntimeSettings, data: str
+    judgements: Sequence[Judgement], refused: Sequence[str], settings: RuntimeSettings, source_label: str
 ) -> Table:
     """Return the table; `refused` says why models have no row at a rate."""
     rows = [
@@ -59,7 +59,7 @@ def device_table(
         __file__,
         "rendering",
         rows,
-        data,
+        source_label,
         words,
         notes=[*([effects] if linearised else []), *refused],
     )

@@ -45,18 +45,18 @@ class PassiveFits:
     rates: tuple[float, float]
     """That of identification and that of the servo, in Hz."""
 
-    def table(self, data: str) -> Table:
-        """Return the table model × (free, passive); `data` says where the records come from."""
+    def table(self, source_label: str) -> Table:
+        """Return the table model × (free, passive); `source_label` says where the records come from."""
         names = dict.fromkeys(model.name for model in self.free)
         rows = [row for name in names for row in _rows(name, self)]
         own, servo = self.rates
         words = {"device": device_text(self.settings.device), "own": own, "servo": servo}
-        return described(__file__, "passive_fits", rows, data, words)
+        return described(__file__, "passive_fits", rows, source_label, words)
 
-    def save(self, folder: Path, data: str) -> None:
+    def save(self, folder: Path, source_label: str) -> None:
         """Write ``passive_models.json`` and the table ``passive_fits``."""
-        write_json(folder / "passive_models.json", models_document(self.passive, data))
-        self.table(data).write(folder / "passive_fits")
+        write_json(folder / "passive_models.json", models_document(self.passive, source_label))
+        self.table(source_label).write(folder / "passive_fits")
 
     def __str__(self) -> str:
         return "\n".join(

@@ -26,7 +26,7 @@ from lumbar.tissue.models.tissue_models import (
 )
 
 
-def table_2_1(data: str, pictures: Sequence[str] = ()) -> Table:
+def table_2_1(source_label: str, pictures: Sequence[str] = ()) -> Table:
     """Table 2.1: the viscoelastic models, from their definitions.
 
     `pictures` are those of the mechanical analogues, in the order of `TABLE_2_1`: texts of SVG files, shown in HTML.
@@ -51,10 +51,10 @@ def table_2_1(data: str, pictures: Sequence[str] = ()) -> Table:
         "references": "; ".join(REFERENCES),
     }
     shown = {"mechanical_analogue": tuple(pictures)} if pictures else {}
-    return described(__file__, "table_2_1", frame, data, words, pictures=shown)
+    return described(__file__, "table_2_1", frame, source_label, words, pictures=shown)
 
 
-def physical_parameters_table(models: list[FittedModel], confidence: float, data: str) -> Table:
+def physical_parameters_table(models: list[FittedModel], confidence: float, source_label: str) -> Table:
     """Parameters of all models that have any by the thesis, and the reason where they are refused."""
     rows = []
     for model in models:
@@ -75,7 +75,7 @@ def physical_parameters_table(models: list[FittedModel], confidence: float, data
         __file__,
         "physical_parameters",
         frame,
-        data,
+        source_label,
         {"percent": 100 * confidence},
         first_rows=tuple(unbiased.to_numpy().nonzero()[0]),
     )
@@ -85,7 +85,7 @@ _ROWS = (MW.name, MAXWELL.name, KB.name, HO.name, LE.name)
 """Order of the rows within each training record and estimator: the thesis's, with Maxwell and LE more."""
 
 
-def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) -> Table:
+def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label: str) -> Table:
     """Table 3.1: error metrics of all models; the thesis's rows are MW, KB, HO with estimator ``arx``.
 
     Models of the first training record come first, and so on; all have the same number of unseen records.
@@ -119,7 +119,7 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, data: str) ->
         __file__,
         "table_3_1",
         frame,
-        data,
+        source_label,
         words,
         decimals={"mean_residual_N": 2} if unit == "N" else {},
         first_rows=tuple(printed.to_numpy().nonzero()[0]),  # the thesis's rows

@@ -214,10 +214,12 @@ class FittedModel(ModelData):
 SCHEMA = "lumbar.models/2"
 
 
-def models_document(models: Iterable[FittedModel], data: str, noise_floor_rms: float | None = None) -> dict:
+def models_document(
+    models: Iterable[FittedModel], source_label: str, noise_floor_rms: float | None = None
+) -> dict:
     """Return the content of a file of models.
 
-    The models are those of an error ladder, from the base to the last; `data` says where the data come from.
+    The models are those of an error ladder, from the base to the last; `source_label` says where the data come from.
     `noise_floor_rms` is that of the training record, in the output's unit; None where it is not known. Bases and effects of
     users' own that were read from YAML stand in it as their files said them, so that the models are whole without these.
     """
@@ -228,7 +230,7 @@ def models_document(models: Iterable[FittedModel], data: str, noise_floor_rms: f
         "bases": {item.base.name: item.base.definition for item in structures if item.base.own},
         "effects": {form.effect: form.definition for form in forms if form.definition},
     }
-    content = {"schema": SCHEMA, "data": data, "noise_floor_rms": noise_floor_rms}
+    content = {"schema": SCHEMA, "data": source_label, "noise_floor_rms": noise_floor_rms}
     carried = {key: said for key, said in own.items() if said}
     return {**content, **carried, "models": [model.to_json() for model in models]}
 

@@ -277,7 +277,7 @@ def multisine_description(excitation: Excitation, settings: SignalsSettings) -> 
 
 
 def signal_properties(
-    excitation: Excitation, settings: SignalsSettings, data: str, bandwidths: dict | None = None
+    excitation: Excitation, settings: SignalsSettings, source_label: str, bandwidths: dict | None = None
 ) -> Table:
     """Table of what each signal is and what it asks of the machine; `bandwidths` are the surgeons', where it follows them."""
     rows = []
@@ -302,7 +302,7 @@ def signal_properties(
             }
         )
     band = _band_in_words(excitation.band, bandwidths, settings) if bandwidths else ()
-    return described(__file__, "properties", rows, data, notes=[assumptions(settings), *band])
+    return described(__file__, "properties", rows, source_label, notes=[assumptions(settings), *band])
 
 
 def assumptions(settings: SignalsSettings) -> str:

@@ -263,7 +263,7 @@ def compare_pairs(ratings: Ratings, confidence: float, resamples: int, seed: int
 
 
 def paired_table(
-    ratings: Ratings, comparisons: list[PairedComparison], settings: SurveySettings, data: str
+    ratings: Ratings, comparisons: list[PairedComparison], settings: SurveySettings, source_label: str
 ) -> Table:
     """Table of the within-subject analysis: one row per pair of models."""
     margin = settings.negligible_A
@@ -294,7 +294,9 @@ def paired_table(
         "margin": margin,
         "level": 1 - settings.confidence,
     }
-    return described(__file__, "survey_paired", rows, data, words, notes=_notes(ratings, comparisons, margin))
+    return described(
+        __file__, "survey_paired", rows, source_label, words, notes=_notes(ratings, comparisons, margin)
+    )
 
 
 def _notes(ratings: Ratings, comparisons: list[PairedComparison], margin: float) -> tuple[str, ...]:

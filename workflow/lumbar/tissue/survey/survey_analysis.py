@@ -78,7 +78,7 @@ def without(shares: PickShares, baseline: str) -> np.ndarray:
 
 
 def best_picks_table(
-    ratings: Ratings, shares: PickShares, baseline: str, confidence: float, data: str
+    ratings: Ratings, shares: PickShares, baseline: str, confidence: float, source_label: str
 ) -> Table:
     """Table of the best picks: one row per model."""
     frame = pd.DataFrame(
@@ -94,7 +94,7 @@ def best_picks_table(
     )
     notes = (*_notes(shares, baseline), *reality_notes(ratings))
     words = {"confidence": f"{100 * confidence:g} %"}
-    return described(__file__, "survey_best_picks", frame, data, words, notes=notes)
+    return described(__file__, "survey_best_picks", frame, source_label, words, notes=notes)
 
 
 def _notes(shares: PickShares, baseline: str) -> tuple[str, ...]:
@@ -125,9 +125,11 @@ class SurveyAnalysis:
     """Plain data, schema ``lumbar.survey/1``."""
 
 
-def analyse_survey(ratings: Ratings, settings: SurveySettings, seed: int, data: str) -> SurveyAnalysis:
+def analyse_survey(
+    ratings: Ratings, settings: SurveySettings, seed: int, source_label: str
+) -> SurveyAnalysis:
     """Analyse the answers as the thesis did, and within participants."""
-    label = ratings.label(data, settings.note)
+    label = ratings.label(source_label, settings.note)
     confidence, baseline = settings.confidence, settings.baseline
     comparisons = compare_pairs(ratings, confidence, settings.resamples, seed)
     shares = pick_shares(ratings, confidence)

@@ -105,7 +105,7 @@ def print_p_value(p_value: float) -> str:
     return f"{p_value:.1f}" if p_value >= 0.1 else f"{p_value:.2g}"
 
 
-def table_3_2(ratings: Ratings, data: str) -> Table:
+def table_3_2(ratings: Ratings, source_label: str) -> Table:
     """Table 3.2 of the thesis, one row per model; the p-value of a pair stands in the row of its first model."""
     counts, participants = ratings.counts(), len(ratings)
     columns: dict[str, list] = {
@@ -128,7 +128,9 @@ def table_3_2(ratings: Ratings, data: str) -> Table:
     words = {"points": ratings.scale_points, "pairs": len(pairs(ratings))}
     first = tuple(name for name in columns if not name.startswith("p_"))  # the thesis's columns
     notes = _notes(ratings, p_values, adjusted)
-    return described(__file__, "table_3_2", pd.DataFrame(columns), data, words, notes=notes, first=first)
+    return described(
+        __file__, "table_3_2", pd.DataFrame(columns), source_label, words, notes=notes, first=first
+    )
 
 
 def _notes(ratings: Ratings, p_values: np.ndarray, adjusted: np.ndarray) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ class Study:
     settings: StabilitySettings
     published: pd.DataFrame
     """The thesis's Table 4.1."""
-    data: str
+    source_label: str
     """Where the data come from."""
 
     @property

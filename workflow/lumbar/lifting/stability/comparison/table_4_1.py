@@ -92,7 +92,7 @@ def _first_table(study: Study, differences: dict[str, list[dict]], missing: pd.D
         __file__,
         "table_4_1",
         frame,
-        study.data,
+        study.source_label,
         words,
         notes=(
             published_sentence(study.published),
@@ -138,7 +138,7 @@ def alternations_table(study: Study) -> Table:
         __file__,
         "table_4_1_alternations",
         frame[columns_of(__file__, "table_4_1_alternations")],
-        study.data,
+        study.source_label,
         {"comparison": comparison_definition(study.settings), "done": done},
         notes=(
             jumps_sentence(own),

@@ -216,7 +216,7 @@ def controls_table(
         "body": 100 * BODY_MASS_SHARE,
     }
     notes = (regulator_sentence(settings),)
-    return described(__file__, "table_4_1_controls", frame, study.data, words, notes=notes)
+    return described(__file__, "table_4_1_controls", frame, study.source_label, words, notes=notes)
 
 
 def _controls(percents: dict[str, float | None]) -> dict[str, float | None]:

@@ -97,7 +97,7 @@ def announcement(path: str | os.PathLike) -> str:
     )
 
 
-def failures_table(failures: pd.DataFrame, data: str) -> Table:
+def failures_table(failures: pd.DataFrame, source_label: str) -> Table:
     """Return the basins that could not be computed as a published table; where none is missing, a row says so."""
     none, no_rows = failures.empty, failures_frame([])
     if none:
@@ -107,7 +107,7 @@ def failures_table(failures: pd.DataFrame, data: str) -> Table:
         __file__,
         "missing_basins",
         failures,
-        data,
+        source_label,
         notes=("Every basin was computed" if none else "These basins are in no other table",),
         may_be_empty=frozenset(no_rows) - {"basin", "reason"} if none else frozenset(),
     )

@@ -348,25 +348,27 @@ def _too_small(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     return [_SAID["too_small"].format(**words)]
 
 
-def write_diagnosis(diagnosis: Verdict, gather: Callable[[], Evidence], folder: Path, data: str) -> None:
+def write_diagnosis(
+    diagnosis: Verdict, gather: Callable[[], Evidence], folder: Path, source_label: str
+) -> None:
     """Write ``diagnosis.json``, ``ladder.csv`` and, where effects are tied, ``separating_excitation.csv``.
 
     The verdict is written first, alone: it stays where the evidence beside it cannot be gathered. An excitation that an earlier
     diagnosis left in the folder is taken away: it does not belong to this one.
 
-    `gather` returns the evidence, `data` says where the data come from.
+    `gather` returns the evidence, `source_label` says where the data come from.
     """
-    write_json(folder / "diagnosis.json", {**diagnosis.to_json(), "data": data})
-    write_text(folder / "ladder.csv", ladder_csv(diagnosis, data))
+    write_json(folder / "diagnosis.json", {**diagnosis.to_json(), "data": source_label})
+    write_text(folder / "ladder.csv", ladder_csv(diagnosis, source_label))
     (folder / EXCITATION).unlink(missing_ok=True)
     evidence = gather()
-    write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, data))
+    write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, source_label))
     if evidence.separation is not None and evidence.separation.improves:
         motion = evidence.separation.excitation.motion
         write_text(folder / EXCITATION, motion_csv(motion, diagnosis.experiment.input_unit))
 
 
-def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dict:
+def diagnosis_document(diagnosis: Verdict, evidence: Evidence, source_label: str) -> dict:
     """Return the content of ``diagnosis.json``: the contract's keys, and under keys of their own the evidence beside them."""
     unit = diagnosis.experiment.output_unit
     return {
@@ -380,11 +382,11 @@ def diagnosis_document(diagnosis: Verdict, evidence: Evidence, data: str) -> dic
             item.effect: {"easiest": item.easiest, "hardest": item.hardest, "unit": unit}
             for item in evidence.detectable
         },
-        "data": data,
+        "data": source_label,
     }
 
 
-def ladder_csv(diagnosis: Verdict, data: str) -> str:
+def ladder_csv(diagnosis: Verdict, source_label: str) -> str:
     """Return the error ladder: base, base and first effect, …."""
     experiment, text = diagnosis.experiment, io.StringIO()
     floor = experiment.floor
@@ -398,5 +400,5 @@ def ladder_csv(diagnosis: Verdict, data: str) -> str:
             experiment.output_unit,
             floor and floor.rms,
         )
-        writer.writerow((number, "+".join(item.effects), forms, *errors, data))
+        writer.writerow((number, "+".join(item.effects), forms, *errors, source_label))
     return text.getvalue()

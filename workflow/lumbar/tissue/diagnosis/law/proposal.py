@@ -278,7 +278,7 @@ def _range(experiment: Experiment) -> Range:
     )
 
 
-def effect_text(proposal: Proposal, name: str = NAME, data: str = "") -> str:
+def effect_text(proposal: Proposal, name: str = NAME, source_label: str = "") -> str:
     """The YAML file of a proposed law: `lumbar.tissue.effects.notation.load_effects` reads it."""
     law, form, experiment = proposal.law, proposal.form, proposal.experiment
     offset = len(law.start.fit.linear), len(law.start.fit.nonlinear)
@@ -295,7 +295,7 @@ def effect_text(proposal: Proposal, name: str = NAME, data: str = "") -> str:
         ),
     ]
     mechanism = f"{MARK[0].upper()}{MARK[1:]}: {proposal.words}."
-    source = f"lumbar propose{f' on {data}' if data else ''}: {proposal.validity}"
+    source = f"lumbar propose{f' on {source_label}' if source_label else ''}: {proposal.validity}"
     lines = [
         *(f"# {line}" for line in proposal.sentences),
         f"name: {name}",

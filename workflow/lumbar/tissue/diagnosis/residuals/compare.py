@@ -225,10 +225,10 @@ def _correlated_samples(signal: np.ndarray) -> int:
     return int(np.ceil(1 + 2 * correlation[1:stop].sum()))
 
 
-def comparison_table(comparisons: list[Comparison], data: str) -> Table:
+def comparison_table(comparisons: list[Comparison], source_label: str) -> Table:
     """Table of all records, as ``compare.csv`` publishes it."""
     words = {"start": comparisons[0].start, "percent": 100 * CONFIDENCE, "resamples": RESAMPLES}
-    return described(__file__, "compare", list(map(_row, comparisons)), data, words)
+    return described(__file__, "compare", list(map(_row, comparisons)), source_label, words)
 
 
 def _row(item: Comparison) -> dict:

@@ -289,7 +289,7 @@ def with_axes(reports: Sequence[Any]) -> list[Any]:
     return list(dict.fromkeys([*reports, *of_axes(reports)]))
 
 
-def location_table(reports: Sequence[Any], data: str) -> Table:
+def location_table(reports: Sequence[Any], source_label: str) -> Table:
     """Share, p-value and sentence of every view of every record, as ``location.csv`` publishes it."""
     rows = [
         {
@@ -303,4 +303,4 @@ def location_table(reports: Sequence[Any], data: str) -> Table:
         for item in with_axes([report])
         for view in item.views.values()
     ]
-    return described(__file__, "location", rows, data)
+    return described(__file__, "location", rows, source_label)

@@ -112,14 +112,14 @@ def _valid_for(experiment: Experiment) -> MotionRange:
 _ENDS = ("lowest", "highest", "speed", "lowest_Hz", "highest_Hz")
 
 
-def refined_document(path: list[Candidate], experiment: Experiment, data: str) -> dict:
+def refined_document(path: list[Candidate], experiment: Experiment, source_label: str) -> dict:
     """Return the content of ``refined.json``: every model of the path whose base has a name by which it can be read back."""
     floor = None if experiment.floor is None else experiment.floor.rms
     bases = [item.fit.structure.base for item in path]
     named = [
         item for item, base in zip(path, bases, strict=True) if base.own or base.spatial or base.name in BASES
     ]
-    return models_document([fitted_model(item, experiment) for item in named], data, floor)
+    return models_document([fitted_model(item, experiment) for item in named], source_label, floor)
 
 
 def _free_run(fit: Fit, data: FitData) -> FreeRunErrors:

@@ -133,7 +133,7 @@ def _told(row: PrincipalAxis) -> str:
     return f"{value} along {in_words(row.direction)}{within}"
 
 
-def principal_axes_table(rows: Sequence[PrincipalAxis], axes: tuple[str, ...], data: str) -> Table:
+def principal_axes_table(rows: Sequence[PrincipalAxis], axes: tuple[str, ...], source_label: str) -> Table:
     """The table ``principal_axes``."""
     written = [
         {
@@ -143,4 +143,4 @@ def principal_axes_table(rows: Sequence[PrincipalAxis], axes: tuple[str, ...], d
         }
         for row in rows
     ]
-    return described(__file__, "principal_axes", written, data)
+    return described(__file__, "principal_axes", written, source_label)

@@ -43,12 +43,12 @@ def meaning(model: ExportModel) -> dict[str, str | int | float | bool]:
     }
 
 
-def description_text(model: ExportModel, data: str) -> str:
+def description_text(model: ExportModel, source_label: str) -> str:
     """One line on the model for the model description."""
     stability = "" if model.stable else " UNSTABLE: the output runs into its limit."
     return (
         f"{model.input.quantity.capitalize()} to {model.output.quantity} model {model.name}, "
-        f"discrete at {model.sampling_time:g} s. Data: {data}.{stability}{model.runtime and ' ' + model.runtime}"
+        f"discrete at {model.sampling_time:g} s. Data: {source_label}.{stability}{model.runtime and ' ' + model.runtime}"
     )
 
 
@@ -165,12 +165,12 @@ _ROLES = {
 }
 
 
-def model_description(model: ExportModel, version: str, data: str) -> str:
+def model_description(model: ExportModel, version: str, source_label: str) -> str:
     """Return modelDescription.xml."""
     listed = _listed(model, version)
     told = meaning(model)
     words = (
-        description_text(model, data),
+        description_text(model, source_label),
         sentence("sign", model),
         sentence("range", model),
         sentence("feedthrough", model, version=version),

@@ -18,13 +18,13 @@ from lumbar.tissue.fmu.conventions import PUSH
 from lumbar.tissue.models.form import Place
 
 
-def documentation_html(model: ExportModel, version: str, data: str) -> str:
+def documentation_html(model: ExportModel, version: str, source_label: str) -> str:
     """Return the text as a page without script and without outside resources."""
     return template("tissue/fmu/build/documentation.html.jinja").render(
         name=model.name,
         version=version,
         paragraphs=[
-            f"Data: {data}",
+            f"Data: {source_label}",
             sentence("sign", model),
             sentence("range", model),
             *_equations(model),

@@ -209,14 +209,14 @@ def compile_model(model: ExportModel, targets: Sequence[str], cache: Path) -> di
 
 
 def fmu_contents(
-    model: ExportModel, version: str, data: str, libraries: dict[str, bytes]
+    model: ExportModel, version: str, source_label: str, libraries: dict[str, bytes]
 ) -> dict[str, bytes]:
     """Return the files of an FMU by their path in the archive."""
     push = reference_push(model, version)
     contents = {f"sources/{name}": text for name, text in source_files(model).items()}
-    contents["modelDescription.xml"] = model_description(model, version, data)
-    contents["documentation/index.html"] = documentation_html(model, version, data)
-    contents[RECORD] = _record_text(model, data)
+    contents["modelDescription.xml"] = model_description(model, version, source_label)
+    contents["documentation/index.html"] = documentation_html(model, version, source_label)
+    contents[RECORD] = _record_text(model, source_label)
     if version == "3.0":
         build = template("tissue/fmu/build/buildDescription.xml.jinja")
         contents["sources/buildDescription.xml"] = build.render(model=model, files=C_FILES)
@@ -226,14 +226,14 @@ def fmu_contents(
     return {**files, **attachments(model, version), **_binaries(model, version, libraries)}
 
 
-def _record_text(model: ExportModel, data: str) -> str:
+def _record_text(model: ExportModel, source_label: str) -> str:
     """Return the record, from which all else in the FMU follows.
 
     It is a file of models that holds this one, the settings that shape the FMU, and what wrote it.
     """
     run = {item.name: getattr(model.settings, item.name) for item in fields(model.settings)}
     content = {
-        **models_document([model.identified], data),
+        **models_document([model.identified], source_label),
         "runtime": {name: value for name, value in run.items() if name not in _OF_THE_STUDY},
         "on_device": list(model.on_device),
         "written_by": f"lumbar {__version__}",
@@ -285,7 +285,7 @@ def write_fmu(path: Path, files: dict[str, bytes]) -> None:
 def export_fmus(
     models: list[ExportModel],
     folder: Path,
-    data: str,
+    source_label: str,
     targets: Sequence[str],
     cache: Path,
     versions: Sequence[str] = FMI_VERSIONS,
@@ -300,7 +300,7 @@ def export_fmus(
         libraries = compile_model(model, targets, cache)
         for version in versions:
             path = folder / fmu_name(model.name, version)
-            write_fmu(path, fmu_contents(model, version, data, libraries))
+            write_fmu(path, fmu_contents(model, version, source_label, libraries))
             written.append(path)
     return written
 
