@@ -1,4 +1,4 @@
-"""Tables whose words stand in the ``tables.yaml`` nearest to their module: title, notes, and each column at one place."""
+"""Tables described in the ``tables.yaml`` of a package: title, notes, and each column in one place."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+_LIBRARY = Path(__file__).parents[1]
+
+
 @cache
-def _tables(module: str) -> dict[str, Any]:
-    """Descriptions in the ``tables.yaml`` beside a module, or in the nearest folder above it."""
-    files = (folder / "tables.yaml" for folder in Path(module).parents)
-    return shipped_yaml(next(file for file in files if file.is_file()))
+def _tables(package: str) -> dict[str, Any]:
+    """Read the ``tables.yaml`` of a package, a folder of the library."""
+    return shipped_yaml(_LIBRARY / package / "tables.yaml")
 
 
-def columns_of(module: str, name: str) -> list[str]:
-    """Columns of a description, in its order; `module` and `name` as of `described`."""
-    return list(_tables(module)[name]["columns"])
+def columns_of(package: str, name: str) -> list[str]:
+    """Return the columns of a description in its order; `package` and `name` as for `described`."""
+    return list(_tables(package)[name]["columns"])
 
 
 def described(
-    module: str,
+    package: str,
     name: str,
     values: pd.DataFrame | Sequence[Mapping],
     source_label: str,
@@ -40,8 +42,8 @@ def described(
 
     Parameters
     ----------
-    module : str
-        ``__file__`` of the module, which ``tables.yaml`` lies beside or above.
+    package : str
+        Folder of the ``tables.yaml`` below ``lumbar``, e.g. ``"lifting/stability"``.
     name : str
         Of the table there. A column says what it ``is``, or also its ``header``, its ``decimals`` (then it holds floats)
         and whether cells may be ``empty``; ``*`` in its name stands for any words. ``folded`` lists the columns that HTML
@@ -58,7 +60,7 @@ def described(
     """
     import pandas as pd
 
-    said, words = _tables(module)[name], words or {}
+    said, words = _tables(package)[name], words or {}
     if not isinstance(values, pd.DataFrame):
         names = [column for column in said["columns"] if column not in without]
         floats = [column for column in names if "decimals" in said["columns"][column]]

@@ -146,4 +146,4 @@ def comparison_table(comparisons: Sequence[Comparison], source_label: str) -> Ta
             row["p_holm"] = value
     sizes = " or ".join(map(str, sorted(set(map(len, families.values())))))
     words = {"fewest": MIN_PERSONS, "sizes": sizes or "no"}
-    return described(__file__, "measure_comparison", rows, source_label, words)
+    return described("lifting/measures", "measure_comparison", rows, source_label, words)

@@ -135,7 +135,7 @@ def measures_page(values: pd.DataFrame, source_label: str) -> Table:
         f"Absent, {', '.join(rows['lift'].unique())}, {', '.join(rows['measure'].unique())}: {reason}"
         for reason, rows in absent.groupby("reason", sort=False)
     ]
-    return described(__file__, "measures", pd.DataFrame(rows), source_label, words, notes=notes)
+    return described("lifting/measures", "measures", pd.DataFrame(rows), source_label, words, notes=notes)
 
 
 def write_measures(stem: str | os.PathLike, values: pd.DataFrame, source_label: str) -> None:

@@ -220,7 +220,7 @@ def _open_stretches(points: dict[str, np.ndarray], recording: MarkerRecording) -
 
 def quality_table(sheets: Sequence[dict], source_label: str) -> Table:
     """Return one row per recording: sheets as of `QualitySheet.as_dict`, with the name of the lift under ``lift``."""
-    return described(__file__, "quality", list(map(_row, sheets)), source_label)
+    return described("lifting/quality", "quality", list(map(_row, sheets)), source_label)
 
 
 def _row(sheet: dict) -> dict:

@@ -205,7 +205,7 @@ def _funnel_frame(
 
 def boa_columns() -> list[str]:
     """Columns of ``boa.csv``; a cell is empty where a check belongs to another method or was not chosen."""
-    return columns_of(__file__, "basin_areas")
+    return columns_of("lifting/stability", "basin_areas")
 
 
 def as_counts(column: pd.Series):
@@ -235,7 +235,7 @@ def areas_table(boa: pd.DataFrame, settings: StabilitySettings, source_label: st
     drawn = (frame["method"] == "exact") & (frame["sign"] == settings.pendulum.sign)
     drawn &= (frame["time"] == settings.pendulum.time) & (frame["mass"] == settings.pendulum.mass)
     return described(
-        __file__,
+        "lifting/stability",
         "basin_areas",
         frame,
         source_label,

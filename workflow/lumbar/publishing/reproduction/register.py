@@ -77,12 +77,12 @@ def summary_table(claims: pd.DataFrame, source_label: str) -> Table:
     """Return the claims as a table: sentences first, then the cells of the published tables."""
     counts = claims.verdict.value_counts()
     notes = "; ".join(f"{verdict}: {counts[verdict]}" for verdict in counts.index)
-    columns = columns_of(__file__, "claims")
+    columns = columns_of("publishing/reproduction", "claims")
     frame = claims[columns].astype(object).where(claims[columns].notna(), None)
     for column in ("thesis_value", "this_run"):
         frame[column] = [_shown(value) if value is not None else "–" for value in frame[column]]
     return described(
-        __file__,
+        "publishing/reproduction",
         "claims",
         frame,
         source_label,

@@ -185,7 +185,7 @@ def check_table(checks: list[Check], source_label: str, seed: int) -> Table:
         "unit": first.output.unit,
         "limit": first.output_limit,
     }
-    return described(__file__, "fmu_checks", rows, source_label, words)
+    return described("tissue/fmu", "fmu_checks", rows, source_label, words)
 
 
 @dataclass(frozen=True)

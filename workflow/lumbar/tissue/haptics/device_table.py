@@ -56,7 +56,7 @@ def device_table(
     )
     linearised = any(item.model.linearised for item in judgements)
     return described(
-        __file__,
+        "tissue/haptics",
         "rendering",
         rows,
         source_label,

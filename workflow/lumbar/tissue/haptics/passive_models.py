@@ -51,7 +51,7 @@ class PassiveFits:
         rows = [row for name in names for row in _rows(name, self)]
         own, servo = self.rates
         words = {"device": device_text(self.settings.device), "own": own, "servo": servo}
-        return described(__file__, "passive_fits", rows, source_label, words)
+        return described("tissue/haptics", "passive_fits", rows, source_label, words)
 
     def save(self, folder: Path, source_label: str) -> None:
         """Write ``passive_models.json`` and the table ``passive_fits``."""

@@ -51,7 +51,7 @@ def table_2_1(source_label: str, pictures: Sequence[str] = ()) -> Table:
         "references": "; ".join(REFERENCES),
     }
     shown = {"mechanical_analogue": tuple(pictures)} if pictures else {}
-    return described(__file__, "table_2_1", frame, source_label, words, pictures=shown)
+    return described("tissue/identification", "table_2_1", frame, source_label, words, pictures=shown)
 
 
 def physical_parameters_table(models: list[FittedModel], confidence: float, source_label: str) -> Table:
@@ -72,7 +72,7 @@ def physical_parameters_table(models: list[FittedModel], confidence: float, sour
     frame = pd.DataFrame(rows, columns=columns)
     unbiased = frame["derived"].eq(True) & (frame["estimator"] == OUTPUT_ERROR)
     return described(
-        __file__,
+        "tissue/identification",
         "physical_parameters",
         frame,
         source_label,
@@ -116,7 +116,7 @@ def table_3_1(models: list[FittedModel], settings: TissueSettings, source_label:
         "negligible": NEGLIGIBLE_POINTS,
     }
     return described(
-        __file__,
+        "tissue/identification",
         "table_3_1",
         frame,
         source_label,

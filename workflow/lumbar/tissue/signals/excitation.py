@@ -302,7 +302,7 @@ def signal_properties(
             }
         )
     band = _band_in_words(excitation.band, bandwidths, settings) if bandwidths else ()
-    return described(__file__, "properties", rows, source_label, notes=[assumptions(settings), *band])
+    return described("tissue/signals", "properties", rows, source_label, notes=[assumptions(settings), *band])
 
 
 def assumptions(settings: SignalsSettings) -> str:

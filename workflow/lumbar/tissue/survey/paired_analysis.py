@@ -295,7 +295,12 @@ def paired_table(
         "level": 1 - settings.confidence,
     }
     return described(
-        __file__, "survey_paired", rows, source_label, words, notes=_notes(ratings, comparisons, margin)
+        "tissue/survey",
+        "survey_paired",
+        rows,
+        source_label,
+        words,
+        notes=_notes(ratings, comparisons, margin),
     )
 
 

@@ -94,7 +94,7 @@ def best_picks_table(
     )
     notes = (*_notes(shares, baseline), *reality_notes(ratings))
     words = {"confidence": f"{100 * confidence:g} %"}
-    return described(__file__, "survey_best_picks", frame, source_label, words, notes=notes)
+    return described("tissue/survey", "survey_best_picks", frame, source_label, words, notes=notes)
 
 
 def _notes(shares: PickShares, baseline: str) -> tuple[str, ...]:

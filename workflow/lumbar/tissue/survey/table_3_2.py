@@ -129,7 +129,7 @@ def table_3_2(ratings: Ratings, source_label: str) -> Table:
     first = tuple(name for name in columns if not name.startswith("p_"))  # the thesis's columns
     notes = _notes(ratings, p_values, adjusted)
     return described(
-        __file__, "table_3_2", pd.DataFrame(columns), source_label, words, notes=notes, first=first
+        "tissue/survey", "table_3_2", pd.DataFrame(columns), source_label, words, notes=notes, first=first
     )
 
 

@@ -90,7 +90,7 @@ def decomposition_table(study: Study) -> tuple[Table, list[Failure]]:
     columns = ["comparison", "com", "plane", "percent"]
     columns += [f"{part}{end}_percent" for part in PARTS for end in ("", "_low", "_high")] + ["pairs"]
     frame = pd.DataFrame(rows, columns=columns)
-    return described(__file__, "table_4_1_parts", frame, study.source_label, words), failures
+    return described("lifting/stability", "table_4_1_parts", frame, study.source_label, words), failures
 
 
 def _pairs(

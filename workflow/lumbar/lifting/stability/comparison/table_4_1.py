@@ -80,7 +80,9 @@ def _first_table(study: Study, differences: dict[str, list[dict]], missing: pd.D
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent")]
     frame = frame.astype(dict.fromkeys(numbers, float))
-    shown = [name for name in columns_of(__file__, "table_4_1") if name in frame]  # as the thesis pairs them
+    shown = [
+        name for name in columns_of("lifting/stability", "table_4_1") if name in frame
+    ]  # as the thesis pairs them
     if (frame["status"] == "computed").all():
         shown.remove("status")
     words = {
@@ -89,7 +91,7 @@ def _first_table(study: Study, differences: dict[str, list[dict]], missing: pd.D
         "headline": headline_words(settings),
     }
     return described(
-        __file__,
+        "lifting/stability",
         "table_4_1",
         frame,
         study.source_label,
@@ -135,9 +137,9 @@ def alternations_table(study: Study) -> Table:
             rows.append(entry)
     frame = pd.DataFrame(rows)
     return described(
-        __file__,
+        "lifting/stability",
         "table_4_1_alternations",
-        frame[columns_of(__file__, "table_4_1_alternations")],
+        frame[columns_of("lifting/stability", "table_4_1_alternations")],
         study.source_label,
         {"comparison": comparison_definition(study.settings), "done": done},
         notes=(

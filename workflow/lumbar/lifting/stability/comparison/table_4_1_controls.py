@@ -207,7 +207,7 @@ def controls_table(
             rows.append(entry)
     frame = pd.DataFrame(rows)
     numbers = [name for name in frame.columns if name.endswith("percent") or name == "movement_share"]
-    frame = frame.astype(dict.fromkeys(numbers, float))[columns_of(__file__, "table_4_1_controls")]
+    frame = frame.astype(dict.fromkeys(numbers, float))[columns_of("lifting/stability", "table_4_1_controls")]
     words = {
         "thesis": THESIS,
         "comparison": comparison_definition(settings),
@@ -216,7 +216,7 @@ def controls_table(
         "body": 100 * BODY_MASS_SHARE,
     }
     notes = (regulator_sentence(settings),)
-    return described(__file__, "table_4_1_controls", frame, study.source_label, words, notes=notes)
+    return described("lifting/stability", "table_4_1_controls", frame, study.source_label, words, notes=notes)
 
 
 def _controls(percents: dict[str, float | None]) -> dict[str, float | None]:

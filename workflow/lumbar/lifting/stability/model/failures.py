@@ -67,7 +67,9 @@ def failures_frame(failures: list[Failure]) -> pd.DataFrame:
     """Return failures as the rows of ``failures.csv``."""
     import pandas as pd
 
-    return pd.DataFrame([asdict(item) for item in failures], columns=columns_of(__file__, "missing_basins"))
+    return pd.DataFrame(
+        [asdict(item) for item in failures], columns=columns_of("lifting/stability", "missing_basins")
+    )
 
 
 def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
@@ -104,7 +106,7 @@ def failures_table(failures: pd.DataFrame, source_label: str) -> Table:
         failures = no_rows.astype(object)
         failures.loc[0] = dict.fromkeys(no_rows) | {"basin": "none", "reason": "every basin was computed"}
     return described(
-        __file__,
+        "lifting/stability",
         "missing_basins",
         failures,
         source_label,

@@ -228,7 +228,9 @@ def _correlated_samples(signal: np.ndarray) -> int:
 def comparison_table(comparisons: list[Comparison], source_label: str) -> Table:
     """Table of all records, as ``compare.csv`` publishes it."""
     words = {"start": comparisons[0].start, "percent": 100 * CONFIDENCE, "resamples": RESAMPLES}
-    return described(__file__, "compare", list(map(_row, comparisons)), source_label, words)
+    return described(
+        "tissue/diagnosis/residuals", "compare", list(map(_row, comparisons)), source_label, words
+    )
 
 
 def _row(item: Comparison) -> dict:

@@ -303,4 +303,4 @@ def location_table(reports: Sequence[Any], source_label: str) -> Table:
         for item in with_axes([report])
         for view in item.views.values()
     ]
-    return described(__file__, "location", rows, source_label)
+    return described("tissue/diagnosis/residuals", "location", rows, source_label)

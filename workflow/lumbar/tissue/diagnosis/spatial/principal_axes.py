@@ -143,4 +143,4 @@ def principal_axes_table(rows: Sequence[PrincipalAxis], axes: tuple[str, ...], s
         }
         for row in rows
     ]
-    return described(__file__, "principal_axes", written, source_label)
+    return described("tissue/diagnosis/spatial", "principal_axes", written, source_label)
