@@ -9,7 +9,7 @@ import pytest
 
 from generate.equation_index import between
 from generate.thesis_items import DOCS, anchor, default_values, files, read_items
-from lumbar.publishing.reproduction.register import all_claims
+from lumbar.publishing.reproduction.claims import all_claims
 
 ITEMS = read_items()
 NUMBERED = re.compile(r"\b(Figures?|Tables?) (\d\.\d)(?:–(\d\.\d)| and (\d\.\d))?")
@@ -87,7 +87,7 @@ def test_every_claim_is_named_by_an_item_and_every_claim_named_exists(project):
     published = {
         name: pd.read_csv(folder / f"{name}.csv") for name in ("table_3_1", "table_3_2", "table_4_1")
     }
-    claims = {claim.id for claim in all_claims(published, synthetic=True)}
+    claims = {claim.id for claim in all_claims(published)}
     patterns = {pattern for item in ITEMS for pattern in item.claims}
     assert all(any(fnmatch(claim, pattern) for claim in claims) for pattern in patterns)
     assert not [claim for claim in claims if not any(fnmatch(claim, pattern) for pattern in patterns)]

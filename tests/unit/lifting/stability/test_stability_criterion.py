@@ -14,7 +14,7 @@ from lumbar.lifting.stability.comparison.table_4_1 import alternations_table
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eq_4_2_regulator import close_loops
 from lumbar.lifting.stability.model.trajectories import COMS, PLANES, THESIS
-from lumbar.publishing.reproduction.basin_claims import WITHIN, sentences
+from lumbar.publishing.reproduction.basin_claims import MAX_RATIO, basin_sentences
 from lumbar.settings.stability import StabilitySettings
 
 FAST = replace(SETTINGS, knots=253, checks=())
@@ -34,7 +34,7 @@ def test_reach_is_the_farthest_point_of_the_ellipses():
 
 @pytest.mark.parametrize(("reach", "agrees"), [(0.5, False), (0.09, True), (0.0005, False)])
 def test_the_claim_is_judged_in_both_states(reach, agrees):
-    claim = next(item for item in sentences(synthetic=True) if item.id == "basins_like_states")
+    claim = next(item for item in basin_sentences() if item.id == "basins_like_states")
     row = {
         "method": "exact",
         "sign": "hanging",
@@ -45,14 +45,14 @@ def test_the_claim_is_judged_in_both_states(reach, agrees):
     row |= {"velocity_range_rad_s": 0.1, "velocity_reach_rad_s": 0.5}
     found = claim.judge({"boa": pd.DataFrame([row])})
     assert found.agrees is agrees and f"{reach / 0.01:.3g} times in angle" in found.value
-    fast = {**row, "velocity_reach_rad_s": 0.1 * WITHIN * 1.01}
+    fast = {**row, "velocity_reach_rad_s": 0.1 * MAX_RATIO * 1.01}
     assert claim.judge({"boa": pd.DataFrame([fast])}).agrees is False
     still = {**row, "angle_range_rad": 0.0}
     assert claim.judge({"boa": pd.DataFrame([still])}).agrees is None
 
 
 def judged(name, results):
-    claim = next(item for item in sentences(synthetic=False) if item.id == name)
+    claim = next(item for item in basin_sentences() if item.id == name)
     return claim.judge(results).agrees
 
 

@@ -1,9 +1,10 @@
-"""What a claim is, and the four verdicts that can be passed on it."""
+"""A claim of the thesis, the comparison of its number with a run's, and the four verdicts."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from lumbar.base.yaml_file import shipped_yaml
 
@@ -11,25 +12,21 @@ HOLDS = "holds"
 DOES_NOT_HOLD = "does not hold"
 BUILT_IN = "built into the data"
 CANNOT_BE_TESTED = "cannot be tested on this data"
-VERDICTS = (HOLDS, DOES_NOT_HOLD, BUILT_IN, CANNOT_BE_TESTED)
 
 Results = dict[str, Any]
 """Tables (data frames) and JSON contents of a run by name, e.g. ``results["table_3_1"]``."""
 
 
 @dataclass(frozen=True)
-class Finding:
+class Outcome:
     """What a run shows about a claim."""
 
     value: str | float | None
     """This run's counterpart of the thesis's value."""
     agrees: bool | None
-    """Whether the criterion is met; None where the data cannot tell."""
+    """Whether the criterion is met; None if the data cannot decide."""
     remark: str = ""
-    """Why the data cannot tell, or what else a reader should know."""
-
-
-Judge = Callable[[Results], Finding]
+    """Why the data cannot decide, or what else a reader should know."""
 
 
 @dataclass(frozen=True)
@@ -39,52 +36,56 @@ class Claim:
     id: str
     """Unique name."""
     location: str
-    """Where the thesis makes it."""
+    """Section or table of the thesis."""
     statement: str
     """The claim in one sentence."""
     thesis: str | float
     """The thesis's value."""
     criterion: str
-    """When this run is said to agree."""
+    """When a run agrees."""
     needs: tuple[str, ...]
-    """Names of the results it is judged on."""
-    judge: Judge
-    """From the results to a `Finding`."""
-    built_into_twin: bool = False
-    """Whether the synthetic twin was made to show it."""
+    """Names of the results that decide."""
+    judge: Callable[[Results], Outcome]
+    on_twin: str = ""
+    """`BUILT_IN` if the synthetic twin was made to show it, `CANNOT_BE_TESTED` if it is about real lifters."""
 
 
-def claims_of(part: str, judges: Mapping[str, Judge], **words) -> list[Claim]:
-    """Claims of one part of ``claims.yaml``, in its order, with their judges; `words` stand for ``{…}`` in their texts."""
-    said = shipped_yaml(Path(__file__).with_name("claims.yaml"))[part]
+@dataclass(frozen=True)
+class Comparison:
+    """When a number of a run agrees with the thesis's."""
+
+    kind: Literal["difference", "ratio", "sign", "below", "none"]
+    tolerance: float
+    """Largest difference or ratio, or the printed limit; 0 for others."""
+    criterion: str
+
+    def agrees(self, thesis: float | str, value: float) -> bool | None:
+        """Return whether `value` agrees with the thesis's; None if nothing can be compared."""
+        match self.kind:
+            case "difference":
+                return abs(value - thesis) <= self.tolerance
+            case "ratio":
+                both = thesis > 0 and value > 0
+                return both and abs(math.log(value / thesis)) <= math.log(self.tolerance)
+            case "sign":
+                return thesis * value > 0
+            case "below":
+                return value < self.tolerance
+        return None
+
+
+def sentences(
+    part: str, judges: Mapping[str, Callable[[Results], Outcome]], **fields: str | float
+) -> list[Claim]:
+    """Return the claims of one part of ``claims.yaml``; `fields` fill the placeholders of the texts."""
     return [
         Claim(
             id=name,
-            statement=entry.pop("statement").format(**words),
-            criterion=entry.pop("criterion").format(**words),
+            statement=entry.pop("statement").format(**fields),
+            criterion=entry.pop("criterion").format(**fields),
             needs=tuple(entry.pop("needs")),
             judge=judges[name],
             **entry,
         )
-        for name, entry in said.items()
+        for name, entry in shipped_yaml(Path(__file__).with_name("claims.yaml"))[part].items()
     ]
-
-
-def verdict(claim: Claim, finding: Finding, synthetic: bool) -> str:
-    """Return one of `VERDICTS`.
-
-    A claim that synthetic data were made to show is never said to hold; it may still be found not to hold.
-    """
-    if finding.agrees is None:
-        return CANNOT_BE_TESTED
-    if not finding.agrees:
-        return DOES_NOT_HOLD
-    return BUILT_IN if synthetic and claim.built_into_twin else HOLDS
-
-
-def examine(claim: Claim, results: Results) -> Finding:
-    """Judge a claim, or say which results of this study are missing for it."""
-    missing = [name for name in claim.needs if results.get(name) is None]
-    if missing:
-        return Finding(None, None, f"this study has no {', '.join(missing)}")
-    return claim.judge(results)

@@ -1,15 +1,16 @@
-"""Sentences of Chapter 3: surgeon motion, excitation and identified models, and the survey.
+"""Sentences of Chapter 3: surgeon motion, excitation, identified models and the survey.
 
-The reconstructed survey was made from the published margins, so what follows from them is built in; what needs the
-pairing of one participant's answers is not.
+The reconstructed survey was made from the published margins, so claims that follow from them are built in. Claims that
+need the pairing of one participant's answers are not.
 """
 
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 
 import pandas as pd
 
-from lumbar.publishing.reproduction.claim import Claim, Finding, Results, claims_of
+from lumbar.publishing.reproduction.claim import Claim, Outcome, Results, sentences
 from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
 
 THESIS_MODELS = ("MW", "KB", "HO")
@@ -30,7 +31,7 @@ def _wide(results: Results, column: str) -> pd.DataFrame | None:
     return wide[list(THESIS_MODELS)]
 
 
-_INCOMPLETE = Finding(None, None, "not every training record has stable MW, KB and HO models")
+_INCOMPLETE = Outcome(None, None, "not every training record has stable MW, KB and HO models")
 
 
 def _shown(wide: pd.DataFrame) -> str:
@@ -40,62 +41,67 @@ def _shown(wide: pd.DataFrame) -> str:
     )
 
 
-def _ho_is(column: str, best: str, results: Results) -> Finding:
+def _ho_is_extreme(column: str, end: str, results: Results) -> Outcome:
     wide = _wide(results, column)
     if wide is None:
         return _INCOMPLETE
-    winner = wide.idxmax(axis=1) if best == "highest" else wide.idxmin(axis=1)
-    return Finding(_shown(wide), bool((winner == "HO").all()))
+    winner = wide.idxmax(axis=1) if end == "highest" else wide.idxmin(axis=1)
+    return Outcome(_shown(wide), bool((winner == "HO").all()))
 
 
-def _bandwidth(quantity: str, results: Results) -> Finding:
+def _bandwidth(quantity: str, results: Results) -> Outcome:
     readings = bandwidth_readings(results["bandwidth"])[quantity]
     near = [rule for rule, value in readings.items() if value is not None and abs(value - 2.5) <= 0.5]
     remark = f"only by: {', '.join(near)}" if 0 < len(near) < len(readings) else ""
-    return Finding(readings_in_words(readings), bool(near), remark)
+    return Outcome(readings_in_words(readings), bool(near), remark)
 
 
-def _excitation(results: Results) -> Finding:
-    top = max(results["multisine"]["frequency_Hz"])
-    return Finding(float(top), abs(top - 5.0) <= 0.25)
+def _near(
+    thesis: float, tolerance: float, read: Callable[[Results], float | None], results: Results
+) -> Outcome:
+    """Compare one number with the thesis's."""
+    value = read(results)
+    if value is None:
+        return Outcome(None, None, "the survey's table has no such group")
+    return Outcome(value, abs(value - thesis) <= tolerance)
 
 
-def _highest_of_all(results: Results) -> Finding:
+def _highest_of_all(results: Results) -> Outcome:
     arx = _arx(results)
     if arx.empty:
         return _INCOMPLETE
     best = arx.loc[arx.vaf_percent.idxmax()]
     text = f"{best.model} trained on {best.trained_on}, {best.vaf_percent:.2f}"
-    return Finding(text, best.model == "HO" and best.trained_on == "multisine")
+    return Outcome(text, best.model == "HO" and best.trained_on == "multisine")
 
 
-def _slightly_better(results: Results) -> Finding:
+def _slightly_better(results: Results) -> Outcome:
     wide = _wide(results, "vaf_percent")
     if wide is None:
         return _INCOMPLETE
     gain = wide["HO"] - wide["KB"]
     text = ", ".join(f"{name} {value:.2f}" for name, value in gain.items())
-    return Finding(text, bool(((gain > 0) & (gain <= 5)).all()))
+    return Outcome(text, bool(((gain > 0) & (gain <= 5)).all()))
 
 
-def _fourth_order(results: Results) -> Finding:
+def _fourth_order(results: Results) -> Outcome:
     arx = _arx(results)
     found = arx[(arx.model == "HO") & (arx.trained_on == "multisine")]
     if found.empty or "biproper" not in found:
-        return Finding(None, None, "no stable HO model trained on a multisine")
+        return Outcome(None, None, "no stable HO model trained on a multisine")
     row = found.iloc[0]
     text = f"order {row.order:.0f}, {'biproper' if row.biproper else 'strictly proper'}"
-    return Finding(text, text == "order 4, biproper", "" if pd.isna(row.remark) else row.remark)
+    return Outcome(text, text == "order 4, biproper", "" if pd.isna(row.remark) else row.remark)
 
 
-def _multisine_best(results: Results) -> Finding:
+def _multisine_best(results: Results) -> Outcome:
     wide = _wide(results, "vaf_percent")
     if wide is None or "multisine" not in wide.index or len(wide) < 2:
-        return Finding(None, None, "needs models trained on a multisine and on another record")
-    return Finding(_shown(wide), bool((wide.idxmax(axis=0) == "multisine").all()))
+        return Outcome(None, None, "needs models trained on a multisine and on another record")
+    return Outcome(_shown(wide), bool((wide.idxmax(axis=0) == "multisine").all()))
 
 
-def _vaf_sorts_all(results: Results) -> Finding:
+def _vaf_sorts_all(results: Results) -> Outcome:
     columns = {"vaf_percent": -1, "fit_percent": -1, "nmse_train": 1}
     residual = next((name for name in _arx(results).columns if name.startswith("mean_residual_")), None)
     if residual:
@@ -107,40 +113,40 @@ def _vaf_sorts_all(results: Results) -> Finding:
             return _INCOMPLETE
         orders.append((sign * wide).rank(axis=1))
     differing = [column for column, order in zip(columns, orders, strict=True) if not order.equals(orders[0])]
-    return Finding("differs: " + ", ".join(differing) if differing else "same order in all", not differing)
+    return Outcome("differs: " + ", ".join(differing) if differing else "same order in all", not differing)
 
 
-def _maxwell(results: Results) -> Finding:
+def _maxwell(results: Results) -> Outcome:
     table = results["table_3_1"]
     text = "Eq. 3.3 has the static gain b0/(1 − a0); a spring and dashpot in series have none"
     arx = table[(table.estimator == "arx") & table.model.isin(["MW", "Maxwell"])]
     pair = arx.pivot(index="trained_on", columns="model", values="vaf_percent").dropna()
     if "Maxwell" not in pair.columns:
-        return Finding(text, False)
+        return Outcome(text, False)
     shown = "; ".join(
         f"{name}: %VAF {row.MW:.1f} against {row.Maxwell:.1f} for the true form"
         for name, row in pair.iterrows()
     )
-    return Finding(shown, False, text)
+    return Outcome(shown, False, text)
 
 
-def _all_stable(results: Results) -> Finding:
+def _all_stable(results: Results) -> Outcome:
     table = results["table_3_1"]
     arx = table[(table.estimator == "arx") & table.model.isin(THESIS_MODELS)]
     unstable = arx[~arx.stable.astype(bool)]
     text = ", ".join(f"{row.model} on {row.trained_on}" for row in unstable.itertuples()) or "all stable"
-    return Finding(text, unstable.empty)
+    return Outcome(text, unstable.empty)
 
 
-def _inverted(results: Results) -> Finding:
+def _inverted(results: Results) -> Outcome:
     gains = {
         model["name"]: sum(model["structure"]["numerator"]) / sum(model["structure"]["denominator"])
         for model in results["models"]["models"]
         if model["name"] in ("IL", "KB") and model["estimator"] in ("arx", "given")
     }
     if not {"IL", "KB"} <= set(gains):
-        return Finding(None, None, "no IL and KB models")
-    return Finding(f"static gains: IL {gains['IL']:.3g}, KB {gains['KB']:.3g}", gains["IL"] * gains["KB"] < 0)
+        return Outcome(None, None, "no IL and KB models")
+    return Outcome(f"static gains: IL {gains['IL']:.3g}, KB {gains['KB']:.3g}", gains["IL"] * gains["KB"] < 0)
 
 
 _HO_IS = {
@@ -153,17 +159,19 @@ _HO_IS = {
     "poorest_condition": ("condition_number", "highest"),
     "poorest_uncertainty": ("mru_percent", "highest"),
 }
-"""By claim, the column of Table 3.1 of which the HO model is said to have an end, and which."""
+"""By claim: a column of Table 3.1 and which end of its range the HO model has."""
 
 
 def identification_sentences() -> list[Claim]:
-    """Return the claims of Chapter 3 up to the models."""
+    """Return the claims on surgeon motion, excitation and models."""
     judges = {
         "bandwidth": partial(_bandwidth, "position"),
         "bandwidth_velocity": partial(_bandwidth, "velocity"),
-        "excitation_band": _excitation,
+        "excitation_band": partial(
+            _near, 5.0, 0.25, lambda results: float(max(results["multisine"]["frequency_Hz"]))
+        ),
         "highest_vaf": _highest_of_all,
-        **{f"ho_{name}": partial(_ho_is, *side) for name, side in _HO_IS.items()},
+        **{f"ho_{name}": partial(_ho_is_extreme, *column) for name, column in _HO_IS.items()},
         "ho_slightly_better": _slightly_better,
         "ho_structure": _fourth_order,
         "multisine_best": _multisine_best,
@@ -172,98 +180,96 @@ def identification_sentences() -> list[Claim]:
         "models_stable": _all_stable,
         "il_opposite": _inverted,
     }
-    return claims_of("identification", judges)
+    return sentences("identification", judges)
 
 
-def _participants(results: Results) -> Finding:
-    number = results["survey"]["participants"]["number"]
-    return Finding(number, number == 45)
+def _share(group: str, results: Results) -> float | None:
+    participants = results["survey"]["participants"]
+    found = participants["groups"].get(group) or participants["experience"].get(group)
+    return None if found is None else round(found["percent"], 1)
 
 
-def _share(group: str, printed: float, results: Results) -> Finding:
-    people = results["survey"]["participants"]
-    found = people["groups"].get(group) or people["experience"].get(group)
-    if found is None:
-        return Finding(None, None, f"the sheet does not say {group}")
-    return Finding(round(found["percent"], 1), abs(found["percent"] - printed) <= 0.051)
-
-
-def _kruskal(results: Results) -> Finding:
+def _kruskal(results: Results) -> Outcome:
     test = results["survey"]["kruskal_wallis"]
-    return Finding(f"H {test['statistic']:.2f}, p {test['p_value']:.1e}", test["p_value"] < 0.05)
+    return Outcome(f"H {test['statistic']:.2f}, p {test['p_value']:.1e}", test["p_value"] < 0.05)
 
 
-def _all_but_kb_ho(key: str, test: str, results: Results) -> Finding:
-    """Whether a test tells all pairs of models apart but KB and HO."""
+def _all_but_kb_ho(key: str, test: str, results: Results) -> Outcome:
+    """Judge whether a test distinguishes all pairs of models but KB and HO."""
     p_values = {frozenset((row["first"], row["second"])): row[key] for row in results["survey"][test]}
     exempt = p_values.pop(frozenset(("KB", "HO")), None)
     if exempt is None or not p_values:
-        return Finding(None, None, "KB and HO were not both rated")
+        return Outcome(None, None, "KB and HO were not both rated")
     text = f"largest of the others {max(p_values.values()):.2g}; KB and HO {exempt:.2g}"
-    return Finding(text, max(p_values.values()) < 0.05 <= exempt)
+    return Outcome(text, max(p_values.values()) < 0.05 <= exempt)
 
 
-def _paired_agrees(results: Results) -> Finding:
+def _paired_agrees(results: Results) -> Outcome:
     found, dropped = (_all_but_kb_ho(key, "wilcoxon", results) for key in ("p_holm", "p_holm_without_zeros"))
     if found.agrees is None:
         return found
     value = f"zero differences ranked: {found.value}; dropped: {dropped.value}"
     if any("reconstructed" in source for source in results["survey"]["participants"]["sources"]):
-        return Finding(value, None, "the pairing of the reconstructed answers is not real")
+        return Outcome(value, None, "the pairing of the reconstructed answers is not real")
     if found.agrees != dropped.agrees:
-        return Finding(value, None, "it hangs on how zero differences are treated")
-    return Finding(value, found.agrees)
+        return Outcome(value, None, "it depends on how zero differences are treated")
+    return Outcome(value, found.agrees)
 
 
-def _best(which: str, model: str, results: Results) -> Finding:
+def _best(which: str, model: str, results: Results) -> Outcome:
     picks = {name: entry["percent"] for name, entry in results["survey"]["best_picks"].items()}
     chosen = max(picks, key=picks.get) if which == "highest" else min(picks, key=picks.get)
-    return Finding(", ".join(f"{name} {value:.1f} %" for name, value in picks.items()), chosen == model)
+    return Outcome(", ".join(f"{name} {value:.1f} %" for name, value in picks.items()), chosen == model)
 
 
-def _picks_separate(results: Results) -> Finding:
+def _picks_separate(results: Results) -> Outcome:
     test = results["survey"]["equal_shares"]["without_baseline"]
     if test is None:
-        return Finding(None, None, "too few models were picked")
-    return Finding(f"chi-square p {test['p_value']:.2f} among MW, KB, HO", test["p_value"] < 0.05)
+        return Outcome(None, None, "too few models were picked")
+    return Outcome(f"chi-square p {test['p_value']:.2f} among MW, KB, HO", test["p_value"] < 0.05)
 
 
-def _highest_middle(results: Results) -> Finding:
+def _highest_middle(results: Results) -> Outcome:
     table = results["table_3_2"].set_index("model")
     top = {"KB", "HO"}
     agrees = all(
         set(table.index[table[column] == table[column].max()]) == top for column in ("median", "mode")
     )
-    return Finding(
+    return Outcome(
         ", ".join(f"{name} {row['median']:g}/{row['mode']:g}" for name, row in table.iterrows()), agrees
     )
 
 
-def _mode_count(results: Results) -> Finding:
+def _mode_count(results: Results) -> Outcome:
     counts = results["table_3_2"].set_index("model")["mode_count"]
-    return Finding(f"HO {counts['HO']}, KB {counts['KB']}", bool(counts["HO"] > counts["KB"]))
+    if not {"HO", "KB"} <= set(counts.index):
+        return Outcome(None, None, "KB and HO were not both rated")
+    return Outcome(f"HO {counts['HO']}, KB {counts['KB']}", bool(counts["HO"] > counts["KB"]))
 
 
-def _closer_is_preferred(results: Results) -> Finding:
+def _closer_is_preferred(results: Results) -> Outcome:
     table = results["table_3_1"]
     arx = table[(table.estimator == "arx") & (table.trained_on == "multisine")].set_index("model").vaf_percent
     ratings = results["table_3_2"].set_index("model")["median"]
     models = [model for model in ("MW", "KB", "HO") if model in arx.index and model in ratings.index]
     if len(models) < 3:
-        return Finding(None, None, "needs MW, KB and HO trained on the multisine")
+        return Outcome(None, None, "needs MW, KB and HO trained on the multisine")
     by_accuracy = sorted(models, key=lambda model: arx[model])
     rising = all(ratings[low] <= ratings[high] for low, high in pairwise(by_accuracy))
     text = ", ".join(f"{model}: %VAF {arx[model]:.1f}, median {ratings[model]:g}" for model in by_accuracy)
-    return Finding(text, rising, "three models: an order that chance gives in one case of six or more")
+    return Outcome(text, rising, "three models: an order that chance gives in one case of six or more")
 
 
-def rating_sentences() -> list[Claim]:
+def survey_sentences() -> list[Claim]:
     """Return the claims on the survey."""
-    people = {"clinician": 75.6, "dry_needling": 15.6, "acupuncture": 13.3, "palpation": 93.3}
-    people |= {"<5": 11.1, ">20": 35.6}
+    shares = {"clinician": 75.6, "dry_needling": 15.6, "acupuncture": 13.3, "palpation": 93.3}
+    shares |= {"<5": 11.1, ">20": 35.6}
     judges = {
-        "participants": _participants,
-        **{f"participants.{group}": partial(_share, group, printed) for group, printed in people.items()},
+        "participants": partial(_near, 45, 0, lambda results: results["survey"]["participants"]["number"]),
+        **{
+            f"participants.{group}": partial(_near, printed, 0.051, partial(_share, group))
+            for group, printed in shares.items()
+        },
         "kruskal_wallis": _kruskal,
         "pairs_differ": partial(_all_but_kb_ho, "p_value", "mann_whitney"),
         "pairs_differ_holm": partial(_all_but_kb_ho, "p_holm", "mann_whitney"),
@@ -275,4 +281,4 @@ def rating_sentences() -> list[Claim]:
         "picks_separate": _picks_separate,
         "closer_is_preferred": _closer_is_preferred,
     }
-    return claims_of("survey", judges)
+    return sentences("survey", judges)

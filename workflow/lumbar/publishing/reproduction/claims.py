@@ -1,0 +1,287 @@
+"""All claims of the thesis: every number of Tables 3.1, 3.2 and 4.1 and the sentences, and the rows of ``claims.csv``."""
+
+import math
+from functools import partial
+
+import pandas as pd
+
+from lumbar.lifting.stability.comparison.percent_differences import comparison_names
+from lumbar.publishing.reproduction.basin_claims import basin_sentences
+from lumbar.publishing.reproduction.claim import (
+    BUILT_IN,
+    CANNOT_BE_TESTED,
+    DOES_NOT_HOLD,
+    HOLDS,
+    Claim,
+    Comparison,
+    Outcome,
+    Results,
+)
+from lumbar.publishing.reproduction.tissue_claims import identification_sentences, survey_sentences
+from lumbar.settings.stability import GROUPS
+from lumbar.tables.described import columns_of, described
+from lumbar.tables.table import Table
+
+_SCALED = "scaling of α not stated in the thesis"
+_ALPHA = Comparison("none", 0, "none: α scales with samples and units, which the thesis does not state")
+
+
+def _factor(limit: float) -> Comparison:
+    return Comparison("ratio", limit, f"within a factor of {limit:g}")
+
+
+TABLE_3_1: dict[str, tuple[str, Comparison]] = {
+    "order": ("order of the transfer function", Comparison("difference", 1, "within 1")),
+    "condition_number": ("condition number of the regressors", _factor(5)),
+    "vaf_percent": ("%VAF", Comparison("difference", 10, "within 10 percentage points")),
+    "fit_percent": ("FIT", Comparison("difference", 10, "within 10 percentage points")),
+    "mru_percent": ("maximum relative uncertainty in percent", _factor(10)),
+    "mean_residual_N": ("mean residual in N", _factor(2)),
+    "nmse_train": ("NMSE on the training record", _factor(3)),
+    "nmse_test_1": ("NMSE on the first test record", _factor(3)),
+    "nmse_test_2": ("NMSE on the second test record", _factor(3)),
+    "alpha": ("ridge coefficient α", _ALPHA),
+}
+"""Meaning of each column and when a run agrees. α depends on a scaling that the thesis does not state."""
+_BUILT_IN = {"condition_number", "vaf_percent", "fit_percent", "mean_residual_N"}
+"""Columns of Table 3.1 that the twin's tissue was made to show."""
+_DIGITS = Comparison("difference", 0.051, "equal to the printed digits")
+_SIGN = Comparison("sign", 0, "same sign")
+
+
+def all_claims(thesis_tables: dict[str, pd.DataFrame], groups: tuple[str, str] = GROUPS) -> list[Claim]:
+    """Return every claim in the thesis's order.
+
+    Parameters
+    ----------
+    thesis_tables : dict of str to pandas.DataFrame
+        ``table_3_1``, ``table_3_2`` and ``table_4_1`` as published.
+    groups : tuple of str
+        Names of the groups that the study compares instead of the thesis's expert and novice.
+    """
+    return [
+        *identification_sentences(),
+        _mru_claim(thesis_tables["table_3_1"]),
+        *_table_3_1_cells(thesis_tables["table_3_1"]),
+        *survey_sentences(),
+        *_table_3_2_cells(thesis_tables["table_3_2"]),
+        *basin_sentences(groups),
+        *_table_4_1_cells(thesis_tables["table_4_1"], groups),
+    ]
+
+
+def _table_3_1_cells(thesis: pd.DataFrame) -> list[Claim]:
+    claims = []
+    for cells in thesis.to_dict("records"):
+        record, model = cells["trained_on"], cells["model"]
+        row = {"trained_on": record, "model": model, "estimator": "arx"}
+        for column, (meaning, comparison) in TABLE_3_1.items():
+            claims.append(
+                _cell(
+                    f"table_3_1.{record}.{model}.{column}",
+                    f"{model} trained on {record}: {meaning}",
+                    row,
+                    float(cells[column]),
+                    comparison,
+                    _SCALED if column == "alpha" else f"no {column} for {model} trained on {record}",
+                    BUILT_IN if column in _BUILT_IN else "",
+                )
+            )
+    return claims
+
+
+def _table_3_2_cells(thesis: pd.DataFrame) -> list[Claim]:
+    """Return every number of Table 3.2; the survey was reconstructed from this table."""
+    claims = []
+    for row in thesis.to_dict("records"):
+        model = row["model"]
+        add = partial(_cell, row={"model": model}, on_twin=BUILT_IN)
+        for column in ("median", "mode", "mode_count", "best_percent"):
+            statement = f"{model}: {column.replace('_', ' ')} of the ratings"
+            absent = f"{model} was not rated"
+            claims.append(
+                add(
+                    f"table_3_2.{model}.{column}",
+                    statement,
+                    thesis=float(row[column]),
+                    comparison=_DIGITS,
+                    absent=absent,
+                )
+            )
+        for other in ("MW", "KB", "HO"):
+            printed = str(row[f"p_vs_{other}"])
+            if printed == "nan":
+                continue
+            is_limit = printed.startswith("<")
+            claims.append(
+                add(
+                    f"table_3_2.{model}.p_vs_{other}",
+                    f"Mann–Whitney p of {model} against {other}",
+                    thesis=printed if is_limit else float(printed),
+                    comparison=Comparison("below", float(printed[1:]), "as printed")
+                    if is_limit
+                    else Comparison("difference", 0.05, "within 0.05"),
+                    absent=f"{model} and {other} were not both rated",
+                )
+            )
+    return claims
+
+
+def _table_4_1_cells(thesis: pd.DataFrame, groups: tuple[str, str]) -> list[Claim]:
+    names, claims = comparison_names(groups), []
+    for row in thesis.to_dict("records"):
+        comparison, com = names[row["comparison"]], row["com"]
+        for plane in ("lateral_bending", "flexion_extension"):
+            place = f"{comparison}, {com}, {plane}".replace("_", " ")
+            claims.append(
+                _cell(
+                    f"table_4_1.{row['comparison']}.{com}.{plane}",
+                    f"{place}: difference in percent",
+                    {"comparison": comparison, "com": com},
+                    float(row[f"{plane}_percent"]),
+                    _SIGN,
+                    "this study lacks one of the two lifts compared",
+                    CANNOT_BE_TESTED,
+                    column=f"{plane}_percent",
+                )
+            )
+    return claims
+
+
+def _cell(
+    name: str,
+    statement: str,
+    row: dict[str, str],
+    thesis: float | str,
+    comparison: Comparison,
+    absent: str,
+    on_twin: str = "",
+    column: str = "",
+) -> Claim:
+    """Return the claim that one cell of a published table is this run's too.
+
+    The name is ``<table>.<row>.<column>``; `row` selects this run's row, `column` its column if another
+    than the name's; `absent` is the remark if this run has no such cell.
+    """
+    table, *_, last = name.split(".")
+    column = column or last
+
+    def judge(results: Results) -> Outcome:
+        frame = results[table]
+        for key, value in row.items():
+            frame = frame[frame[key] == value]
+        if frame.empty or column not in frame or pd.isna(frame.iloc[0][column]):
+            return Outcome(None, None, absent)
+        found = float(frame.iloc[0][column])
+        agrees = comparison.agrees(thesis, found)
+        return Outcome(found, agrees, absent if agrees is None else "")
+
+    location = f"Table {table.removeprefix('table_').replace('_', '.')}"
+    return Claim(name, location, statement, thesis, comparison.criterion, (table,), judge, on_twin)
+
+
+def _mru_claim(thesis: pd.DataFrame) -> Claim:
+    """Return the claim about the printed MRU; the print alone decides it."""
+    below = impossible_mru(thesis)
+    values = "; ".join(f"{row} {value:g} %, at least {least:.2g} %" for row, (value, least) in below.items())
+    return Claim(
+        "mru_equations",
+        "3.2.3.1, Table 3.1",
+        "The printed relative uncertainties are those of Eqs 3.15 and 3.16",
+        "Table 3.1",
+        "no printed value is below the least that its condition number, NMSE and samples allow",
+        ("table_3_1",),
+        lambda results: Outcome(values or "none below", not below, "of the print alone"),
+    )
+
+
+SAMPLES = {"multisine": 10_000, "noise": 1_000, "chirp": 1_000}
+"""Samples of the thesis's records: 100 Hz for 100 s and 10 s (Section 3.2.4.1)."""
+
+
+def least_mru(condition_number: float, nmse: float, samples: int, parameters: int) -> float:
+    """Return the smallest MRU in percent that Eqs 3.15 and 3.16 allow, for any data, scaling and α.
+
+    With columns of root mean square 1, and M rows, every diagonal element of (AᵀA)⁻¹ is at least 1/M, hence σ² ≥ NMSE/M in
+    units of the output's root mean square; and ‖x‖ ≤ (1 + √NMSE)/s where s, the smallest singular value over √M, is at least
+    1/κ. The printed κ may be that of other columns; it is at most √p times smaller than κ of these (van der Sluis).
+
+    References
+    ----------
+    A. van der Sluis, Numerische Mathematik 14 (1969) 14-23.
+    """
+    return 100 * math.sqrt(nmse / samples / parameters) / (condition_number * (1 + math.sqrt(nmse)))
+
+
+def impossible_mru(printed: pd.DataFrame) -> dict[str, tuple[float, float]]:
+    """Return the printed MRUs below their row's least and that least, by row; digits as rounded."""
+    below = {}
+    for row in printed.itertuples(index=False):
+        parameters = {"MW": 2, "KB": 3}.get(row.model, 2 * int(row.order) + 1)
+        nmse = max(row.nmse_train - 0.005, 0.0)
+        least = least_mru(row.condition_number + 0.005, nmse, SAMPLES[row.trained_on], parameters)
+        if row.mru_percent + 0.005 < least:
+            below[f"{row.model} on {row.trained_on}"] = (float(row.mru_percent), least)
+    return below
+
+
+def examine_claims(claims: list[Claim], results: Results, synthetic: bool, source_label: str) -> pd.DataFrame:
+    """Examine all claims on the results of one run; `synthetic` if these are the twin's.
+
+    Columns ``claim, location, statement, thesis_value, this_run, verdict, criterion, remark, evidence, data``.
+    """
+    rows = []
+    for claim in claims:
+        missing = [name for name in claim.needs if results.get(name) is None]
+        outcome = (
+            Outcome(None, None, f"this study has no {', '.join(missing)}")
+            if missing
+            else claim.judge(results)
+        )
+        remark = outcome.remark
+        if outcome.agrees is None:
+            verdict = CANNOT_BE_TESTED
+        elif synthetic and claim.on_twin == CANNOT_BE_TESTED:
+            verdict, remark = CANNOT_BE_TESTED, "the twin's lifters are invented"
+        elif not outcome.agrees:
+            verdict = DOES_NOT_HOLD
+        else:
+            verdict = BUILT_IN if synthetic and claim.on_twin == BUILT_IN else HOLDS
+        rows.append(
+            {
+                "claim": claim.id,
+                "location": claim.location,
+                "statement": claim.statement,
+                "thesis_value": claim.thesis,
+                "this_run": outcome.value,
+                "verdict": verdict,
+                "criterion": claim.criterion,
+                "remark": remark,
+                "evidence": " ".join(claim.needs),
+                "data": source_label,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def summary_table(claims: pd.DataFrame, source_label: str) -> Table:
+    """Return the claims as a table: sentences first, then the cells of the published tables."""
+    columns = columns_of("publishing/reproduction", "claims")
+    frame = claims[columns].astype(object)
+    for column in ("thesis_value", "this_run"):
+        frame[column] = frame[column].map(_format_value)
+    counts = claims.verdict.value_counts()
+    fields = {
+        "count": len(claims),
+        "verdicts": "; ".join(f"{name}: {count}" for name, count in counts.items()),
+    }
+    sentences = (~claims.claim.str.startswith("table_")).to_numpy().nonzero()[0]
+    return described(
+        "publishing/reproduction", "claims", frame, source_label, fields, first_rows=tuple(sentences)
+    )
+
+
+def _format_value(value: float | str | None) -> str:
+    if value is None or value != value:
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
