@@ -61,13 +61,13 @@ def null_row(condition: str, number: int) -> dict:
     candidates = extend(verdict.base, false, verdict.experiment)
     ratio = max(likelihood_ratio(verdict.base, item, verdict.experiment) for item in candidates)
     shown = [item for item in verdict.ranking if len(item.candidate.effects) == 1]
-    named = [name for name in verdict.selected if name in false and verdict.verdict in ("named", "tied")]
+    named = [name for name in verdict.selected if name in false and verdict.status in ("named", "tied")]
     return {
         "condition": condition,
         "tissue": tissue,
         "number": number,
         "base": verdict.base.fit.structure.base.name,
-        "verdict": verdict.verdict,
+        "verdict": verdict.status,
         "named": "+".join(named),
         "findings": "+".join(sorted({item.kind for item in verdict.findings})),
         "p_value": null_distribution().p_value(ratio, sum(len(item.forms) for item in CATALOGUE.values())),

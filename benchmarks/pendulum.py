@@ -53,9 +53,9 @@ def examine(plan: tuple) -> dict:
         "strength": strength,
         "columns": columns,
         "periodic": periodic,
-        "verdict": diagnosis.verdict,
+        "verdict": diagnosis.status,
         "selected": "+".join(diagnosis.selected),
-        "right": (diagnosis.verdict, diagnosis.selected) == wanted,
+        "right": (diagnosis.status, diagnosis.selected) == wanted,
         "error_over_noise": diagnosis.model.test_rms / experiment.noise_rms,
     }
 

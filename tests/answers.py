@@ -97,7 +97,7 @@ def ask(read: Callable[[], tuple[list, dict[str, Any]]]) -> Answer:
     try:
         records, keywords = read()
         diagnosis = lumbar.diagnose(records, **keywords)
-        document = diagnosis.verdict.to_json()
+        document = diagnosis.result.to_json()
         seconds = time.perf_counter() - start
         if document["verdict"] == "tied":
             document["settled"] = diagnosis.evidence.separation is not None

@@ -10,10 +10,10 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
 from lumbar.tissue.diagnosis.forward.forward_base import ForwardData
 from lumbar.tissue.diagnosis.law.law_form import Dimension
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 from lumbar.tissue.models.form import Form
 
-Diagnose = Callable[[Sequence[Record], Sequence[str] | str | None], Verdict]
+Diagnose = Callable[[Sequence[Record], Sequence[str] | str | None], DiagnosisResult]
 """From records, and the names of those that are fitted."""
 SIGNIFICANT = 1e-3
 """Relative tolerance of errors: searches end where a step changes the parameters by 1e-7 and the square by 1e-9, on another
@@ -61,7 +61,7 @@ SLOW = Units(1e4, 1e-6, 1e6, turned=True, otherwise=True)
 FAST = Units(1e-4, 1e6, 1e-6)
 
 
-def check_alike(diagnose: Diagnose, records: Sequence[Record], units: Units) -> Verdict:
+def check_alike(diagnose: Diagnose, records: Sequence[Record], units: Units) -> DiagnosisResult:
     """Diagnose the records and the same in other units; both say the same."""
     first = diagnose(records, None)
     train = [item.name for item in first.experiment.training.records]
@@ -73,11 +73,11 @@ def check_alike(diagnose: Diagnose, records: Sequence[Record], units: Units) -> 
     return first
 
 
-def said(found: Verdict) -> dict:
+def said(found: DiagnosisResult) -> dict:
     """What no unit changes: base, verdict, effects, ties, findings, convergence."""
     return {
         "base": found.base.fit.structure.base.name,
-        "verdict": (found.verdict, found.verdict_after, found.complete),
+        "verdict": (found.status, found.refined_status, found.complete),
         "selected": found.selected,
         "ties": {frozenset(item.effects) for item in found.tied_with},
         "findings": sorted((item.kind, sorted(item.record.split("+"))) for item in found.findings),
@@ -85,7 +85,7 @@ def said(found: Verdict) -> dict:
     }
 
 
-def _check_parameters(first: Verdict, second: Verdict, units: Units) -> None:
+def _check_parameters(first: DiagnosisResult, second: DiagnosisResult, units: Units) -> None:
     every = [estimates(found.model.fit, found.experiment.training, "{x}", "{y}") for found in (first, second)]
     for one, other in zip(*every, strict=True):
         factor = units.factor(one.unit)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import lumbar
 from lumbar.publishing.figures import palette, style
-from lumbar.tissue.diagnosis.selection.verdict import readable
+from lumbar.tissue.diagnosis.selection.result import readable
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDS = ROOT / "results" / "thesis" / "twin" / "two_hidden_effects"
@@ -19,7 +19,7 @@ def main(records: Path = RECORDS, picture: Path = ROOT / "docs" / "images" / "fr
     """Draw measured and simulated force, and what the model leaves of it, effect by effect."""
     diagnosis = lumbar.diagnose(lumbar.read(records))
     record = next(item for item in diagnosis.records if item.name == UNSEEN)
-    path, floor = diagnosis.verdict.path, diagnosis.verdict.noise_rms
+    path, floor = diagnosis.result.path, diagnosis.result.noise_rms
     shown = (record.time >= SHOWN[0]) & (record.time <= SHOWN[1])
     figure, axes = style.new_figure(
         10.0, 3.2, nrows=2, ncols=len(path), sharex=True, sharey="row", height_ratios=(1.8, 1)

@@ -54,7 +54,7 @@ def test_page_from_disk_shows_what_was_computed(new_page, saved, diagnosis):
     assert len(errors_of(page)) == 1
     add(page, "Coulomb friction")
     before, after = errors_of(page)
-    assert after < 1.1 * diagnosis.verdict.experiment.floor.rms < before
+    assert after < 1.1 * diagnosis.result.experiment.floor.rms < before
     add(page, "Inertia")
     assert "were not fitted in this diagnosis" in page.locator("#message").inner_text()
     page.locator("#record").select_option("chirp")

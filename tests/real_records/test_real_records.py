@@ -100,6 +100,6 @@ def test_a_verdict_on_public_records_hangs_on_no_unit(shared, name, units):
 
     def diagnose(seen, train):
         chosen = {**keywords, "settings": settings, "train": train or keywords.get("train")}
-        return lumbar.diagnose(seen, **chosen).verdict
+        return lumbar.diagnose(seen, **chosen).result
 
     check_alike(diagnose, records, replace(units, turned=units.turned and name not in ONE_SIDED))

@@ -20,7 +20,7 @@ from make_cases import CASES, axis_names, make_with_truth  # noqa: E402
 from lumbar.records.record import Record  # noqa: E402
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings  # noqa: E402
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates  # noqa: E402
-from lumbar.tissue.diagnosis.selection.verdict import Verdict  # noqa: E402
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult  # noqa: E402
 from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import diagnose  # noqa: E402
 from space_records import record_of  # noqa: E402
 
@@ -33,7 +33,7 @@ SYMBOLS = {"K_e": "k_e", "K_1": "k_b", "B": "b", "tau_s": "tau"}
 class Answer:
     """What was told of one case."""
 
-    verdict: Verdict
+    result: DiagnosisResult
     named: frozenset[str]
     """Effects of the tissue; ``contact_plane`` for a base that meets one."""
     findings: frozenset[str]
@@ -41,8 +41,8 @@ class Answer:
     @property
     def words(self) -> str:
         """In a line."""
-        base = self.verdict.model.fit.structure.base.name
-        return f"{self.verdict.verdict}, {base}, {'+'.join(sorted(self.named)) or '-'}, {'+'.join(sorted(self.findings)) or '-'}"
+        base = self.result.model.fit.structure.base.name
+        return f"{self.result.status}, {base}, {'+'.join(sorted(self.named)) or '-'}, {'+'.join(sorted(self.findings)) or '-'}"
 
 
 SETTINGS = DiagnosisSettings(train="multisine")
@@ -61,10 +61,10 @@ def records_of(name: str, seed: int) -> tuple[list[Record], dict]:
 def ask(name: str, seed: int) -> tuple[Answer, dict]:
     """Diagnose a case; its truth comes second."""
     records, truth = records_of(name, seed)
-    verdict = diagnose(records, SETTINGS)
-    findings = frozenset(item.kind for item in verdict.findings)
-    contact = {"contact_plane"} if verdict.model.fit.structure.base.contact else set()
-    return Answer(verdict, frozenset(verdict.selected) - {*FINDINGS.values()} | contact, findings), truth
+    result = diagnose(records, SETTINGS)
+    findings = frozenset(item.kind for item in result.findings)
+    contact = {"contact_plane"} if result.model.fit.structure.base.contact else set()
+    return Answer(result, frozenset(result.selected) - {*FINDINGS.values()} | contact, findings), truth
 
 
 def is_right(expected: list[dict], answer: Answer) -> bool:
@@ -80,15 +80,15 @@ def _agrees(expected: dict, answer: Answer) -> bool:
         told = told and "unexcited" in answer.findings
     if "tied" in expected:
         told = bool({FINDINGS[name] for name in expected["tied"]} & answer.findings) and bool(
-            answer.verdict.tied_with
+            answer.result.tied_with
         )
-    sound = answer.verdict.verdict_after == "adequate" and answer.verdict.verdict != "unexplained"
+    sound = answer.result.refined_status == "adequate" and answer.result.status != "unexplained"
     return bool(sound and told and wanted == answer.named)
 
 
 def held(answer: Answer, truth: dict) -> list[tuple[str, bool]]:
     """Whether the interval of every parameter that the truth has holds it, and every turn of principal axes."""
-    fit, experiment = answer.verdict.model.fit, answer.verdict.experiment
+    fit, experiment = answer.result.model.fit, answer.result.experiment
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
     structure = fit.structure
     symbols = [item.symbol for item in (*structure.linear, *structure.nonlinear)]

@@ -89,4 +89,4 @@ def _pressed(depth: list[float], step: float, force_beside) -> np.ndarray:
 def found(records: list[Record], settings=None) -> tuple[str, tuple[str, ...], str]:
     """Base, selected effects and verdict of a diagnosis."""
     diagnosis = diagnose(records, settings)
-    return diagnosis.base.fit.structure.base.name, diagnosis.selected, diagnosis.verdict
+    return diagnosis.base.fit.structure.base.name, diagnosis.selected, diagnosis.status

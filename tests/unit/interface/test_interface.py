@@ -132,7 +132,7 @@ def test_the_verdict_is_written_before_what_may_fail_beside_it(diagnosis, tmp_pa
     with pytest.raises(RuntimeError, match=lost):
         diagnosis.save(tmp_path)
     kept = read_json(tmp_path / "diagnosis.json")
-    assert diagnosis.verdict.to_json().items() <= kept.items()
+    assert diagnosis.result.to_json().items() <= kept.items()
     assert (tmp_path / "ladder.csv").is_file()
 
 

@@ -222,11 +222,11 @@ def content(html: str) -> dict:
 
 
 def test_every_model_of_the_search_is_drawn_as_its_fit_simulates_it(diagnosis, page):
-    candidates = {model_key(item.effects): item for item in candidates_of(diagnosis.verdict)}
+    candidates = {model_key(item.effects): item for item in candidates_of(diagnosis.result)}
     fitted = [model for model in page.models if model.group == WITH_EFFECTS]
     assert {"base", "coulomb_friction"} < {model.key for model in fitted} == set(candidates)
     for model in fitted[:3]:
-        for item in diagnosis.verdict.experiment.records:
+        for item in diagnosis.result.experiment.records:
             simulated = candidates[model.key].fit.simulate(Motion.of(item))
             assert np.allclose(model.values[item.name], simulated, rtol=1e-5, atol=1e-6)
             first = round(settling_time(item) / item.sampling_time)
@@ -269,11 +269,11 @@ def test_spectrum_of_white_error_is_flat_and_has_its_variance(page):
 
 def test_a_tie_brings_the_file_of_the_excitation_that_settles_it(diagnosis, page):
     rival = next(
-        item.candidate for item in diagnosis.verdict.ranking if item.candidate.effects == ("hysteresis",)
+        item.candidate for item in diagnosis.result.ranking if item.candidate.effects == ("hysteresis",)
     )
-    tied = replace(diagnosis.verdict, verdict="tied", tied_with=[rival])
+    tied = replace(diagnosis.result, status="tied", tied_with=[rival])
     separation = separating_excitation(tied)
-    told = replace(page, verdict=tied, evidence=replace(page.evidence, separation=separation), others=())
+    told = replace(page, result=tied, evidence=replace(page.evidence, separation=separation), others=())
     found = told.variables()["content"]["excitations"]
     assert set(found) == {"coulomb_friction", "hysteresis"}
     played = np.loadtxt(io.StringIO(found["hysteresis"]["file"]), delimiter=",", skiprows=1)
@@ -292,11 +292,11 @@ def test_script_knows_models_errors_and_sentences(diagnosis, html):
     told = content(html)
     base = told["models"]["base"]
     assert told["selected"] == ["coulomb_friction"]
-    assert told["models"]["coulomb_friction"]["test_rms"] == diagnosis.verdict.model.test_rms
+    assert told["models"]["coulomb_friction"]["test_rms"] == diagnosis.result.model.test_rms
     location = diagnosis.base_on_records[1].location
     found = base["located"]["other"]
     assert {found["headline"], *found["views"].values()} == set(location.sentences)
-    assert told["noise_rms"] == diagnosis.verdict.experiment.floor.rms
+    assert told["noise_rms"] == diagnosis.result.experiment.floor.rms
 
 
 def test_words_of_the_data_are_shown_and_not_run(html):
@@ -307,7 +307,7 @@ def test_words_of_the_data_are_shown_and_not_run(html):
 def test_long_records_are_thinned_and_the_page_says_so(page, monkeypatch):
     monkeypatch.setattr(shown, "MOST_VALUES", 20000)
     models = len(page.models)
-    step = drawing_step(page.verdict.experiment.records, models)
+    step = drawing_step(page.result.experiment.records, models)
     assert step > 1
     thinned = replace(page)
     samples = sum(len(record.columns["time"]) for record in thinned.records)

@@ -75,7 +75,7 @@ def test_the_default_study_weighs_the_box(twin, tmp_path):
     """Diagnosed as a study would: the twin's truth is read by the assertions only."""
     records = trials_of(twin, twin.hip_moment.trials, tmp_path)
     diagnosis = diagnose(records, DiagnosisSettings(base="pendulum"))
-    assert (diagnosis.verdict, diagnosis.selected) == ("named", ("hand_load",))
+    assert (diagnosis.status, diagnosis.selected) == ("named", ("hand_load",))
     assert diagnosis.complete
     assert diagnosis.experiment.training.name == "paced"
     assert diagnosis.experiment.floor.rms == pytest.approx(twin.hip_moment.noise_N_m, rel=0.1)

@@ -130,7 +130,7 @@ def run_diagnose(options) -> None:
     diagnosis.save(options.output, options.pictures)
     print(diagnosis)
     print(f"{options.output / 'diagnosis.html'} shows it.")
-    found = diagnosis.verdict
+    found = diagnosis.result
     contact = found.base.fit.structure.base.contact
     if not (diagnosis.settings.forward or found.experiment.points or contact or found.orientation):
         print(f"A device plays its model: lumbar export {options.output / 'refined.json'} --output fmu")

@@ -1,4 +1,4 @@
-"""What `lumbar.diagnose` and ``lumbar.propose`` return: a verdict with its evidence and its page, a proposed law."""
+"""What `lumbar.diagnose` and ``lumbar.propose`` return: a result with its evidence and page, a proposed law."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from lumbar.tissue.diagnosis.residuals.locate import (
     of_axes,
 )
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refined_document
-from lumbar.tissue.diagnosis.selection.verdict import Verdict, details, headline
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status, details, headline
 from lumbar.tissue.effects.notation import check_name
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
@@ -48,7 +48,7 @@ class Diagnosis:
     records: list[Record]
     settings: DiagnosisSettings
     """How the records were fitted."""
-    verdict: Verdict
+    result: DiagnosisResult
     """Selected effects, selection path, ranking, ties."""
     study: StudySettings
     """All settings: of the machine, the thesis's models and the intervals too."""
@@ -59,7 +59,12 @@ class Diagnosis:
     @property
     def selected(self) -> tuple[str, ...]:
         """Names of the missing effects, in the order in which they were added."""
-        return self.verdict.selected
+        return self.result.selected
+
+    @property
+    def status(self) -> Status:
+        """Whether the base model lacks something, and what: adequate, named, tied or unexplained."""
+        return self.result.status
 
     @property
     def candidates(self) -> dict[str, Effect]:
@@ -69,7 +74,7 @@ class Diagnosis:
     @cached_property
     def models(self) -> list[FittedModel]:
         """Base, base and first effect, …."""
-        return [fitted_model(item, self.verdict.experiment) for item in self.verdict.path]
+        return [fitted_model(item, self.result.experiment) for item in self.result.path]
 
     @property
     def model(self) -> FittedModel:
@@ -79,12 +84,12 @@ class Diagnosis:
     @cached_property
     def evidence(self) -> Evidence:
         """Ties, the experiment that settles them, what these records would have shown, what remains."""
-        return gather_evidence(self.verdict, self.settings, self.study.seed, self.study.signals.machine)
+        return gather_evidence(self.result, self.settings, self.study.seed, self.study.signals.machine)
 
     @cached_property
     def reports(self) -> Sequence[ResidualReport | SpatialReport]:
         """The base model beside every record, and where it fails."""
-        return compare_and_locate(self.verdict.experiment, self.verdict.base.fit, self.study.seed)
+        return compare_and_locate(self.result.experiment, self.result.base.fit, self.study.seed)
 
     @property
     def base_on_records(self) -> list[ResidualReport]:
@@ -93,15 +98,15 @@ class Diagnosis:
 
     @property
     def headline(self) -> str:
-        """The verdict in one sentence."""
-        return headline(self.verdict)
+        """The result in one sentence."""
+        return headline(self.result)
 
     @property
     def sentences(self) -> list[str]:
-        """The verdict, then what a reader asks next."""
-        lines = [self.headline, *details(self.verdict, self.candidates)]
+        """The result, then what a reader asks next."""
+        lines = [self.headline, *details(self.result, self.candidates)]
         if self.evidence.separation is not None:
-            lines.append(separation_sentence(self.evidence.separation, self.verdict))
+            lines.append(separation_sentence(self.evidence.separation, self.result))
         return lines
 
     def add(self, *effects: str) -> Refinement:
@@ -120,13 +125,13 @@ class Diagnosis:
         fitted now, as by `refit`.
         """
         effects = list(effects)
-        known = {model_key(item.effects): item for item in candidates_of(self.verdict)}
+        known = {model_key(item.effects): item for item in candidates_of(self.result)}
         if model_key(effects) not in known:
             return self.refit(effects)
         steps = [model_key(effects[:number]) for number in range(len(effects) + 1)]
         path = [known[step] for step in steps if step in known]
         seed = self.study.seed
-        return Refinement(self.records, self.settings, self.verdict.experiment, path, seed, self.source_label)
+        return Refinement(self.records, self.settings, self.result.experiment, path, seed, self.source_label)
 
     def propose(self) -> ProposedLaw:
         """Look for a short formula for what the catalogue leaves.
@@ -143,14 +148,14 @@ class Diagnosis:
         require_one_axis(self.records, "propose")
         if self.settings.forward:
             raise InputError(FORWARD)
-        verdict = self.verdict
-        if verdict.experiment.points:
+        result = self.result
+        if result.experiment.points:
             raise InputError(
                 f"{STATIC}: laws are proposed for motions; lumbar diagnose fits the catalogue's static laws"
             )
         from lumbar.tissue.diagnosis.law.proposal import propose
 
-        proposal = self.proposal or propose(verdict.experiment, verdict.base, verdict.model)
+        proposal = self.proposal or propose(result.experiment, result.base, result.model)
         return ProposedLaw(proposal, self.candidates, self.source_label)
 
     def to_html(self, pictures: Mapping[str, Path] | None = None) -> str:
@@ -158,18 +163,18 @@ class Diagnosis:
         from lumbar.publishing.pages.diagnosis_page import diagnosis_page
 
         return diagnosis_page(
-            self.verdict, self.evidence, self.candidates, self.source_label, dict(pictures or {})
+            self.result, self.evidence, self.candidates, self.source_label, dict(pictures or {})
         )
 
     @cached_property
     def thesis_models(self) -> ThesisModels:
         """The thesis's models, ridge ARX and output error, of the same records; none beside force as the input."""
-        return ThesisModels() if self.settings.forward else thesis_models(self.verdict, self.study.tissue)
+        return ThesisModels() if self.settings.forward else thesis_models(self.result, self.study.tissue)
 
     @property
     def without_page(self) -> str:
         """Why there is no page that one can look around in; empty where there is one."""
-        return f"{STATIC}: there is no motion to look around in" if self.verdict.experiment.points else ""
+        return f"{STATIC}: there is no motion to look around in" if self.result.experiment.points else ""
 
     def page(self, pictures: Mapping[str, Path] | None = None, thesis: bool = True) -> ExplorerPage:
         """Return the page that one can look around in: every model that was fitted beside every record.
@@ -187,15 +192,15 @@ class Diagnosis:
         from lumbar.publishing.pages.diagnosis_page import evidence_sections
 
         beside = self.thesis_models if thesis else NOT_IDENTIFIED
-        linear = self.verdict.linear
-        own = [] if linear is None else [fitted_model(linear, self.verdict.experiment)]
+        linear = self.result.linear
+        own = [] if linear is None else [fitted_model(linear, self.result.experiment)]
         return ExplorerPage(
-            self.verdict,
+            self.result,
             self.evidence,
             self.candidates,
             self.base_on_records,
             self.source_label,
-            evidence_sections(self.verdict, self.evidence, self.candidates, dict(pictures or {})),
+            evidence_sections(self.result, self.evidence, self.candidates, dict(pictures or {})),
             [*own, *beside.models],
             beside.remark,
         )
@@ -215,9 +220,9 @@ class Diagnosis:
             Effects of the model in ``refined.json``; default those that were selected.
         """
         folder = Path(folder)
-        write_diagnosis(self.verdict, lambda: self.evidence, folder, self.source_label)
-        kept = self.verdict if effects is None else self.with_effects(effects)
-        linear = [] if self.verdict.linear is None else [self.verdict.linear]
+        write_diagnosis(self.result, lambda: self.evidence, folder, self.source_label)
+        kept = self.result if effects is None else self.with_effects(effects)
+        linear = [] if self.result.linear is None else [self.result.linear]
         document = refined_document([*linear, *kept.path], kept.experiment, self.source_label)
         write_json(folder / "refined.json", document)
         # A file that an earlier diagnosis left is removed.
@@ -227,7 +232,7 @@ class Diagnosis:
             law.save(path, path.stem)
         else:
             path.unlink(missing_ok=True)
-        if self.verdict.experiment.points:
+        if self.result.experiment.points:
             write_text(folder / "diagnosis.html", self.to_html())
             return
         drawn = self._save_pictures(folder) if pictures else {}
@@ -243,15 +248,15 @@ class Diagnosis:
         simulated = self.base_on_records
         comparison_table([item.comparison for item in simulated], self.source_label).write(folder / "compare")
         location_table(self.reports, self.source_label).write(folder / "location")
-        given = (self.verdict, self.reports, self.settings.candidates, folder, self.source_label)
+        given = (self.result, self.reports, self.settings.candidates, folder, self.source_label)
         return draw_pictures(*given, self.proposal)
 
     def __str__(self) -> str:
         return "\n  ".join(self.sentences)
 
     def __repr__(self) -> str:
-        base = self.verdict.base.fit.structure.base.name
-        return f"<Diagnosis of {base} on {len(self.records)} records: {self.verdict.verdict}>"
+        base = self.result.base.fit.structure.base.name
+        return f"<Diagnosis of {base} on {len(self.records)} records: {self.result.status}>"
 
     def _repr_html_(self) -> str:
         return self.to_html()
@@ -337,11 +342,11 @@ NOT_IDENTIFIED = ThesisModels(
 )
 
 
-def thesis_models(verdict: Verdict, settings: TissueSettings) -> ThesisModels:
+def thesis_models(result: DiagnosisResult, settings: TissueSettings) -> ThesisModels:
     """Identify the thesis's models on the longest record that the diagnosis was trained on; of a pendulum there are none."""
-    if verdict.base.fit.structure.base.system != "tissue":
+    if result.base.fit.structure.base.system != "tissue":
         return ThesisModels()
-    experiment = verdict.experiment
+    experiment = result.experiment
     names = [item.name for item in getattr(experiment.training, "parts", (experiment.training,))]
     training = max((record for record in experiment.records if record.name in names), key=len)
     tests = [record for record in experiment.records if record is not training]

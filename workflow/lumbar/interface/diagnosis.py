@@ -14,7 +14,7 @@ from lumbar.settings.study_settings import StudySettings
 from lumbar.tissue.diagnosis.fitting.decimation import limit_samples
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 
 if TYPE_CHECKING:
     from lumbar.tissue.diagnosis.law.proposal import Proposal
@@ -75,24 +75,24 @@ def diagnose(
         from lumbar.interface.spatial_diagnosis import SpatialDiagnosis
         from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import diagnose as search_in_space
 
-        verdict = search_in_space(used, chosen)
-        verdict = replace(verdict, findings=(*changed, *verdict.findings))
-        return SpatialDiagnosis(used, chosen, verdict, settings, source_label)
-    verdict = search(used, chosen)
-    verdict = replace(verdict, findings=(*changed, *verdict.findings))
+        result = search_in_space(used, chosen)
+        result = replace(result, findings=(*changed, *result.findings))
+        return SpatialDiagnosis(used, chosen, result, settings, source_label)
+    result = search(used, chosen)
+    result = replace(result, findings=(*changed, *result.findings))
     proposing = settings.improvement.propose_law and chosen.system == "tissue" and not chosen.forward
-    verdict, proposal = (
-        _beyond_catalogue(verdict, proposing) if verdict.goes_beyond_catalogue else (verdict, None)
+    result, proposal = (
+        _beyond_catalogue(result, proposing) if result.goes_beyond_catalogue else (result, None)
     )
-    return Diagnosis(used, chosen, verdict, settings, source_label, proposal)
+    return Diagnosis(used, chosen, result, settings, source_label, proposal)
 
 
-def _beyond_catalogue(verdict: Verdict, proposing: bool) -> tuple[Verdict, Proposal | None]:
+def _beyond_catalogue(result: DiagnosisResult, proposing: bool) -> tuple[DiagnosisResult, Proposal | None]:
     """Look for a law in what no effect explains."""
     from lumbar.tissue.diagnosis.law.proposal import propose, with_law
 
-    proposal = propose(verdict.experiment, verdict.base, verdict.model) if proposing else None
-    return with_law(verdict, proposal), proposal
+    proposal = propose(result.experiment, result.base, result.model) if proposing else None
+    return with_law(result, proposal), proposal
 
 
 def propose(

@@ -14,8 +14,8 @@ from lumbar.tables.table import Table
 from lumbar.tissue.diagnosis.evidence.evidence import Evidence, ladder_csv, signal_angles
 from lumbar.tissue.diagnosis.residuals.locate import of_axes
 from lumbar.tissue.diagnosis.selection.refine import refined_document
+from lumbar.tissue.diagnosis.selection.result import details
 from lumbar.tissue.diagnosis.selection.thresholds import null_distribution, number_of_forms
-from lumbar.tissue.diagnosis.selection.verdict import details
 from lumbar.tissue.diagnosis.spatial.principal_axes import (
     axes_sentences,
     principal_axes,
@@ -37,21 +37,21 @@ class SpatialDiagnosis(Diagnosis):
 
     @property
     def headline(self) -> str:
-        """The verdict in one sentence."""
-        return headline_in_space(self.verdict)
+        """The result in one sentence."""
+        return headline_in_space(self.result)
 
     @property
     def sentences(self) -> list[str]:
-        """The verdict, the tissue's symmetry and axes, then what a reader asks next."""
-        fit, experiment = self.verdict.model.fit, self.verdict.experiment
-        axes = [] if self.verdict.orientation else axes_sentences(fit, experiment)
-        return [self.headline, *axes, *details(self.verdict, self.candidates)]
+        """The result, the tissue's symmetry and axes, then what a reader asks next."""
+        fit, experiment = self.result.model.fit, self.result.experiment
+        axes = [] if self.result.orientation else axes_sentences(fit, experiment)
+        return [self.headline, *axes, *details(self.result, self.candidates)]
 
     @property
     def axes_table(self) -> Table:
         """Principal stiffnesses and viscosities with their axes and intervals."""
         return principal_axes_table(
-            principal_axes(self.verdict.model.fit, self.verdict.experiment),
+            principal_axes(self.result.model.fit, self.result.experiment),
             self.records[0].axes,
             self.source_label,
         )
@@ -59,16 +59,16 @@ class SpatialDiagnosis(Diagnosis):
     @cached_property
     def reports(self) -> list[SpatialReport]:
         """The base model beside every record, and where it fails."""
-        return spatial_reports(self.models[0], self.verdict.experiment, self.study.seed)
+        return spatial_reports(self.models[0], self.result.experiment, self.study.seed)
 
     @cached_property
     def evidence(self) -> Evidence:
         """What remains along every axis, and which candidates add a like force."""
-        experiment, null = self.verdict.experiment, null_distribution()
+        experiment, null = self.result.experiment, null_distribution()
         usable = usable_in_space(self.settings.searched, self.records[0].axes, experiment)
         remaining = of_axes(spatial_reports(self.model, experiment, self.study.seed))
         threshold = null.threshold(number_of_forms(usable))
-        return Evidence(remaining, signal_angles(self.verdict), None, [], threshold, null, [])
+        return Evidence(remaining, signal_angles(self.result), None, [], threshold, null, [])
 
     @property
     def without_page(self) -> str:
@@ -90,7 +90,7 @@ class SpatialDiagnosis(Diagnosis):
         sections = {
             "Stiffness and viscosity in space": [table([axes.header(name) for name in axes.first], rows)],
         }
-        given = self.verdict, self.evidence, self.candidates, self.source_label
+        given = self.result, self.evidence, self.candidates, self.source_label
         return diagnosis_page(*given, dict(pictures or {}), sections, self.headline)
 
     def save(
@@ -101,10 +101,10 @@ class SpatialDiagnosis(Diagnosis):
         With `pictures` those of comparison, location and ladder too, and the tables ``compare`` and ``location``.
         """
         folder = Path(folder)
-        told = {**self.verdict.to_json(), "data": self.source_label, "headline": self.headline}
+        told = {**self.result.to_json(), "data": self.source_label, "headline": self.headline}
         write_json(folder / "diagnosis.json", told)
-        write_text(folder / "ladder.csv", ladder_csv(self.verdict, self.source_label))
-        kept = self.verdict if effects is None else self.with_effects(effects)
+        write_text(folder / "ladder.csv", ladder_csv(self.result, self.source_label))
+        kept = self.result if effects is None else self.with_effects(effects)
         write_json(folder / "refined.json", refined_document(kept.path, kept.experiment, self.source_label))
         self.axes_table.write(folder / "principal_axes")
         drawn = self._save_pictures(folder) if pictures else {}

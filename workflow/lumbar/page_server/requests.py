@@ -94,7 +94,7 @@ class TabRequests:
     def _separate(self, effects: list[str]) -> tuple[dict, list[ShownModel]]:
         """The excitation that tells these effects from the selected ones."""
         diagnosis = self.explored.diagnosis
-        verdict = replace(diagnosis.verdict, tied_with=[self.explored.refitted(effects).path[-1]])
+        verdict = replace(diagnosis.result, tied_with=[self.explored.refitted(effects).path[-1]])
         limits = machine_limits(diagnosis.study.signals.machine, verdict.experiment)
         found = None if diagnosis.settings.forward else separating_excitation(verdict, limits)
         if found is None:

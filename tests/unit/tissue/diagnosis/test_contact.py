@@ -45,7 +45,7 @@ def parameters(found) -> dict[str, float]:
 
 def test_palpation_is_contact_and_nothing_else(pressed):
     assert pressed.base.fit.structure.base.name == "KB-contact"
-    assert (pressed.verdict, pressed.selected) == ("adequate", ())
+    assert (pressed.status, pressed.selected) == ("adequate", ())
     assert pressed.experiment.surface == pytest.approx(3.0, rel=0.01)
     assert parameters(pressed) == pytest.approx(KNOWN, rel=0.02)
     assert pressed.base.test_rms == pytest.approx(0.02, rel=0.05)
@@ -65,7 +65,7 @@ def test_a_base_chosen_again_finds_the_same_surface(pressed):
 
 
 def test_what_hardens_under_the_tool_is_named(pressed_hard):
-    assert (pressed_hard.verdict, pressed_hard.selected) == ("named", ("hardening_stiffness",))
+    assert (pressed_hard.status, pressed_hard.selected) == ("named", ("hardening_stiffness",))
     assert pressed_hard.experiment.surface == pytest.approx(3.0, rel=0.01)
     found = parameters(pressed_hard)
     assert {name: found[name] for name in KNOWN} == pytest.approx(KNOWN, rel=0.1)

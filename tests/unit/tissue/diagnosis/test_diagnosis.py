@@ -13,8 +13,8 @@ from lumbar.interface.reading import read
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
 from lumbar.tissue.diagnosis.selection.refine import fitted_model, refine, refined_document
+from lumbar.tissue.diagnosis.selection.result import details, headline
 from lumbar.tissue.diagnosis.selection.thresholds import NullDistribution, null_distribution, number_of_forms
-from lumbar.tissue.diagnosis.selection.verdict import details, headline
 from lumbar.tissue.effects.catalogue import CATALOGUES, PENDULUM, TISSUE
 from lumbar.tissue.models.fitted_model import read_models
 from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
@@ -40,7 +40,7 @@ def labels(shared):
 @pytest.mark.parametrize("name", ["case_03", "case_13", "case_14"])
 def test_one_effect_both_of_two_and_none_are_told(case, labels, name):
     assert set(case(name).selected) == set(labels[name]["effects"])
-    assert case(name).verdict == ("named" if labels[name]["effects"] else "adequate")
+    assert case(name).status == ("named" if labels[name]["effects"] else "adequate")
     assert headline(case(name)).startswith("Nothing is missing") == (not labels[name]["effects"])
 
 
@@ -50,8 +50,8 @@ def test_every_effect_is_found_and_nothing_is_accused_where_nothing_is_hidden(bl
     for name, label in labels.items():
         found, hidden = blind[name], label["effects"]
         assert set(found.selected) == set(hidden), name
-        assert len(hidden) > 1 or found.verdict == ("named" if hidden else "adequate"), name
-        assert (found.verdict_after, found.complete, found.further) == ("adequate", True, None), name
+        assert len(hidden) > 1 or found.status == ("named" if hidden else "adequate"), name
+        assert (found.refined_status, found.complete, found.further) == ("adequate", True, None), name
         assert found.experiment.floor.rms == pytest.approx(label["noise_rms_N"], rel=0.1)
         assert not hidden or found.ranking[0].p_value <= 0.01, name
     assert {len(label["effects"]) for label in labels.values()} == {0, 1, 2}
@@ -77,8 +77,8 @@ def test_diagnosed_again_the_second_effect_is_named(shared):
     """The search may take one effect; the catalogue holds the other one, and it must not be denied."""
     records = read(shared / "hidden_effects" / "case_13")
     one_of_two = diagnose(records, DiagnosisSettings(most_effects=1))
-    assert (one_of_two.verdict, one_of_two.selected) == ("named", ("hardening_stiffness",))
-    assert (one_of_two.verdict_after, one_of_two.complete) == ("named", False)
+    assert (one_of_two.status, one_of_two.selected) == ("named", ("hardening_stiffness",))
+    assert (one_of_two.refined_status, one_of_two.complete) == ("named", False)
     assert one_of_two.further.effects == ("hardening_stiffness", "coulomb_friction")
     assert one_of_two.to_json()["further"] == "coulomb_friction"
     said = [line for line in details(one_of_two, TISSUE) if line.startswith("Diagnosed again")]
@@ -141,7 +141,7 @@ def test_completeness_and_the_verdict_on_the_refined_model_follow_from_one_rule(
     disturbed = replace(records[1], channels={**records[1].channels, "output": force})
     found = diagnose([records[0], disturbed], settings)
     assert found.model.test_rms / found.experiment.floor.rms == pytest.approx(floors, abs=0.03)
-    assert (found.verdict_after, found.complete, found.further) == (after, after == "adequate", None)
+    assert (found.refined_status, found.complete, found.further) == (after, after == "adequate", None)
     assert any(line.startswith(said) for line in details(found, catalogue))
 
 
@@ -201,7 +201,7 @@ def diagnosed(effect, seed, strength=8.0, columns=True, periodic=True):
 @pytest.mark.parametrize(("seed", "strength"), list(enumerate(STRENGTHS)))
 def test_every_effect_is_named(effect, seed, strength):
     experiment, diagnosis = diagnosed(effect, seed, strength)
-    assert (diagnosis.verdict, diagnosis.selected) == ("named", (effect,))
+    assert (diagnosis.status, diagnosis.selected) == ("named", (effect,))
     assert diagnosis.model.test_rms < 1.25 * experiment.noise_rms
     floor = diagnosis.experiment.floor
     if effect in ("hand_load", "variable_length", "moving_pivot"):
@@ -217,7 +217,7 @@ def test_every_effect_is_named(effect, seed, strength):
 @pytest.mark.parametrize("seed", range(2))
 def test_box_length_and_pivot_are_named_from_the_angle_alone(effect, seed):
     _, diagnosis = diagnosed(effect, seed, columns=False)
-    assert (diagnosis.verdict, diagnosis.selected) == ("named", (effect,))
+    assert (diagnosis.status, diagnosis.selected) == ("named", (effect,))
     missing = {role for form, roles in diagnosis.not_tried if form.effect == effect for role in roles}
     assert missing
 
@@ -227,14 +227,14 @@ def test_records_that_do_not_repeat_are_enough(effect):
     _, diagnosis = diagnosed(effect, 1, periodic=False)
     assert diagnosis.experiment.floor is None
     assert diagnosis.complete is None
-    assert (diagnosis.verdict, diagnosis.selected) == ("named", (effect,))
+    assert (diagnosis.status, diagnosis.selected) == ("named", (effect,))
 
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("seed", range(2))
 def test_nothing_is_accused_where_nothing_is_hidden(seed):
-    assert diagnosed("", seed)[1].verdict == "adequate"
-    assert diagnosed("", seed, periodic=False)[1].verdict == "adequate"
+    assert diagnosed("", seed)[1].status == "adequate"
+    assert diagnosed("", seed, periodic=False)[1].status == "adequate"
 
 
 def test_a_rounded_angle_is_no_effect():

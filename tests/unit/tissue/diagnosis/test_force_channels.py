@@ -57,7 +57,7 @@ def test_channels_as_they_should_be_are_not_accused(axes):
 
 def test_no_effect_is_named_beside_them():
     found = diagnose([misread((0, 1, 2), (1, 1, -1))], DiagnosisSettings())
-    assert (found.verdict, found.selected) == ("unexplained", ())
+    assert (found.status, found.selected) == ("unexplained", ())
     assert found.orientation.kind == "force_channels"
 
 

@@ -27,15 +27,15 @@ def friction():
 @pytest.mark.nightly
 @pytest.mark.parametrize("hidden", ["hysteresis", "hardening_stiffness"])
 def test_what_is_hidden_is_named(hidden):
-    found = lumbar.diagnose(forward_records(hidden), train="train", settings=FORCE_IN).verdict
-    assert (found.verdict, found.selected, found.complete) == ("named", (hidden,), True)
+    found = lumbar.diagnose(forward_records(hidden), train="train", settings=FORCE_IN).result
+    assert (found.status, found.selected, found.complete) == ("named", (hidden,), True)
     assert found.experiment.output_unit == "mm"
 
 
 def test_nothing_is_named_where_nothing_is_hidden():
     found = lumbar.diagnose(forward_records("nothing"), train="train", settings=FORCE_IN)
-    assert (found.verdict.verdict, found.selected) == ("adequate", ())
-    assert found.verdict.base.fit.structure.base.name == "KV-mass"
+    assert (found.result.status, found.selected) == ("adequate", ())
+    assert found.result.base.fit.structure.base.name == "KV-mass"
     values = {item.name: (item.low, item.high, item.unit) for item in found.model.parameters}
     for name, value, unit in (
         ("mass", MASS, "N s^2/mm"), ("spring_stiffness", STIFFNESS, "N/mm"), ("viscosity", VISCOSITY, "N s/mm"),
@@ -48,7 +48,7 @@ def test_nothing_is_named_where_nothing_is_hidden():
 
 def test_the_friction_and_its_size_are_found(friction):
     _, found = friction
-    told = found.verdict.verdict, found.selected, found.verdict.complete
+    told = found.result.status, found.selected, found.result.complete
     assert told == ("named", ("coulomb_friction",), True)
     assert found.model["coulomb_friction.coulomb_force"].value == pytest.approx(0.25, rel=0.02)
     assert "from 0.1" in str(found).splitlines()[0]
@@ -98,8 +98,8 @@ def test_what_a_hardening_spring_loses_is_found():
 @pytest.mark.nightly
 def test_a_sensor_that_gives_the_absolute_value(tmp_path):
     diagnosis = lumbar.diagnose(records_behind(np.abs), train="train", settings=FORCE_IN)
-    found = diagnosis.verdict
-    assert (found.verdict, found.selected) == ("named", ("absolute_value",))
+    found = diagnosis.result
+    assert (found.status, found.selected) == ("named", ("absolute_value",))
     assert "Diagnosed again" not in str(diagnosis)
     diagnosis.save(tmp_path, pictures=False)
     with pytest.raises(InputError, match="linear dynamics behind a sensor"):
@@ -110,7 +110,7 @@ def test_a_sensor_that_gives_the_absolute_value(tmp_path):
 
 def test_no_sensor_is_told_where_a_set_of_effects_that_was_not_selected_explains_more(friction, monkeypatch):
     _, found = friction
-    known, after = found.verdict, replace(found.verdict.model, score=found.verdict.model.score + 100.0)
+    known, after = found.result, replace(found.result.model, score=found.result.model.score + 100.0)
     monkeypatch.setattr(forward_diagnosis, "sensor_candidates", lambda *_: [(known.base, after)])
     nothing = replace(known, path=[known.base])
     assert forward_diagnosis._behind_sensor(nothing, found.settings) is nothing

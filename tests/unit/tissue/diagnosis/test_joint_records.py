@@ -94,7 +94,7 @@ def test_the_fit_is_that_of_least_squares_over_all_records():
 def test_a_diagnosis_on_two_records_names_them_and_tests_on_the_others():
     records = [softening_record(name, seed) for name, seed in (("a", 7), ("b", 8), ("c", 9))]
     found = diagnose(records, DiagnosisSettings(base="LE", train=["a", "b"]))
-    assert (found.verdict, found.selected) == ("named", ("softening",))
+    assert (found.status, found.selected) == ("named", ("softening",))
     assert found.to_json()["train"] == "a+b"
     assert [item.name for item in found.experiment.tests] == ["c"]
     assert found.model.test_rms == pytest.approx(0.05, rel=0.1)
@@ -215,8 +215,8 @@ def diagnosed(kind: str):
     ],
 )
 def test_what_a_tissue_remembers_goes_on_in_the_next_record_of_a_session(effect, parameters):
-    verdict = diagnosed(effect).verdict
-    assert (verdict.selected, verdict.verdict, verdict.verdict_after) == ((effect,), "named", "adequate")
+    verdict = diagnosed(effect).result
+    assert (verdict.selected, verdict.status, verdict.refined_status) == ((effect,), "named", "adequate")
     assert verdict.model.test_rms < 1.05 * NOISE
     fitted = {item.name: item for item in diagnosed(effect).model.parameters}
     for name, value in parameters.items():
@@ -224,8 +224,8 @@ def test_what_a_tissue_remembers_goes_on_in_the_next_record_of_a_session(effect,
 
 
 def test_a_session_with_nothing_hidden_is_adequate():
-    verdict = diagnosed("nothing").verdict
-    assert verdict.verdict == "adequate"
+    verdict = diagnosed("nothing").result
+    assert verdict.status == "adequate"
     assert verdict.base.test_rms < 1.05 * NOISE
 
 

@@ -28,7 +28,7 @@ from lumbar.tissue.diagnosis.law.terms import library
 from lumbar.tissue.diagnosis.law.validation import alternate, is_dissipative, least_work, stays_bounded, thin
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose as search
-from lumbar.tissue.diagnosis.selection.verdict import headline
+from lumbar.tissue.diagnosis.selection.result import headline
 from lumbar.tissue.effects.catalogue import TISSUE
 from lumbar.tissue.effects.notation import load_effects
 from lumbar.tissue.models.bases import BASES
@@ -230,7 +230,7 @@ def diagnosed():
 def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
     monkeypatch.setattr("lumbar.tissue.diagnosis.law.proposal.library", lambda: terms(*FEW))
     assert diagnosed.selected == ("depth_dependent_damping",)
-    assert diagnosed.verdict == "named"
+    assert diagnosed.status == "named"
     assert not diagnosed.complete
     # A search ends at a number of effects: that one more would pass does not make the first ones right.
     further = replace(diagnosed, further=diagnosed.model)
@@ -238,7 +238,7 @@ def test_a_likeness_of_the_law_is_not_what_is_missing(diagnosed, monkeypatch):
     law = propose(further.experiment, further.base, further.model)
     beside = with_law(diagnosed, law)
     assert law.start is law.base
-    assert beside.verdict == "unexplained"
+    assert beside.status == "unexplained"
     assert beside.findings[-1].kind == "proposed_law"
     assert beside.findings[-1].value < 0.5 * diagnosed.model.test_rms
     assert "no effect of the catalogue explains it" in headline(beside)

@@ -11,7 +11,7 @@ from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.candidate import is_adequate
 from lumbar.tissue.diagnosis.selection.diagnose import diagnose
-from lumbar.tissue.diagnosis.selection.verdict import noise_sentence
+from lumbar.tissue.diagnosis.selection.result import noise_sentence
 
 FINE = 10
 """Steps of the simulation per sample."""
@@ -56,7 +56,7 @@ def test_a_force_that_leads_is_told_by_how_much_and_named_no_mechanism(lead, bra
     assert told.value == pytest.approx(1e-3 * lead, abs=2e-4) and told.unit == "s"
     assert f"leads the position, by {1e3 * told.value:.3g} ms" in told.sentence
     assert "clocks of the channels differ" in told.sentence
-    assert found.verdict == "unexplained"
+    assert found.status == "unexplained"
 
 
 @pytest.mark.parametrize("mass", [0.0, 0.0004])
@@ -80,7 +80,7 @@ def noisy(request):
 
 def test_the_force_of_known_position_noise_within_the_band_is_nothing_missing(noisy):
     experiment = noisy.experiment
-    assert noisy.verdict == "adequate" and noisy.base.fit.structure.base.name == "KB"
+    assert noisy.status == "adequate" and noisy.base.fit.structure.base.name == "KB"
     assert not is_adequate(noisy.base, replace(experiment, position_noise_force=0.0))
     expected = (noisy.base.train_rms**2 - experiment.noise**2) ** 0.5
     assert experiment.position_noise_force == pytest.approx(expected, rel=0.35)
@@ -89,7 +89,7 @@ def test_the_force_of_known_position_noise_within_the_band_is_nothing_missing(no
 
 def test_an_effect_is_named_beside_it():
     found = diagnose(read_with_noise(0.02, branch=0.0, hardening=0.01))
-    assert found.selected == ("hardening_stiffness",) and found.verdict == "named"
+    assert found.selected == ("hardening_stiffness",) and found.status == "named"
 
 
 def test_a_drift_that_may_be_a_wandering_zero_belongs_to_the_limit(noisy):

@@ -141,7 +141,7 @@ def test_the_best_linear_model_is_told_kept_and_exported(law, tmp_path):
     settings = StudySettings(improvement=ImprovementSettings(propose_law=law))
     records = RecordSet(recorded(resonances))
     found = lumbar.diagnose(records, base="KB", train="training", settings=settings)
-    assert found.verdict.verdict == "unexplained"
+    assert found.result.status == "unexplained"
     assert "As linear_dynamics these dynamics stand in refined.json" in str(found)
     found.save(tmp_path, pictures=False)
     models = lumbar.load_models(tmp_path / "refined.json")

@@ -55,7 +55,7 @@ def kinds(found):
 
 def test_hysteresis_at_several_rates_is_named_alone():
     found = alone(lambda time, position: 0.3 * position + dahl(position, 0.5, 0.7))
-    assert (found.verdict, found.selected) == ("named", ("hysteresis",))
+    assert (found.status, found.selected) == ("named", ("hysteresis",))
     assert not {"other_rates_missed", "one_rate"} & set(kinds(found))
 
 
@@ -65,7 +65,7 @@ def test_friction_that_follows_the_rate_is_not_named_hysteresis_alone():
         return 0.3 * position + dahl(position, 0.5 * (1 + 0.6 * np.log10(speed / 0.2)), 0.7)
 
     found = alone(rated)
-    assert found.verdict != "named"
+    assert found.status != "named"
     (finding,) = [item for item in found.findings if item.kind == "other_rates_missed"]
     assert "rate_0.03 and rate_0.05" in finding.sentence
     assert finding.value == pytest.approx(5, rel=0.05)
@@ -92,7 +92,7 @@ def test_a_rubber_of_large_strain_is_not_named_hysteresis_alone():
     assert peaks == pytest.approx([0.85, 1.05, 1.13], abs=0.02)
     for base in ("LE", "KB"):
         found = diagnose(records, DiagnosisSettings(base=base, most_effects=2))
-        assert found.verdict != "named" or "hysteresis" not in found.selected
+        assert found.status != "named" or "hysteresis" not in found.selected
 
 
 def test_a_power_law_is_one_spectrum():

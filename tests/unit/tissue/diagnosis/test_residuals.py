@@ -204,7 +204,7 @@ def test_a_model_that_explains_next_to_nothing_is_not_adequate(pole):
     explained = 1 - (found.base.test_rms / np.std(found.experiment.tests[0].force)) ** 2
     assert explained < 0.06
     assert found.experiment.floor is None
-    assert (found.verdict, found.selected) == ("unexplained", ())
+    assert (found.status, found.selected) == ("unexplained", ())
     assert found.complete is None
 
 
@@ -214,7 +214,7 @@ def test_without_a_noise_floor_the_right_model_is_adequate():
 
     found = diagnose(single_shots(relaxing))
     assert found.experiment.floor is None
-    assert (found.verdict, found.selected) == ("adequate", ())
+    assert (found.status, found.selected) == ("adequate", ())
 
 
 def test_a_second_effect_beside_one_that_dwarfs_it_is_found():
@@ -241,7 +241,7 @@ def test_the_part_of_a_single_record_that_is_held_back_goes_on_where_the_first_o
     (held_back,) = found.experiment.tests
     assert len(found.experiment.training.force) == 1400
     assert held_back.force.size >= 600
-    assert (found.verdict, found.selected) == ("named", ("softening",))
+    assert (found.status, found.selected) == ("named", ("softening",))
     assert found.model.test_rms == pytest.approx(0.02, rel=0.1)
     wear = {item.name: item for item in found.ranking[0].estimates}
     assert {"stiffness_lost", "share_lost"} & set(wear)  # of a spring alone they are the same

@@ -37,7 +37,7 @@ TISSUES = {
 def test_a_tissue_without_effects_has_its_own_base_and_lacks_nothing(name):
     found = diagnose(experiment(TISSUES[name]))
     assert found.base.fit.structure.base.name == name
-    assert (found.verdict, found.selected, found.complete) == ("adequate", (), True)
+    assert (found.status, found.selected, found.complete) == ("adequate", (), True)
     assert found.base.fit.linear[0] == pytest.approx(1.2, rel=0.01)
 
 
@@ -127,7 +127,7 @@ def test_a_share_is_one_of_the_base_s_own_error(found):
 def test_no_name_from_a_fit_that_has_not_converged(found):
     stopped = replace(found.model, fit=replace(found.model.fit, converged=False))
     selection = Selection(found.experiment, found.base, DiagnosisSettings(catalogue=TISSUE), singles=[])
-    assert selection.verdict(stopped, [], 0.99) == "unexplained"
+    assert selection.status(stopped, [], 0.99) == "unexplained"
     settled = selection.settled(stopped)
     assert settled.fit.converged and settled.test_rms == pytest.approx(found.model.test_rms, rel=1e-6)
 
@@ -177,7 +177,7 @@ def test_a_relaxation_spectrum_is_no_moved_zero():
     settings = StudySettings(improvement=ImprovementSettings(propose_law=False))
     for shift in (0.0, 1.0):
         records = [stroked("slow", 1.0), stroked("middle", 3.0, shift), stroked("fast", 5.0, -shift)]
-        answer = lumbar.diagnose(records, train="slow", settings=settings).verdict
+        answer = lumbar.diagnose(records, train="slow", settings=settings).result
         assert "hysteresis" not in answer.selected
         assert ("force_offset" in [item.kind for item in answer.findings if item.record == "fast"]) == bool(
             shift
@@ -195,6 +195,6 @@ def test_a_position_that_is_read_late_passes_for_a_dashpot_and_is_named_beside_i
         records.append(record(read, stiffness * true + 0.005 * noise(len(true), seed + 20), name))
     found = lumbar.diagnose(records, base="LE", train="multisine")
     assert found.selected == ("viscous_damping",)
-    (viscosity,) = (item for item in found.verdict.ranking[0].estimates if item.effect == "viscous_damping")
+    (viscosity,) = (item for item in found.result.ranking[0].estimates if item.effect == "viscous_damping")
     assert viscosity.low < stiffness * late < viscosity.high
     assert "A position that is read late looks the same" in str(found)

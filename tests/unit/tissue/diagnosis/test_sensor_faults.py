@@ -245,7 +245,7 @@ def said(found) -> list:
 def test_a_zero_hides_no_effect_and_is_none(tissue, effects, zero):
     found = diagnose(experiment(tissue, zeros=(zero, zero)))
     assert found.selected == effects
-    assert found.verdict == ("named" if effects else "adequate")
+    assert found.status == ("named" if effects else "adequate")
     low, high = zero_interval(found.model.fit, found.experiment.training)
     assert low < zero < high
     assert high - low < 0.01
@@ -257,7 +257,7 @@ def test_a_zero_hides_no_effect_and_is_none(tissue, effects, zero):
 
 def test_records_may_have_zeros_of_their_own():
     found = diagnose(experiment(hardening, zeros=(0.3, -0.2)))
-    assert (found.verdict, found.selected) == ("named", ("hardening_stiffness",))
+    assert (found.status, found.selected) == ("named", ("hardening_stiffness",))
     assert said(found) == [
         ("multisine", pytest.approx(0.3, abs=0.005)),
         ("other", pytest.approx(-0.2, abs=0.005)),
@@ -273,7 +273,7 @@ def test_a_position_zero_beside_friction_is_no_drift():
         return relaxing(time, position, speed, step) + 0.45 * np.tanh(speed / 0.4) + 1.2 * 3.0
 
     found = diagnose(experiment(rubbing))
-    assert (found.verdict, found.selected) == ("named", ("coulomb_friction",))
+    assert (found.status, found.selected) == ("named", ("coulomb_friction",))
     assert found.model.fit.zero == pytest.approx(3.6, abs=0.01)
 
 
@@ -282,7 +282,7 @@ def test_where_a_machine_counts_from_is_nothing_that_a_tissue_does(tmp_path):
     """A robot's foot a metre away: the same tissue, said to be counted from elsewhere, and written into the model."""
     far = [item.with_values(input=item["input"] + 1000.0) for item in experiment(hardening)]
     found = diagnose(far)
-    assert (found.verdict, found.selected) == ("named", ("hardening_stiffness",))
+    assert (found.status, found.selected) == ("named", ("hardening_stiffness",))
     assert found.model.test_rms == pytest.approx(0.01, rel=0.1)
     assert [item.kind for item in found.findings] == ["position_offset"]
     model = fitted_model(found.model, found.experiment)

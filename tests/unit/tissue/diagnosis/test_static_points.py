@@ -7,8 +7,8 @@ import pytest
 
 import lumbar
 from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.selection.result import CONDITIONAL
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
-from lumbar.tissue.diagnosis.selection.verdict import CONDITIONAL
 
 POSITION = np.linspace(-2.0, 12.0, 25)
 STATIC = {"hardening_stiffness", "strain_softening", "quadratic_stiffness", "contact_loss", "saturation"}
@@ -30,9 +30,9 @@ def diagnose(path):
 
 def test_a_table_without_a_clock_is_diagnosed_by_laws_of_position_alone(tmp_path):
     found = diagnose(write(tmp_path / "a.csv"))
-    assert (found.verdict.verdict, found.selected) == ("named", ("hardening_stiffness",))
-    assert {item.kind for item in found.verdict.findings} == {"static_points"}
-    tried = {name for item in found.verdict.ranking for name in item.candidate.effects}
+    assert (found.result.status, found.selected) == ("named", ("hardening_stiffness",))
+    assert {item.kind for item in found.result.findings} == {"static_points"}
+    tried = {name for item in found.result.ranking for name in item.candidate.effects}
     assert tried <= STATIC
     cubic = next(item for item in found.model.parameters if item.name == "cubic_stiffness")
     assert cubic.low < 0.02 < cubic.high
@@ -46,7 +46,7 @@ def test_the_order_of_points_says_nothing(tmp_path):
     lines = write(tmp_path / "a.csv").read_text().splitlines()
     shuffled = tmp_path / "b.csv"
     shuffled.write_text("\n".join([lines[0], *(lines[1 + index] for index in order)]) + "\n")
-    one, other = (diagnose(tmp_path / name).verdict for name in ("a.csv", "b.csv"))
+    one, other = (diagnose(tmp_path / name).result for name in ("a.csv", "b.csv"))
     assert one.selected == other.selected
     assert one.model.test_rms == pytest.approx(other.model.test_rms, rel=1e-9)
 
@@ -73,7 +73,7 @@ def test_a_clock_under_another_name_is_not_overlooked(tmp_path):
 def test_nothing_is_missing_from_a_line_and_a_law_of_no_catalogue_is_unexplained(tmp_path):
     line = diagnose(write(tmp_path / "a.csv", law=np.zeros_like))
     wave = diagnose(write(tmp_path / "b.csv", law=lambda x: np.sin(1.2 * x)))
-    assert (line.verdict.verdict, wave.verdict.verdict) == ("adequate", "unexplained")
+    assert (line.result.status, wave.result.status) == ("adequate", "unexplained")
     assert "noise is unknown" in str(line) and not wave.selected
 
 
@@ -81,7 +81,7 @@ def test_nothing_is_missing_from_a_line_and_a_law_of_no_catalogue_is_unexplained
 def test_false_alarms_are_as_rare_as_said(tmp_path):
     alarms = 0
     for seed in range(25):
-        found = diagnose(write(tmp_path / "a.csv", law=np.zeros_like, seed=seed)).verdict
+        found = diagnose(write(tmp_path / "a.csv", law=np.zeros_like, seed=seed)).result
         alarms += bool(found.selected)
         assert found.selected or all(item.p_value > LEVEL / 10 for item in found.ranking)
     assert alarms <= 1
@@ -90,14 +90,14 @@ def test_false_alarms_are_as_rare_as_said(tmp_path):
 def test_another_table_is_the_unseen_one(tmp_path):
     write(tmp_path / "a.csv"), write(tmp_path / "b.csv", np.linspace(0.0, 9.0, 14), seed=2)
     found = diagnose(tmp_path)
-    assert [item.name for item in found.verdict.experiment.tests] == ["b"]
+    assert [item.name for item in found.result.experiment.tests] == ["b"]
     assert found.selected == ("hardening_stiffness",) and "Other tables are the unseen points" in str(found)
 
 
 def test_a_tool_that_meets_the_tissue_late_is_a_spring_with_contact(tmp_path):
     path = write(tmp_path / "a.csv", np.linspace(0, 12, 40), lambda x: 0.8 * (np.maximum(x, 5) - x) - 4.0)
-    found = diagnose(path).verdict
-    assert found.base.fit.structure.base.name == "LE-contact" and found.verdict == "adequate"
+    found = diagnose(path).result
+    assert found.base.fit.structure.base.name == "LE-contact" and found.status == "adequate"
     assert found.experiment.surface == pytest.approx(5.0, abs=0.2)
 
 

@@ -134,8 +134,8 @@ def outcome(label: str, strength: float, seed: int) -> str:
     """What becomes of one hidden effect: diagnosis, proposal, record of the proposal, diagnosis."""
     truth = (label.split(":")[0],)
     records, effect, noise, before = tied(label, strength, seed)
-    if before.verdict != "tied":
-        return f"{before.verdict} at once: {before.selected}"
+    if before.status != "tied":
+        return f"{before.status} at once: {before.selected}"
     assert truth in {before.selected, *(item.effects for item in before.tied_with)}
     found = separating_excitation(before, Kinematics(30.0, 1000.0, 20000.0))
     assert found.separates
@@ -143,9 +143,9 @@ def outcome(label: str, strength: float, seed: int) -> str:
     motion = found.excitation.motion
     proposed = recorded(recorded_motion("proposed", motion.time, motion.position), effect, noise, 7)
     after = diagnose([*records, proposed], DiagnosisSettings(train="proposed"))
-    if (after.verdict, after.selected) == ("named", truth):
+    if (after.status, after.selected) == ("named", truth):
         return "named after the proposal"
-    return f"{after.verdict} after the proposal: {after.selected}"
+    return f"{after.status} after the proposal: {after.selected}"
 
 
 def test_tied_effects_lie_in_one_cluster():
@@ -164,7 +164,7 @@ def test_tied_effects_lie_in_one_cluster():
 def test_without_a_tie_nothing_is_proposed():
     records, _, _ = tied_experiment("hardening_stiffness:cubic", 6.0, 3)
     diagnosis = diagnose(records)
-    assert diagnosis.verdict == "named"
+    assert diagnosis.status == "named"
     assert separating_excitation(diagnosis) is None
     assert ties_of_others(diagnosis) == []
 
@@ -216,7 +216,7 @@ def pressed(step: float) -> list[Record]:
 @pytest.mark.parametrize("step", [0.02, 0.001])
 def test_damping_by_depth_and_by_speed_are_tied_where_speed_follows_depth_however_often_it_is_sampled(step):
     found = diagnose(pressed(step), DiagnosisSettings(base="LE", most_effects=1))
-    assert found.verdict == "tied"
+    assert found.status == "tied"
     named = {*found.selected, *(name for item in found.tied_with for name in item.effects)}
     assert {"depth_dependent_damping", "quadratic_damping"} <= named
 
@@ -372,7 +372,7 @@ def test_a_spring_that_gets_softer_is_not_called_hardening():
     ):
         assert all(item.sign > 0 for name in names for item in form(effect, name).linear)
     found = diagnose(experiment(softening_spring))
-    assert (found.verdict, found.selected) == ("named", ("strain_softening",))
+    assert (found.status, found.selected) == ("named", ("strain_softening",))
     lost = {item.name: item.value for item in found.ranking[0].estimates}
     assert lost["cubic_stiffness_lost"] == pytest.approx(0.02, rel=0.02)
 
@@ -385,4 +385,4 @@ def test_a_rhythm_of_the_excitation_is_not_called_a_disturbance():
 
     catalogue = {name: TISSUE[name] for name in ("periodic_disturbance", "drift")}
     found = diagnose(experiment(bent), DiagnosisSettings(catalogue=catalogue))
-    assert (found.verdict, found.selected) == ("unexplained", ())
+    assert (found.status, found.selected) == ("unexplained", ())

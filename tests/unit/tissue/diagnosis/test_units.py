@@ -33,7 +33,7 @@ def of_pendulum(records, train):
 
 
 def of_forward(records, train):
-    return lumbar.diagnose(records, train=train, settings=FORCE_IN).verdict
+    return lumbar.diagnose(records, train=train, settings=FORCE_IN).result
 
 
 def hidden(key: str) -> list:
@@ -50,7 +50,7 @@ def hidden(key: str) -> list:
 @pytest.mark.parametrize("key", ["hardening_stiffness/power", "coulomb_friction/coulomb"])
 def test_the_verdict_is_the_same_in_other_units(key):
     found = check_alike(of_tissue, hidden(key), SLOW)
-    assert (found.verdict, found.selected) == ("named", (key.split("/")[0],))
+    assert (found.status, found.selected) == ("named", (key.split("/")[0],))
 
 
 @pytest.mark.nightly

@@ -80,7 +80,7 @@ def ribbed(tmp_path_factory):
 
 def test_an_equation_in_yaml_is_named_with_its_numbers(ribbed):
     diagnosis, _, settings = ribbed
-    assert diagnosis.verdict == "named"
+    assert diagnosis.status == "named"
     assert diagnosis.selected == ("ribs",)
     fit = diagnosis.model.fit
     assert fit.nonlinear[-1] == pytest.approx(1.7, rel=0.01)

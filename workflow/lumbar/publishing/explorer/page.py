@@ -32,10 +32,10 @@ from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import model_name
-from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
-from lumbar.tissue.diagnosis.selection.verdict import (
+from lumbar.tissue.diagnosis.selection.result import (
+    DiagnosisResult,
     Ranked,
-    Verdict,
+    Status,
     distinguishing_digits,
     effects_text,
     headline,
@@ -43,6 +43,7 @@ from lumbar.tissue.diagnosis.selection.verdict import (
     runner_up,
     what_is_left,
 )
+from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
 
@@ -69,7 +70,7 @@ _FIRST_SHOWN_S = 10.0
 class ExplorerPage:
     """A diagnosis as a page."""
 
-    verdict: Verdict
+    result: DiagnosisResult
     evidence: Evidence
     catalogue: dict[str, Effect]
     base_on_records: list[ResidualReport]
@@ -86,28 +87,28 @@ class ExplorerPage:
     @cached_property
     def step(self) -> int:
         """Every how manieth sample is drawn."""
-        models = len(candidates_of(self.verdict)) + len(self.others)
-        return drawing_step(self.verdict.experiment.records, models)
+        models = len(candidates_of(self.result)) + len(self.others)
+        return drawing_step(self.result.experiment.records, models)
 
     @cached_property
     def models(self) -> list[ShownModel]:
         """Every model that was fitted, the base first, then the thesis's."""
-        fitted = [self.shown(candidate) for candidate in candidates_of(self.verdict)]
-        others = [shown_fitted(model, self.verdict, self.records, self.step) for model in self.others]
+        fitted = [self.shown(candidate) for candidate in candidates_of(self.result)]
+        others = [shown_fitted(model, self.result, self.records, self.step) for model in self.others]
         return [*fitted, *others]
 
     def shown(self, candidate: Candidate) -> ShownModel:
         """One model of the diagnosis, or one that was fitted later, as it is drawn."""
-        return shown_candidate(candidate, self.verdict, self.records, self.step)
+        return shown_candidate(candidate, self.result, self.records, self.step)
 
     @cached_property
     def records(self) -> list[ShownRecord]:
         """Every record, as it is drawn."""
-        return shown_records(self.verdict, self.step)
+        return shown_records(self.result, self.step)
 
     def fill(self, document: Document) -> None:
         """Put pictures and data into a Bokeh document."""
-        pictures, held = page_models(self.verdict.experiment, self.records, self.models)
+        pictures, held = page_models(self.result.experiment, self.records, self.models)
         answer = next(source for source in held if source.name == ANSWER)
         answer.js_on_change("data", CustomJS(code="window.lumbar.answered(cb_obj.data.content[0])"))
         pictures[0].tags = held  # so that the document has them
@@ -120,7 +121,7 @@ class ExplorerPage:
 
         `served`: a server stands behind the page.
         """
-        verdict, experiment = self.verdict, self.verdict.experiment
+        verdict, experiment = self.result, self.result.experiment
         floor = experiment.floor
         groups: dict[str, list[ShownModel]] = {}
         for model in self.models:
@@ -128,7 +129,7 @@ class ExplorerPage:
         return {
             "title": self.title,
             "data": self.source_label,
-            "verdict": verdict.verdict,
+            "verdict": verdict.status,
             "headline": headline(verdict),
             "left": what_is_left(verdict) if verdict.selected else "",
             "findings": [item.sentence for item in verdict.findings],
@@ -152,7 +153,7 @@ class ExplorerPage:
     @property
     def title(self) -> str:
         """Title of the page."""
-        return f"Diagnosis of the {self.verdict.base.fit.structure.base.name} model"
+        return f"Diagnosis of the {self.result.base.fit.structure.base.name} model"
 
     def _captioned(self) -> list[tuple[str, str, bool, str]]:
         """`PICTURES`, with what the marks of the spectrum's lines mean."""
@@ -167,7 +168,7 @@ class ExplorerPage:
 
     def _content(self, served: bool) -> dict[str, Any]:
         """What the page's script knows: models with errors, and sentences, by key."""
-        verdict, experiment = self.verdict, self.verdict.experiment
+        verdict, experiment = self.result, self.result.experiment
         floor = experiment.floor
         located = {model_key(()): self.base_on_records, model_key(verdict.selected): self.evidence.remaining}
         return {
@@ -188,8 +189,8 @@ class ExplorerPage:
         separation = self.evidence.separation
         if separation is None:
             return {}
-        tied = [self.verdict.model, *self.verdict.tied_with]
-        return {model_key(item.effects): excitation_of(separation, self.verdict) for item in tied}
+        tied = [self.result.model, *self.result.tied_with]
+        return {model_key(item.effects): excitation_of(separation, self.result) for item in tied}
 
     def to_html(self) -> str:
         """Return the page as a file that needs nothing else: the same bytes for the same diagnosis."""
@@ -215,7 +216,7 @@ def model_facts(model: ShownModel, located: Sequence[ResidualReport]) -> dict[st
     }
 
 
-def excitation_of(separation: Separation, verdict: Verdict) -> dict[str, str]:
+def excitation_of(separation: Separation, verdict: DiagnosisResult) -> dict[str, str]:
     """Return what the page's script knows of an excitation: what it tells, and the file to play."""
     return {
         "text": separation_sentence(separation, verdict),
@@ -228,10 +229,10 @@ _MANY = 6
 """Parameters from which on a card folds their table."""
 
 
-def how_sure(diagnosis: Verdict, evidence: Evidence) -> list[str]:
+def how_sure(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     """Sentences on chance, on what explains the records as well, and on what would settle it."""
     lines = [_chance(diagnosis)]
-    if diagnosis.verdict == "tied":
+    if diagnosis.status == Status.TIED:
         others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
         lines.append(f"As good an explanation of these records: {others}.")
     elif diagnosis.selected and runner_up(diagnosis) is not None:
@@ -247,7 +248,7 @@ def how_sure(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     return lines
 
 
-def _chance(diagnosis: Verdict) -> str:
+def _chance(diagnosis: DiagnosisResult) -> str:
     if not diagnosis.ranking:
         return _SURE["nothing_fitted"]
     found = diagnosis.ranking[0]
@@ -256,12 +257,12 @@ def _chance(diagnosis: Verdict) -> str:
     return told.format(effects=effects, chance=probability(found.p_value), level=LEVEL)
 
 
-def cards(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[dict[str, Any]]:
+def cards(diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> list[dict[str, Any]]:
     """What the template shows of every ranked candidate, the best first."""
     return [_card(item, diagnosis, catalogue) for item in diagnosis.ranking]
 
 
-def _card(item: Ranked, diagnosis: Verdict, catalogue: dict[str, Effect]) -> dict:
+def _card(item: Ranked, diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> dict:
     candidate = item.candidate
     effects = list(candidate.effects)
     tied = [set(other.effects) for other in diagnosis.tied_with]

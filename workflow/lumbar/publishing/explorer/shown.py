@@ -12,7 +12,7 @@ from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversal_reach,
 from lumbar.tissue.diagnosis.residuals.time_frequency import EVEN, EXCITED, ODD, excited_lines, line_classes
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
 from lumbar.tissue.diagnosis.selection.refine import model_name
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 from lumbar.tissue.identification.metrics import fit_ratio, variance_accounted_for
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.measured_motion import for_base
@@ -109,7 +109,7 @@ def model_key(effects: Sequence[str]) -> str:
     return "+".join(sorted(effects)) or "base"
 
 
-def candidates_of(verdict: Verdict) -> list[Candidate]:
+def candidates_of(verdict: DiagnosisResult) -> list[Candidate]:
     """Every fitted set of effects once: the path, then the ranking."""
     fitted = [*verdict.path, *(item.candidate for item in verdict.ranking)]
     return list({model_key(item.effects): item for item in fitted}.values())
@@ -121,7 +121,7 @@ def drawing_step(records: Sequence[Record], models: int) -> int:
     return max(1, -(-samples * (models + _COLUMNS) // MOST_VALUES))
 
 
-def shown_records(verdict: Verdict, step: int) -> list[ShownRecord]:
+def shown_records(verdict: DiagnosisResult, step: int) -> list[ShownRecord]:
     """Every record of a diagnosis as it is drawn."""
     experiment = verdict.experiment
     trained = {item.name for item in getattr(experiment.training, "parts", (experiment.training,))}
@@ -132,7 +132,7 @@ def shown_records(verdict: Verdict, step: int) -> list[ShownRecord]:
     ]
 
 
-def _shown_record(record: Record, trained: bool, verdict: Verdict, step: int) -> ShownRecord:
+def _shown_record(record: Record, trained: bool, verdict: DiagnosisResult, step: int) -> ShownRecord:
     experiment = verdict.experiment
     residual = residual_of(record, np.zeros(len(record)), experiment)
     first = len(record) - len(residual.values)
@@ -173,7 +173,7 @@ def _around_reversals(record: Record) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shown_candidate(
-    candidate: Candidate, verdict: Verdict, records: Sequence[ShownRecord], step: int
+    candidate: Candidate, verdict: DiagnosisResult, records: Sequence[ShownRecord], step: int
 ) -> ShownModel:
     """Simulate the base with effects on every record; `step` as of `drawing_step`."""
     experiment = verdict.experiment
@@ -191,7 +191,7 @@ def shown_candidate(
 
 
 def shown_fitted(
-    model: FittedModel, verdict: Verdict, records: Sequence[ShownRecord], step: int
+    model: FittedModel, verdict: DiagnosisResult, records: Sequence[ShownRecord], step: int
 ) -> ShownModel:
     """Simulate a model of the thesis on every record; parameters as of `shown_candidate`.
 

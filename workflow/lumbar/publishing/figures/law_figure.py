@@ -11,7 +11,7 @@ from lumbar.publishing.figures.style import DOUBLE_COLUMN, head_room, house_styl
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.law.validation import motions
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult
 
 _CELLS = 24
 _SECTIONS = (0.1, 0.5, 0.9)
@@ -106,7 +106,7 @@ def _draw_errors(axis, proposal: Proposal) -> None:
 
 
 @house_style
-def linear_figure(found: Verdict) -> Figure:
+def linear_figure(found: DiagnosisResult) -> Figure:
     """Draw a verdict's linear dynamics of higher order: gain and phase beside those of base and record, and its poles.
 
     All three responses are cross spectra of force and motion over the motion's own spectrum (Welch's estimate), so that its bias

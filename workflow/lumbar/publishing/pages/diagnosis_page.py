@@ -21,24 +21,24 @@ from lumbar.tissue.diagnosis.evidence.discrimination import separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import ALIKE, Evidence, limitations
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
-from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
-from lumbar.tissue.diagnosis.selection.verdict import (
+from lumbar.tissue.diagnosis.selection.result import (
     CONDITIONAL,
+    DiagnosisResult,
     Ranked,
-    Verdict,
     details,
     effects_text,
     headline,
     readable,
     runner_up,
 )
+from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.form import Effect
 
 _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def diagnosis_page(
-    diagnosis: Verdict,
+    diagnosis: DiagnosisResult,
     evidence: Evidence,
     catalogue: dict[str, Effect],
     source_label: str,
@@ -61,7 +61,7 @@ def diagnosis_page(
     said : str, optional
         The verdict in one sentence; default `headline`.
     """
-    blocks = [paragraph(f"Verdict: {diagnosis.verdict}"), paragraph(said or headline(diagnosis), "headline")]
+    blocks = [paragraph(f"Verdict: {diagnosis.status}"), paragraph(said or headline(diagnosis), "headline")]
     first, *last = more.items() if more else (("", []),)
     for title, found in (first, *evidence_sections(diagnosis, evidence, catalogue, pictures or {}), *last):
         blocks += [heading(title), *found] if found else []
@@ -69,7 +69,10 @@ def diagnosis_page(
 
 
 def evidence_sections(
-    diagnosis: Verdict, evidence: Evidence, catalogue: dict[str, Effect], pictures: dict[str, Path | str]
+    diagnosis: DiagnosisResult,
+    evidence: Evidence,
+    catalogue: dict[str, Effect],
+    pictures: dict[str, Path | str],
 ) -> list[tuple[str, list[Markup]]]:
     """What a referee would want, by titles; parameters as of `diagnosis_page`."""
     floor, unit = diagnosis.experiment.floor, diagnosis.experiment.output_unit
@@ -89,7 +92,7 @@ def evidence_sections(
     return [(title, found) for title, found in sections.items() if found]
 
 
-def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
+def _errors(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     experiment = diagnosis.experiment
     unit, floor = experiment.output_unit, experiment.floor
     tests = ", ".join(item.name for item in experiment.tests)
@@ -114,7 +117,7 @@ def _errors(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     return blocks
 
 
-def role_of(item: Ranked, diagnosis: Verdict) -> str:
+def role_of(item: Ranked, diagnosis: DiagnosisResult) -> str:
     """Return what a candidate is to the verdict: selected, tied with it, the runner-up, or nothing."""
     effects = set(item.candidate.effects)
     if effects == set(diagnosis.selected):
@@ -124,7 +127,9 @@ def role_of(item: Ranked, diagnosis: Verdict) -> str:
     return "runner-up" if item is runner_up(diagnosis) else ""
 
 
-def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, role: str = "") -> tuple:
+def _error_row(
+    name: str, candidate, ranked: Ranked | None, diagnosis: DiagnosisResult, role: str = ""
+) -> tuple:
     floor = diagnosis.experiment.floor
     return (
         name,
@@ -138,7 +143,7 @@ def _error_row(name: str, candidate, ranked: Ranked | None, diagnosis: Verdict, 
     )
 
 
-def _false_alarm(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
+def _false_alarm(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     if diagnosis.experiment.points:
         return [paragraph(_SAID["chance_of_points"].format(percent=100 * LEVEL))]
     experiments, threshold = len(evidence.null.ratios), evidence.threshold
@@ -153,7 +158,7 @@ def _false_alarm(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
     return [paragraph(told), paragraph(f"Here {effects_text(diagnosis.selected)} {verb} {found:.4g}.")]
 
 
-def _parameters(diagnosis: Verdict) -> list[Markup]:
+def _parameters(diagnosis: DiagnosisResult) -> list[Markup]:
     blocks = []
     other = runner_up(diagnosis)
     selected = diagnosis.ranking[0] if diagnosis.selected else None
@@ -184,7 +189,7 @@ def _parameters(diagnosis: Verdict) -> list[Markup]:
     return [*blocks, paragraph(CONDITIONAL, "note")] if blocks else []
 
 
-def _ties(diagnosis: Verdict, evidence: Evidence) -> list[Markup]:
+def _ties(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
     ties = evidence.ties
     names = [effects_text(item.effects) for item in ties.candidates]
     alike = [names[index] for index in ties.clusters[0] if index != 0]

@@ -17,7 +17,7 @@ from lumbar.publishing.figures.style import save
 from lumbar.publishing.pages.html import LOCATION_CAPTION, SPACE_CAPTION
 from lumbar.tissue.diagnosis.law.proposal import Proposal
 from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, least_explained, of_axes
-from lumbar.tissue.diagnosis.selection.verdict import Verdict, runner_up
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, runner_up
 from lumbar.tissue.diagnosis.spatial.spatial_reports import SpatialReport
 from lumbar.tissue.effects.signature import pictured_form
 from lumbar.tissue.models.form import Effect
@@ -26,7 +26,7 @@ _CAPTIONS: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 
 
 def draw_pictures(
-    diagnosis: Verdict,
+    diagnosis: DiagnosisResult,
     reports: Sequence[ResidualReport | SpatialReport],
     catalogue: dict[str, Effect],
     folder: Path,
@@ -68,7 +68,7 @@ def draw_pictures(
     return {_CAPTIONS[name].format(**words): folder / f"{name}.svg" for name in figures}
 
 
-def pictured_effects(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Effect]:
+def pictured_effects(diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> list[Effect]:
     """Selected effects, then those of the runner-up; where nothing was selected the runner-up's alone."""
     second = runner_up(diagnosis)
     names = [*diagnosis.selected, *(second.candidate.effects if second is not None else ())]

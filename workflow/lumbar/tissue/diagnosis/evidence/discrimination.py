@@ -20,8 +20,8 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.uncertainty import beyond, tangent_basis
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.signals.spectrum import Kinematics, occupied_band, peak_kinematics
 
@@ -235,7 +235,7 @@ class Separation:
         }
 
 
-def separating_excitation(diagnosis: Verdict, limits: Kinematics | None = None) -> Separation | None:
+def separating_excitation(diagnosis: DiagnosisResult, limits: Kinematics | None = None) -> Separation | None:
     """Search the excitation under which the selected and the tied candidates differ most.
 
     None without a tie, and where a candidate needs channels beside the input: an excitation says nothing about them.
@@ -318,7 +318,7 @@ def _left_after_refit(
     return _Left.of(min(fitted.squared_error, float(unfitted @ unfitted)), data.size)
 
 
-def separation_sentence(separation: Separation, diagnosis: Verdict) -> str:
+def separation_sentence(separation: Separation, diagnosis: DiagnosisResult) -> str:
     """The proposal in words."""
     unit = diagnosis.experiment.output_unit
     pair = f"{effects_text(diagnosis.selected)} from {effects_text(separation.closest)}"

@@ -28,13 +28,13 @@ from lumbar.tissue.diagnosis.residuals.locate import ResidualReport, compare_and
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import (
     TIED,
     NullDistribution,
     null_distribution,
     number_of_forms,
 )
-from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text, readable
 from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.motion import along_axes
@@ -73,7 +73,7 @@ class Ties:
         }
 
 
-def signal_angles(diagnosis: Verdict) -> Ties | None:
+def signal_angles(diagnosis: DiagnosisResult) -> Ties | None:
     """Compare the added forces of the ranked candidates; None where nothing was selected."""
     if not diagnosis.selected:
         return None
@@ -95,7 +95,7 @@ def signal_angles(diagnosis: Verdict) -> Ties | None:
     return Ties(candidates, angles, complete_linkage(angles, max(ALIKE, resolution)), resolution)
 
 
-def _with_tied(diagnosis: Verdict) -> list[Candidate]:
+def _with_tied(diagnosis: DiagnosisResult) -> list[Candidate]:
     """Ranked candidates, the selected first, and the tied ones that the ranking does not show.
 
     Sets that hold the selected one and more are left out: that they add a like force goes without saying.
@@ -150,7 +150,7 @@ class Detectable:
 
 
 def detectable_effects(
-    diagnosis: Verdict, catalogue: dict[str, Effect], null: NullDistribution
+    diagnosis: DiagnosisResult, catalogue: dict[str, Effect], null: NullDistribution
 ) -> list[Detectable]:
     """Smallest detectable force of every effect that the model does not have, the best shown first.
 
@@ -228,7 +228,7 @@ class Evidence:
 
 
 def gather_evidence(
-    diagnosis: Verdict, settings: DiagnosisSettings, seed: int, machine: MachineSettings | None = None
+    diagnosis: DiagnosisResult, settings: DiagnosisSettings, seed: int, machine: MachineSettings | None = None
 ) -> Evidence:
     """Gather the evidence for a diagnosis, with the settings that it was made with.
 
@@ -262,7 +262,7 @@ def machine_limits(machine: MachineSettings | None, experiment: Experiment) -> K
     return Kinematics(machine.displacement_mm, machine.velocity_mm_s, machine.acceleration_mm_s2)
 
 
-def _other_forms(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Candidate]:
+def _other_forms(diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> list[Candidate]:
     """The model refitted with every other form of each of its effects."""
     experiment, model = diagnosis.experiment, diagnosis.model
     found = []
@@ -276,7 +276,7 @@ def _other_forms(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[Candi
     return found
 
 
-def limitations(diagnosis: Verdict, evidence: Evidence) -> list[str]:
+def limitations(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     """Return one sentence per limit of the evidence."""
     experiment = diagnosis.experiment
     found = [_range(experiment)]
@@ -308,7 +308,7 @@ def _range(experiment: Experiment) -> str:
     return _SAID["outside"].format(**words, speed=speed, frequencies=frequencies)
 
 
-def _other_forms_as_good(diagnosis: Verdict, evidence: Evidence) -> list[str]:
+def _other_forms_as_good(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     """Other mathematical forms of the selected effects that fit as well."""
     chosen = {form.key for form in diagnosis.model.fit.structure.forms}
     found = [
@@ -324,7 +324,7 @@ def _other_forms_as_good(diagnosis: Verdict, evidence: Evidence) -> list[str]:
     return [f"The mathematical form: {', '.join(found)} explains the records as well as {named}."]
 
 
-def _wide_parameters(diagnosis: Verdict) -> list[str]:
+def _wide_parameters(diagnosis: DiagnosisResult) -> list[str]:
     if not diagnosis.selected:
         return []
     wide = [
@@ -335,7 +335,7 @@ def _wide_parameters(diagnosis: Verdict) -> list[str]:
     return [f"The value of {', '.join(wide)}: the interval is as wide as the value."] if wide else []
 
 
-def _too_small(diagnosis: Verdict, evidence: Evidence) -> list[str]:
+def _too_small(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
     if not evidence.detectable:
         return []
     unit = diagnosis.experiment.output_unit
@@ -349,7 +349,7 @@ def _too_small(diagnosis: Verdict, evidence: Evidence) -> list[str]:
 
 
 def write_diagnosis(
-    diagnosis: Verdict, gather: Callable[[], Evidence], folder: Path, source_label: str
+    diagnosis: DiagnosisResult, gather: Callable[[], Evidence], folder: Path, source_label: str
 ) -> None:
     """Write ``diagnosis.json``, ``ladder.csv`` and, where effects are tied, ``separating_excitation.csv``.
 
@@ -368,7 +368,7 @@ def write_diagnosis(
         write_text(folder / EXCITATION, motion_csv(motion, diagnosis.experiment.input_unit))
 
 
-def diagnosis_document(diagnosis: Verdict, evidence: Evidence, source_label: str) -> dict:
+def diagnosis_document(diagnosis: DiagnosisResult, evidence: Evidence, source_label: str) -> dict:
     """Return the content of ``diagnosis.json``: the contract's keys, and under keys of their own the evidence beside them."""
     unit = diagnosis.experiment.output_unit
     return {
@@ -386,7 +386,7 @@ def diagnosis_document(diagnosis: Verdict, evidence: Evidence, source_label: str
     }
 
 
-def ladder_csv(diagnosis: Verdict, source_label: str) -> str:
+def ladder_csv(diagnosis: DiagnosisResult, source_label: str) -> str:
     """Return the error ladder: base, base and first effect, …."""
     experiment, text = diagnosis.experiment, io.StringIO()
     floor = experiment.floor

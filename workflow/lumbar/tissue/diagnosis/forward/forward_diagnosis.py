@@ -34,8 +34,8 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 )
 from lumbar.tissue.diagnosis.selection.findings import linear_alternative, offsets
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.thresholds import TIED, UNSEEN
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import MOTION_SENSOR, with_forms_that
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.driven_motion import can_be_simulated
@@ -50,7 +50,7 @@ _POLISHED = 4
 """Evaluations of the error on all of long records, from the fit to their beginning."""
 
 
-def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> Verdict:
+def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> DiagnosisResult:
     """Diagnose what a base model is missing on forward records (force in, motion out).
 
     The records have the force as channel ``input`` and the motion as ``output``. The verdict is in the unit of the
@@ -71,7 +71,7 @@ def diagnose_forward(records: list[Record], settings: DiagnosisSettings) -> Verd
     alternative = None if adequate else linear_alternative(found.model, experiment)
     if alternative is not None:
         # Where linear dynamics of higher order surely explain more, they are told and nothing is named.
-        found = replace(found, verdict="unexplained", tied_with=[], verdict_after="unexplained")
+        found = replace(found, status=Status.UNEXPLAINED, tied_with=[], refined_status=Status.UNEXPLAINED)
         findings.append(alternative[1])
     return replace(found, findings=tuple(findings), diagnosed_again=False)
 
@@ -96,12 +96,12 @@ def forward_catalogue(catalogue: dict[str, Effect], base: Base, data: FitData) -
     return with_forms_that(catalogue, new, data.scale)
 
 
-def _diagnose(experiment: Experiment, base: Candidate, settings: DiagnosisSettings) -> Verdict:
+def _diagnose(experiment: Experiment, base: Candidate, settings: DiagnosisSettings) -> DiagnosisResult:
     """Name by the turned-round records, keep what simulation confirms; once effects are known, ask for the base again."""
     data = experiment.training
     if base.train_rms**2 > (1 - _LEAST_EXPLAINED) * float(np.var(data.trim(data.force))):
         # The motion hardly follows the force: nothing can be carried through a response that is not there.
-        return Confirmation(experiment, base, settings).diagnosis()
+        return Confirmation(experiment, base, settings).result()
     found, seen = _diagnose_with_base(experiment, base, settings)
     if settings.base != CHOSEN_BY_DATA or not found.selected:
         return found
@@ -115,31 +115,31 @@ def _diagnose(experiment: Experiment, base: Candidate, settings: DiagnosisSettin
 
 def _diagnose_with_base(
     experiment: Experiment, base: Candidate, settings: DiagnosisSettings
-) -> tuple[Verdict, Experiment]:
+) -> tuple[DiagnosisResult, Experiment]:
     """A diagnosis with one base, and the turned-round records that it was searched on."""
     model = base.fit.structure.base
     usable = replace(settings, catalogue=forward_catalogue(settings.searched, model, experiment.training))
     response = response_of(model, base.fit.linear, base.fit.nonlinear)
     seen = turn_round(experiment, response)
-    named = Selection(seen, fit_base(model, seen), usable).diagnosis()
+    named = Selection(seen, fit_base(model, seen), usable).result()
     rivals = [*named.tied_with, *(item.candidate for item in named.ranking)]
     # A constant force moves what it acts on by the static response.
     static = float(response(np.zeros(1))[0].real)
     judge = Confirmation(experiment, base, usable, named.path[1:], rivals, lambda fit: -fit.zero * static)
-    return judge.diagnosis(), seen
+    return judge.result(), seen
 
 
-def _on_all(found: Verdict, experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
+def _on_all(found: DiagnosisResult, experiment: Experiment, settings: DiagnosisSettings) -> DiagnosisResult:
     """The same models fitted to all of long records and judged there, with the best rival."""
     base = resume_fit(experiment, found.base, _POLISHED)
     model, data = base.fit.structure.base, experiment.training
     usable = replace(settings, catalogue=forward_catalogue(settings.searched, model, data))
     rivals = [item.candidate for item in found.ranking if set(item.candidate.effects) != set(found.selected)]
     named = [*found.path[1:], *found.tied_with, *rivals[:1]]
-    return Confirmation(experiment, base, usable, named, evaluations=_POLISHED).diagnosis()
+    return Confirmation(experiment, base, usable, named, evaluations=_POLISHED).result()
 
 
-def _behind_sensor(found: Verdict, settings: DiagnosisSettings) -> Verdict:
+def _behind_sensor(found: DiagnosisResult, settings: DiagnosisSettings) -> DiagnosisResult:
     """Linear dynamics behind a sensor that is not linear, where they explain all records better than all that was tried."""
     experiment = found.experiment
     if is_adequate(found.model, experiment):
@@ -156,12 +156,12 @@ def _behind_sensor(found: Verdict, settings: DiagnosisSettings) -> Verdict:
         return replace(
             found,
             base=before,
-            verdict=judge.verdict(after, [], share),
+            status=judge.status(after, [], share),
             path=[before, after],
             tied_with=[],
             ranking=[*judge.ranking(after), *found.ranking],
             explainable_share_removed=share,
-            verdict_after=judge.verdict_after(after, None),
+            refined_status=judge.refined_status(after, None),
         )
     return found
 

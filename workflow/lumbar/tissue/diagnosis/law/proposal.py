@@ -33,8 +33,8 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     refit,
     unseen_improvement,
 )
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, LEVEL, null_distribution
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.models.form import Form
 from lumbar.tissue.models.model_data import unit_of
 from lumbar.tissue.models.parameter import NonlinearParameter, Parameter
@@ -335,7 +335,7 @@ def _start(item: NonlinearParameter, scaled: float, points: int) -> str:
     )
 
 
-def with_law(verdict: Verdict, proposal: Proposal | None) -> Verdict:
+def with_law(verdict: DiagnosisResult, proposal: Proposal | None) -> DiagnosisResult:
     """Return the verdict with the law among its findings, where there is one.
 
     Where the law stands on the base alone and leaves far less than the effects that were selected, these are but its likeness:
@@ -346,5 +346,5 @@ def with_law(verdict: Verdict, proposal: Proposal | None) -> Verdict:
     found = replace(verdict, findings=(*verdict.findings, proposal.finding))
     alone = not proposal.start.effects
     if alone and verdict.selected and proposal.law.candidate.test_rms < _CLEARLY * verdict.model.test_rms:
-        return replace(found, verdict="unexplained", tied_with=[])
+        return replace(found, status=Status.UNEXPLAINED, tied_with=[])
     return found

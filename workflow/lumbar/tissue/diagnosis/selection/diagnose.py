@@ -35,8 +35,8 @@ from lumbar.tissue.diagnosis.selection.findings import (
     zeros_moved,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status, effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, TIED
-from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text
 from lumbar.tissue.effects.catalogue import TISSUE, usable_effects
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.form import Effect, Form
@@ -48,7 +48,7 @@ _ZEROS_HELP = 0.9
 """Factor on the unseen error below which a zero of its own for every record is taken."""
 
 
-def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -> Verdict:
+def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -> DiagnosisResult:
     """Diagnose what a base model is missing on a set of records.
 
     There is one record per excitation, with channels ``input`` and ``output``.
@@ -87,7 +87,9 @@ def diagnose(records: list[Record], settings: DiagnosisSettings | None = None) -
     return replace(found, not_tried=not_tried, findings=tuple(told))
 
 
-def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
+def _with_own_zeros(
+    found: DiagnosisResult, settings: DiagnosisSettings
+) -> tuple[DiagnosisResult, list[Finding]]:
     """Search again with a zero of its own for every record, where the model or a smaller one does much better with them.
 
     Where records differ in their zeros, what accumulates (a drift) may pass for the difference. Where they do not, a model that
@@ -115,12 +117,14 @@ def _with_own_zeros(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdic
         return again, []
     if set(found.selected) != set(again.selected):
         # What is named hangs on zeros that did not move.
-        found = replace(found, verdict="unexplained", tied_with=[])
-    after = "unexplained" if found.verdict_after == "adequate" else found.verdict_after
-    return replace(found, verdict_after=after), [apparent_zeros(again)]
+        found = replace(found, status=Status.UNEXPLAINED, tied_with=[])
+    after = Status.UNEXPLAINED if found.refined_status == Status.ADEQUATE else found.refined_status
+    return replace(found, refined_status=after), [apparent_zeros(again)]
 
 
-def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
+def _beside_linear(
+    found: DiagnosisResult, settings: DiagnosisSettings
+) -> tuple[DiagnosisResult, list[Finding]]:
     """Ask whether linear dynamics of higher order explain more than the effects that were selected.
 
     If so, and nothing nonlinear is left beside them, only linear effects are searched for. If something nonlinear is, no
@@ -140,42 +144,46 @@ def _beside_linear(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict
     base = linear_base(linear.fit.poles, linear.fit.held)
     found = replace(found, linear=base and fit_base(base, experiment))
     if (nonlinear_share(experiment, linear.fit) or 0.0) > _NONLINEAR:
-        return replace(found, verdict="unexplained", tied_with=[]), [finding]
+        return replace(found, status=Status.UNEXPLAINED, tied_with=[]), [finding]
     only = {name: effect for name, effect in settings.candidates.items() if effect.linear}
     if not set(found.selected) <= set(only):
         again = _search(experiment, replace(settings, catalogue=only))
         if linear_alternative(again.model, experiment) is None:
             return again, [finding]
         found = replace(again, linear=found.linear)
-    return replace(found, verdict="unexplained", tied_with=[]), [finding]
+    return replace(found, status=Status.UNEXPLAINED, tied_with=[]), [finding]
 
 
-def _beside_lead(found: Verdict, settings: DiagnosisSettings) -> tuple[Verdict, list[Finding]]:
+def _beside_lead(
+    found: DiagnosisResult, settings: DiagnosisSettings
+) -> tuple[DiagnosisResult, list[Finding]]:
     """Ask whether a force that leads explains more than the linear effects that were selected: it is no mechanism."""
     linear = {name for name in found.selected if settings.candidates[name].linear}
     finding = None if settings.system != "tissue" else force_leads(found.model, found.experiment, linear)
     if finding is None:
         return found, []
     stands = not linear and is_adequate(found.model, found.experiment)
-    return (found if stands else replace(found, verdict="unexplained", tied_with=[])), [finding]
+    return (found if stands else replace(found, status=Status.UNEXPLAINED, tied_with=[])), [finding]
 
 
-def _unexplained(experiment: Experiment, settings: DiagnosisSettings, turned: Finding) -> Verdict:
+def _unexplained(experiment: Experiment, settings: DiagnosisSettings, turned: Finding) -> DiagnosisResult:
     """No effect is looked for in records whose input and output, or a sign, are the wrong way round."""
     experiment, base = choose_base(experiment, settings.base, settings.candidates)
-    return Verdict(experiment, base, "unexplained", [base], [], [], 0.0, "unexplained", findings=(turned,))
+    return DiagnosisResult(
+        experiment, base, Status.UNEXPLAINED, [base], [], [], 0.0, Status.UNEXPLAINED, findings=(turned,)
+    )
 
 
-def _search(experiment: Experiment, settings: DiagnosisSettings) -> Verdict:
+def _search(experiment: Experiment, settings: DiagnosisSettings) -> DiagnosisResult:
     """Choose the base and select effects; once they are known, choose the base again."""
     experiment, base = choose_base(experiment, settings.base, settings.candidates)
-    found = Selection(experiment, base, settings).diagnosis()
+    found = Selection(experiment, base, settings).result()
     if settings.base != CHOSEN_BY_DATA or found.model is found.base:
         return found
     other = base_beside(found.model, experiment)
     if other is None:
         return found
-    return Selection(*choose_base(experiment, other, settings.candidates), settings).diagnosis()
+    return Selection(*choose_base(experiment, other, settings.candidates), settings).result()
 
 
 TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")

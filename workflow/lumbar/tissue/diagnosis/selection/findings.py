@@ -21,8 +21,8 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     unseen_improvement,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status, effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE, TIED, UNSEEN
-from lumbar.tissue.diagnosis.selection.verdict import Verdict, effects_text
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.signals.spectrum import occupied_band
 
@@ -44,7 +44,7 @@ _FALL = 0.01
 """Share of the stiffness by which it falls at least."""
 
 
-def offsets(found: Verdict) -> list[Finding]:
+def offsets(found: DiagnosisResult) -> list[Finding]:
     """What the zeros of the sensors are, where they are worth a word."""
     experiment, fit = found.experiment, found.model.fit
     unit, quantity = experiment.output_unit, experiment.output_quantity
@@ -88,7 +88,7 @@ class _Zero:
     strict_rms: float
 
 
-def _zeros(found: Verdict) -> list[_Zero]:
+def _zeros(found: DiagnosisResult) -> list[_Zero]:
     fit = found.model.fit
     zeros = []
     for item in found.experiment.tests:
@@ -100,7 +100,7 @@ def _zeros(found: Verdict) -> list[_Zero]:
     return zeros
 
 
-def zeros_moved(found: Verdict) -> bool:
+def zeros_moved(found: DiagnosisResult) -> bool:
     """Whether records judged from zeros of their own begin with these, as far as noise allows, and not with that of training."""
     zeros, zero = _zeros(found), found.model.fit.zero
     away = np.array([item.begins - item.zero for item in zeros])
@@ -109,7 +109,7 @@ def zeros_moved(found: Verdict) -> bool:
     return bool(np.linalg.norm(away) < _BESIDE * np.linalg.norm(shifts) + _UNSURE * np.linalg.norm(noise))
 
 
-def apparent_zeros(found: Verdict) -> Finding:
+def apparent_zeros(found: DiagnosisResult) -> Finding:
     """What zeros records would be given by a model that lacks something, and that they do not begin with them."""
     unit, zero = found.experiment.output_unit, found.model.fit.zero
     words = ", ".join(
@@ -120,7 +120,7 @@ def apparent_zeros(found: Verdict) -> Finding:
     return Finding.of("apparent_zeros", zero, unit, error=error, zeros=words, training=training)
 
 
-def _own_zeros(found: Verdict) -> list[Finding]:
+def _own_zeros(found: DiagnosisResult) -> list[Finding]:
     unit, quantity = found.experiment.output_unit, found.experiment.output_quantity
     training = found.experiment.training.name
     return [
@@ -165,7 +165,7 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candid
     return linear, finding
 
 
-def far_off(found: Verdict) -> list[str]:
+def far_off(found: DiagnosisResult) -> list[str]:
     """Unseen records far above the noise, or what is left in training where that is unknown, of a model that is at it there."""
     experiment, model = found.experiment, found.model
     noise = experiment.noise or model.train_rms
@@ -176,7 +176,7 @@ def far_off(found: Verdict) -> list[str]:
     return [name for name, rms in model.unseen_rms.items() if rms > FAR * noise and name not in trained]
 
 
-def trained_otherwise(found: Verdict, settings: DiagnosisSettings) -> list[Finding]:
+def trained_otherwise(found: DiagnosisResult, settings: DiagnosisSettings) -> list[Finding]:
     """The model that was selected, fitted to the records that were unseen, and to all: what each leaves of the others."""
     left = far_off(found)
     if not left:
@@ -248,14 +248,16 @@ _OWN_SIZE = 0.5
 contradicts it; else something else is missing there."""
 
 
-def whatever_the_speed(found: Verdict, effects: Mapping[str, Effect]) -> tuple[Verdict, list[Finding]]:
+def whatever_the_speed(
+    found: DiagnosisResult, effects: Mapping[str, Effect]
+) -> tuple[DiagnosisResult, list[Finding]]:
     """Name a rate-independent mechanism alone only where other rates are predicted without new constants.
 
     Else it is tied with the relaxations, alone or beside a spring of large strain, that explain the unseen records as well; and
     unexplained where records of other rates contradict it and none of these does. `effects` are all that the records allow.
     """
     named = [name for name in found.selected if effects[name].rate_independent]
-    if found.verdict not in ("named", "tied") or not named:
+    if found.status not in (Status.NAMED, Status.TIED) or not named:
         return found, []
     # Lowest and highest frequency (Hz) of the motion in all records.
     records = [part for item in (found.experiment.training, *found.experiment.tests) for part in item.records]
@@ -270,7 +272,7 @@ def whatever_the_speed(found: Verdict, effects: Mapping[str, Effect]) -> tuple[V
     known = {frozenset(item.effects) for item in found.tied_with}
     rivals = [item for item in _rivals(found, named, effects) if frozenset(item.effects) not in known]
     tied = [*found.tied_with, *rivals]
-    verdict = "tied" if tied else "unexplained" if apart else "named"
+    status = Status.TIED if tied else Status.UNEXPLAINED if apart else Status.NAMED
     words = {
         "named": effects_text(named),
         "low": low,
@@ -279,10 +281,10 @@ def whatever_the_speed(found: Verdict, effects: Mapping[str, Effect]) -> tuple[V
     }
     kind = "other_rates_missed" if apart else "one_rate"
     finding = Finding.of(kind, high / low, "1", **words, missed=" and ".join(failed))
-    return replace(found, verdict=verdict, tied_with=tied), [finding]
+    return replace(found, status=status, tied_with=tied), [finding]
 
 
-def _not_predicted(found: Verdict, named: list[str]) -> list[str]:
+def _not_predicted(found: DiagnosisResult, named: list[str]) -> list[str]:
     """Unseen records with an error far above that of training, also for its force, that other sizes of these would remove."""
     model, experiment = found.model, found.experiment
     least = max(model.train_rms, experiment.noise)
@@ -311,7 +313,7 @@ def _removed_by_size(fit: Fit, named: list[str], data: FitData) -> float:
     return float((error @ part) ** 2 / max((error @ error) * (part @ part), 1e-300))
 
 
-def _rivals(found: Verdict, named: list[str], effects: Mapping[str, Effect]) -> list[Candidate]:
+def _rivals(found: DiagnosisResult, named: list[str], effects: Mapping[str, Effect]) -> list[Candidate]:
     """Relaxations in the place of the mechanism, the best alone and beside a spring, that come near on unseen records."""
     experiment, start = found.experiment, found.model
     for name in named:

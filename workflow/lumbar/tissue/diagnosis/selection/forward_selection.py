@@ -31,6 +31,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     unseen_improvement,
     with_forms,
 )
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Ranked, Status
 from lumbar.tissue.diagnosis.selection.thresholds import (
     BLIND,
     COMPLETE,
@@ -43,7 +44,6 @@ from lumbar.tissue.diagnosis.selection.thresholds import (
     null_distribution,
     number_of_forms,
 )
-from lumbar.tissue.diagnosis.selection.verdict import Ranked, Verdict
 from lumbar.tissue.models.form import Effect, Form
 
 LOOK_AHEAD = 3
@@ -175,23 +175,23 @@ class Selection:
         self.tried = list(self.singles)
         self.contradicting: dict[Candidate, bool] = {}
 
-    def diagnosis(self) -> Verdict:
-        """Select effects and judge what was selected."""
+    def result(self) -> DiagnosisResult:
+        """Select effects and judge the selected model."""
         path = list(self.selected_path)
         model = path[-1] = self.settled(path[-1])
         tied = self.ties(model)
         share = self.share_removed(model)
-        verdict = self.verdict(model, tied, share)
+        status = self.status(model, tied, share)
         further = self.further(model)
-        return Verdict(
+        return DiagnosisResult(
             experiment=self.experiment,
             base=self.base,
-            verdict=verdict,
+            status=status,
             path=path,
             tied_with=tied,
             ranking=self.ranking(model),
             explainable_share_removed=share,
-            verdict_after=verdict if model is self.base else self.verdict_after(model, further),
+            refined_status=status if model is self.base else self.refined_status(model, further),
             further=further,
         )
 
@@ -318,14 +318,14 @@ class Selection:
         removed = max(self.base.test_rms**2 - model.test_rms**2, 0.0)
         return float(min(removed / explainable, 1.0)) if explainable > removed else float(removed > 0)
 
-    def verdict(self, model: Candidate, tied: list[Candidate], share: float) -> str:
-        """Verdict on the base (see `Verdict`)."""
+    def status(self, model: Candidate, tied: list[Candidate], share: float) -> Status:
+        """Status of the base."""
         if model is self.base:
             lacking = self.periods_differ or not is_adequate(self.base, self.experiment)
-            return "unexplained" if lacking else "adequate"
+            return Status.UNEXPLAINED if lacking else Status.ADEQUATE
         if not model.fit.converged or (share < EXPLAINS and not is_adequate(model, self.experiment)):
-            return "unexplained"
-        return "tied" if tied else "named"
+            return Status.UNEXPLAINED
+        return Status.TIED if tied else Status.NAMED
 
     @property
     def periods_differ(self) -> bool:
@@ -347,13 +347,13 @@ class Selection:
         found = [item for item in found if self.is_further(model, item)]
         return min(found, key=lambda item: item.score, default=None)
 
-    def verdict_after(self, model: Candidate, further: Candidate | None) -> str:
-        """Verdict on the refined model."""
+    def refined_status(self, model: Candidate, further: Candidate | None) -> Status:
+        """Status of the refined model."""
         if further is not None:
-            return "named"
+            return Status.NAMED
         if self.periods_differ and not any(self.settings.candidates[name].changes for name in model.effects):
-            return "unexplained"  # an effect of time or path is missing
-        return "adequate" if is_adequate(model, self.experiment, COMPLETE) else "unexplained"
+            return Status.UNEXPLAINED  # an effect of time or path is missing
+        return Status.ADEQUATE if is_adequate(model, self.experiment, COMPLETE) else Status.UNEXPLAINED
 
     def ranking(self, model: Candidate) -> list[Ranked]:
         """The selected set first, then every other set tried, best first."""

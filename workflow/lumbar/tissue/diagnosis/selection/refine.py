@@ -17,7 +17,7 @@ from lumbar.tissue.diagnosis.fitting.uncertainty import check_excited, derived_e
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, with_forms
 from lumbar.tissue.diagnosis.selection.diagnose import choose_base
 from lumbar.tissue.diagnosis.selection.forward_selection import exchange, extend
-from lumbar.tissue.diagnosis.selection.verdict import (
+from lumbar.tissue.diagnosis.selection.result import (
     distinguishing_digits,
     effects_text,
     noise_sentence,

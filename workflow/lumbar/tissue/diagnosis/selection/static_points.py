@@ -20,8 +20,8 @@ from lumbar.tissue.diagnosis.fitting.preparation import (
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
 from lumbar.tissue.diagnosis.selection.findings import offsets
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.effects.catalogue import with_forms_that
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.motion import Motion
@@ -36,7 +36,9 @@ _SPRINGS = ("LE", "LE-contact")
 Met = Callable[[Experiment], tuple[Experiment, Candidate] | None]
 
 
-def diagnose_points(records: Sequence[Record], settings: DiagnosisSettings, met_at_surface: Met) -> Verdict:
+def diagnose_points(
+    records: Sequence[Record], settings: DiagnosisSettings, met_at_surface: Met
+) -> DiagnosisResult:
     """Diagnose which law of position alone a spring is missing.
 
     Neither rates nor delays, relaxation, hysteresis or drift can be seen in points without a clock, nor faults of one: none of
@@ -53,12 +55,12 @@ def diagnose_points(records: Sequence[Record], settings: DiagnosisSettings, met_
     catalogue = with_forms_that(settings.candidates, lambda form: form.is_static, scale)
     settings = replace(settings, catalogue=catalogue, most_effects=1)
     experiment, base = _spring(experiment, settings, met_at_surface)
-    found = _StaticSelection(experiment, base, settings).diagnosis()
+    found = _StaticSelection(experiment, base, settings).result()
     if _bends(found.model, experiment):
         # Neighbours err alike: the points lie on a curve that no law tried has.
-        found = replace(found, verdict_after="unexplained")
+        found = replace(found, refined_status=Status.UNEXPLAINED)
         if found.model is found.base:
-            found = replace(found, verdict="unexplained")
+            found = replace(found, status=Status.UNEXPLAINED)
     own = experiment.tests[0].name == experiment.training.records[0].name
     unseen = f"One point in {_EVERY} was held back as unseen" if own else "Other tables are the unseen points"
     count = sum(len(record) for record in experiment.records)

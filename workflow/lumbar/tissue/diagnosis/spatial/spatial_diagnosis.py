@@ -1,4 +1,4 @@
-"""What a model of tissue in space is missing: from records of several axes to a verdict."""
+"""What a model of tissue in space is missing: from records of several axes to a result."""
 
 from dataclasses import replace
 
@@ -9,8 +9,8 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, with_forms
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend
 from lumbar.tissue.diagnosis.selection.refine import added_in_turn
+from lumbar.tissue.diagnosis.selection.result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.diagnosis.selection.verdict import Verdict
 from lumbar.tissue.diagnosis.spatial.force_channels import exchanged_channels
 from lumbar.tissue.diagnosis.spatial.spatial_base import KINDS, choose_base, freed, held, likelier
 from lumbar.tissue.diagnosis.spatial.spatial_data import prepare
@@ -26,7 +26,7 @@ _ROUNDS = 3
 """Times that base and axes are chosen anew beside the effects that were selected."""
 
 
-def diagnose(records: list[Record], settings: DiagnosisSettings) -> Verdict:
+def diagnose(records: list[Record], settings: DiagnosisSettings) -> DiagnosisResult:
     """Diagnose what a base is missing on records of several axes, as `lumbar.tissue.diagnosis.selection.diagnose`.
 
     Raises
@@ -41,11 +41,13 @@ def diagnose(records: list[Record], settings: DiagnosisSettings) -> Verdict:
     exchanged = exchanged_channels(experiment, axes, settings.layout)
     if exchanged is not None:
         base, told = choose_base(experiment, axes, kinds), (*experiment.faults, exchanged)
-        return Verdict(experiment, base, "unexplained", [base], [], [], 0.0, "unexplained", findings=told)
-    verdict = _search(experiment, settings, axes, kinds)
-    if experiment.error_dwarfs_noise(verdict.model.train_rms):
-        verdict = _search(experiment.without_whitening(), settings, axes, kinds)
-    return replace(verdict, findings=(*experiment.faults, *spatial_findings(verdict, axes)))
+        return DiagnosisResult(
+            experiment, base, Status.UNEXPLAINED, [base], [], [], 0.0, Status.UNEXPLAINED, findings=told
+        )
+    result = _search(experiment, settings, axes, kinds)
+    if experiment.error_dwarfs_noise(result.model.train_rms):
+        result = _search(experiment.without_whitening(), settings, axes, kinds)
+    return replace(result, findings=(*experiment.faults, *spatial_findings(result, axes)))
 
 
 def refine(
@@ -98,7 +100,7 @@ def _kinds(settings: DiagnosisSettings) -> tuple[str, ...]:
 
 def _search(
     experiment: Experiment, settings: DiagnosisSettings, axes: tuple[str, ...], kinds: tuple[str, ...]
-) -> Verdict:
+) -> DiagnosisResult:
     """Choose base, symmetry and axes and select effects, until the effects no longer change what is chosen.
 
     One effect at first: beside axes that are not right yet a second one would be looked for in vain.
@@ -117,7 +119,7 @@ def _search(
             break
     else:
         selection = _Selection(experiment, base, settings, singles)
-    found = selection.diagnosis()
+    found = selection.result()
     path = [freed(item, experiment) for item in found.path]
     return replace(found, base=path[0], path=path)
 

@@ -7,8 +7,9 @@ from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, fit_base
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.tissue.diagnosis.selection.findings import position_offset
-from lumbar.tissue.diagnosis.selection.verdict import (
-    Verdict,
+from lumbar.tissue.diagnosis.selection.result import (
+    DiagnosisResult,
+    Status,
     distinguishing_digits,
     effects_text,
     error_falls,
@@ -27,33 +28,33 @@ SENSOR = ("turned_frame", "crosstalk")
 """Effects of the force sensor."""
 
 
-NAMED = ("named", "tied")
+NAMED = (Status.NAMED, Status.TIED)
 """Verdicts by which an effect is there."""
 _TOLD = {"turned_frame": "axes that are turned", "crosstalk": "crosstalk between its channels"}
 
 
-def headline_in_space(verdict: Verdict) -> str:
-    """The verdict in one sentence: what the force sensor does is none of the tissue's."""
-    sensor = [_TOLD[name] for name in verdict.selected if name in SENSOR]
-    if not sensor or verdict.verdict not in NAMED:
-        return headline(verdict)
-    tissue = [name for name in verdict.selected if name not in SENSOR]
-    base, fall = verdict.base.fit.structure.base.name, error_falls(verdict)
+def headline_in_space(result: DiagnosisResult) -> str:
+    """The result in one sentence: what the force sensor does is none of the tissue's."""
+    sensor = [_TOLD[name] for name in result.selected if name in SENSOR]
+    if not sensor or result.status not in NAMED:
+        return headline(result)
+    tissue = [name for name in result.selected if name not in SENSOR]
+    base, fall = result.base.fit.structure.base.name, error_falls(result)
     told = f"the force sensor has {' and '.join(sensor)}"
     missing = (
         f"The {base} model is missing {effects_text(tissue)}, and" if tissue else f"Beside the {base} model"
     )
-    tied = ", ".join(effects_text(item.effects) for item in verdict.tied_with)
+    tied = ", ".join(effects_text(item.effects) for item in result.tied_with)
     beside = f" These records do not tell it from {tied}." if tied else ""
     return f"{missing} {told}: with {'both' if tissue else 'it'} {fall}.{beside}"
 
 
-def spatial_findings(verdict: Verdict, axes: tuple[str, ...]) -> list[Finding]:
+def spatial_findings(result: DiagnosisResult, axes: tuple[str, ...]) -> list[Finding]:
     """Findings of the force sensor, and of directions that the training record hardly excites."""
-    experiment, fit = verdict.experiment, verdict.model.fit
+    experiment, fit = result.experiment, result.model.fit
     known = estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
     found = []
-    named = verdict.selected if verdict.verdict in NAMED else ()
+    named = result.selected if result.status in NAMED else ()
     if "turned_frame" in named:
         found.append(_turned([item for item in known if item.effect == "turned_frame"], axes))
     if "crosstalk" in named:

@@ -1,9 +1,10 @@
-"""A diagnosis: the verdict on a base model and the evidence for it."""
+"""The result of a diagnosis: status of the base model, evidence and sentences."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,6 +29,19 @@ _SAID: dict[str, str] = shipped_yaml(Path(__file__).with_suffix(".yaml"))
 CONDITIONAL = _SAID["conditional"]
 
 
+class Status(StrEnum):
+    """Whether a base model lacks something, and what."""
+
+    ADEQUATE = "adequate"
+    """No effect passes, and the error is within 1.1 noise floors if that is known."""
+    NAMED = "named"
+    """The selected effects are missing."""
+    TIED = "tied"
+    """The selected effects cannot be distinguished from others on these records."""
+    UNEXPLAINED = "unexplained"
+    """Something is missing that the selected effects do not explain."""
+
+
 @dataclass(frozen=True, eq=False)
 class Ranked:
     """One set of effects with its evidence."""
@@ -39,14 +53,14 @@ class Ranked:
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
-    """The verdict on a base model and the evidence."""
+class DiagnosisResult:
+    """Status of a base model and the evidence for it."""
 
     experiment: Experiment
     base: Candidate
     """The base alone."""
-    verdict: str
-    """``adequate``, ``named``, ``tied`` or ``unexplained``."""
+    status: Status
+    """Status of the base model: ``verdict`` in ``diagnosis.json``."""
     path: list[Candidate]
     """Base, base and first effect, …."""
     tied_with: list[Candidate]
@@ -55,8 +69,8 @@ class Verdict:
     """Sets of effects, best first."""
     explainable_share_removed: float
     """Share of the base's variance on unseen records, that of known noise aside, that the selected effects remove."""
-    verdict_after: str
-    """Verdict on the refined model: ``named`` (`further` passes what an effect must pass to be selected), else
+    refined_status: Status
+    """Status of the refined model: ``named`` (`further` passes what an effect must pass to be selected), else
     ``adequate`` (its error is within `COMPLETE` of the noise floor, or that is not known) or ``unexplained``."""
     further: Candidate | None = None
     """Refined model with the effect that one more step of the search would add. None as well where the refined model
@@ -94,8 +108,8 @@ class Verdict:
 
     @property
     def complete(self) -> bool | None:
-        """Whether the verdict on the refined model is ``adequate``; None where the noise floor is unknown."""
-        return None if self.experiment.floor is None else self.verdict_after == "adequate"
+        """Whether the status of the refined model is ``adequate``; None where the noise floor is unknown."""
+        return None if self.experiment.floor is None else self.refined_status == Status.ADEQUATE
 
     @property
     def goes_beyond_catalogue(self) -> bool:
@@ -106,7 +120,7 @@ class Verdict:
         """
         goes_on = self.further is not None and is_adequate(self.further, self.experiment, COMPLETE)
         named_on = self.complete is False and not goes_on
-        return self.orientation is None and (self.verdict == "unexplained" or named_on)
+        return self.orientation is None and (self.status == Status.UNEXPLAINED or named_on)
 
     def to_json(self) -> dict:
         """Return the content of ``diagnosis.json`` (schema ``lumbar.diagnosis/1``)."""
@@ -116,9 +130,9 @@ class Verdict:
             "base": self.base.fit.structure.base.name,
             "train": self.experiment.training.name,
             "unit": self.experiment.output_unit,
-            "verdict": self.verdict,
+            "verdict": self.status,
             "complete": self.complete,
-            "verdict_after": self.verdict_after,
+            "verdict_after": self.refined_status,
             "further": None if self.further is None else self.further.effects[-1],
             "selected": list(self.selected),
             "tied_with": [
@@ -207,34 +221,34 @@ def effects_text(names) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def headline(diagnosis: Verdict) -> str:
-    """Return the verdict in one sentence."""
-    unit, base = diagnosis.experiment.output_unit, diagnosis.base.fit.structure.base.name
-    before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
-    named = effects_text(diagnosis.selected)
-    share, fall = _percent(1 - after / before), error_falls(diagnosis)
-    if diagnosis.orientation is not None:
-        return f"These records are not what the {base} model takes. {diagnosis.orientation.sentence}"
-    if diagnosis.verdict == "adequate":
+def headline(result: DiagnosisResult) -> str:
+    """Return the result in one sentence."""
+    unit, base = result.experiment.output_unit, result.base.fit.structure.base.name
+    before, after = result.base.test_rms, result.model.test_rms
+    named = effects_text(result.selected)
+    share, fall = _percent(1 - after / before), error_falls(result)
+    if result.orientation is not None:
+        return f"These records are not what the {base} model takes. {result.orientation.sentence}"
+    if result.status == Status.ADEQUATE:
         return f"Nothing is missing: what the {base} model leaves ({before:.3g} {unit}) is noise as far as can be told."
-    if diagnosis.verdict == "named":
-        added = "it" if len(diagnosis.selected) == 1 else "them"
+    if result.status == Status.NAMED:
+        added = "it" if len(result.selected) == 1 else "them"
         return f"The {base} model is missing {named}: with {added} {fall}."
-    if diagnosis.verdict == "tied":
-        others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
+    if result.status == Status.TIED:
+        others = ", ".join(effects_text(item.effects) for item in result.tied_with)
         return _SAID["tied"].format(named=named, fall=fall, others=others)
     missing = _SAID["unexplained"].format(base=base)
-    if not diagnosis.selected:
+    if not result.selected:
         return f"{missing}."
-    near = "a_little" if diagnosis.explainable_share_removed < EXPLAINS else "nearest"
-    return missing + _SAID[near].format(named=named, s="s" * (len(diagnosis.selected) == 1), share=share)
+    near = "a_little" if result.explainable_share_removed < EXPLAINS else "nearest"
+    return missing + _SAID[near].format(named=named, s="s" * (len(result.selected) == 1), share=share)
 
 
-def error_falls(diagnosis: Verdict) -> str:
+def error_falls(result: DiagnosisResult) -> str:
     """By how much the error on unseen records falls with the selected effects, from what to what."""
-    before, after = diagnosis.base.test_rms, diagnosis.model.test_rms
+    before, after = result.base.test_rms, result.model.test_rms
     errors = " to ".join(distinguishing_digits([before, after], 3))
-    unit = diagnosis.experiment.output_unit
+    unit = result.experiment.output_unit
     return _SAID["fall"].format(share=_percent(1 - after / before), errors=errors, unit=unit)
 
 
@@ -257,51 +271,51 @@ def noise_sentence(experiment: Experiment) -> str:
     return _SAID["floor"].format(experiment=experiment, floor=floor, alike=alike, two=two) + beside
 
 
-def details(diagnosis: Verdict, catalogue: dict[str, Effect]) -> list[str]:
+def details(result: DiagnosisResult, catalogue: dict[str, Effect]) -> list[str]:
     """Return what a reader asks next: noise, share explained, runner-up, what would settle a tie."""
-    unit, floor = diagnosis.experiment.output_unit, diagnosis.experiment.floor
-    lines = [item.sentence for item in diagnosis.findings if item is not diagnosis.orientation]
+    unit, floor = result.experiment.output_unit, result.experiment.floor
+    lines = [item.sentence for item in result.findings if item is not result.orientation]
     if any("interval" in line for line in lines):
         lines.append(CONDITIONAL)
-    if not diagnosis.model.fit.converged:
-        base = diagnosis.base.fit.structure.base.name
-        named = f"{base} with {effects_text(diagnosis.selected)}" if diagnosis.selected else base
+    if not result.model.fit.converged:
+        base = result.base.fit.structure.base.name
+        named = f"{base} with {effects_text(result.selected)}" if result.selected else base
         lines.append(_SAID["not_converged"].format(model=named))
-    if diagnosis.linear is not None:
-        lines.append(_SAID["linear"].format(model=diagnosis.linear.fit.structure.base.name))
-    lines.append(noise_sentence(diagnosis.experiment))
+    if result.linear is not None:
+        lines.append(_SAID["linear"].format(model=result.linear.fit.structure.base.name))
+    lines.append(noise_sentence(result.experiment))
     if floor is not None:
         lines += [
             f"Beside noise the periods differ by {words} (RMS {rms:.3g} {unit})."
             for words, rms in floor.structured
         ]
-    if diagnosis.selected:
-        lines.append(_removed_and_left(diagnosis))
-        lines.append(what_is_left(diagnosis))
-    unseen = diagnosis.model.unseen_rms
+    if result.selected:
+        lines.append(_removed_and_left(result))
+        lines.append(what_is_left(result))
+    unseen = result.model.unseen_rms
     if max(unseen.values()) > _APART * min(unseen.values()):
         told = ", ".join(f"{name} {rms:.3g}" for name, rms in unseen.items())
         lines.append(f"Error on unseen records, one by one: {told} {unit}.")
-    if diagnosis.verdict in ("named", "tied"):
+    if result.status in (Status.NAMED, Status.TIED):
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism} {catalogue[name].sensors}".rstrip()
-            for name in diagnosis.selected
+            for name in result.selected
         ]
-    second = runner_up(diagnosis)
+    second = runner_up(result)
     if second is not None:
-        lines.append(_second_sentence(diagnosis, second))
-    for item in diagnosis.tied_with:
-        new = [name for name in item.effects if name not in diagnosis.selected]
+        lines.append(_second_sentence(result, second))
+    for item in result.tied_with:
+        new = [name for name in item.effects if name not in result.selected]
         lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in new]
-    if diagnosis.tied_with:
-        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in diagnosis.selected]
-    return lines + not_tried(diagnosis)
+    if result.tied_with:
+        lines += [f"To settle {readable(name)}: {catalogue[name].experiment}." for name in result.selected]
+    return lines + not_tried(result)
 
 
-def not_tried(diagnosis: Verdict) -> list[str]:
+def not_tried(result: DiagnosisResult) -> list[str]:
     """Say which candidates the records left out, and what would have to be recorded for them."""
     columns: dict[str, dict[str, None]] = {}
-    for form, missing in diagnosis.not_tried:
+    for form, missing in result.not_tried:
         columns.setdefault(form.effect, {}).update({CHANNELS.get(role, role): None for role in missing})
     return [
         f"Not tried: {readable(name)} as measured, for want of {' and '.join(missing)} in the records."
@@ -309,29 +323,29 @@ def not_tried(diagnosis: Verdict) -> list[str]:
     ]
 
 
-def _second_sentence(diagnosis: Verdict, second: Ranked) -> str:
+def _second_sentence(result: DiagnosisResult, second: Ranked) -> str:
     """The best set of effects that was not selected, and why it was not where the base is adequate."""
-    rms, base = second.candidate.test_rms, diagnosis.base
-    error = f"{effects_text(second.candidate.effects)}, error on unseen records {rms:.3g} {diagnosis.experiment.output_unit}"
+    rms, base = second.candidate.test_rms, result.base
+    error = f"{effects_text(second.candidate.effects)}, error on unseen records {rms:.3g} {result.experiment.output_unit}"
     if rms > base.test_rms:
         error += f", worse than {base.fit.structure.base.name} alone ({base.test_rms:.3g})"
-    if diagnosis.verdict != "adequate":
+    if result.status != Status.ADEQUATE:
         return f"Runner-up: {error}."
     if second.p_value <= LEVEL:
-        against = contradictions(second.candidate.fit, diagnosis.experiment)
+        against = contradictions(second.candidate.fit, result.experiment)
         why = against[0] if against else "on unseen records it is not surely better"
         return _SAID["gains_in_training"].format(error=error, why=why)
     return _SAID["gains_by_chance"].format(error=error, percent=100 * second.p_value, needed=100 * LEVEL)
 
 
-def _removed_and_left(diagnosis: Verdict) -> str:
+def _removed_and_left(result: DiagnosisResult) -> str:
     """What is left, in noise floors, then what was removed: 99 % of a large error may leave many times the noise."""
-    share = f"{100 * diagnosis.explainable_share_removed:.1f} % of the variance"
-    floor, model = diagnosis.experiment.floor, diagnosis.model
+    share = f"{100 * result.explainable_share_removed:.1f} % of the variance"
+    floor, model = result.experiment.floor, result.model
     if floor is None:
         return f"The selected effects remove {share} of the error on unseen records, noise included."
     rms = max(model.train_rms, model.test_rms)
-    unit = diagnosis.experiment.output_unit
+    unit = result.experiment.output_unit
     return _SAID["left"].format(times=times_floor(rms, floor), rms=rms, unit=unit, share=share)
 
 
@@ -341,21 +355,21 @@ def times_floor(rms: float, floor: NoiseFloor) -> str:
     return f"{times:.2f}" if times < 10 else f"{times:.0f}" if times < 1000 else "more than a thousand"
 
 
-def what_is_left(diagnosis: Verdict) -> str:
+def what_is_left(result: DiagnosisResult) -> str:
     """Say whether anything is missing from the model with the selected effects."""
-    unit, floor, model = diagnosis.experiment.output_unit, diagnosis.experiment.floor, diagnosis.model
-    if diagnosis.further is not None:
-        effect = readable(diagnosis.further.effects[-1])
-        return _SAID["further"].format(effect=effect, rms=diagnosis.further.test_rms, unit=unit)
-    if floor is not None and is_adequate(model, diagnosis.experiment):
+    unit, floor, model = result.experiment.output_unit, result.experiment.floor, result.model
+    if result.further is not None:
+        effect = readable(result.further.effects[-1])
+        return _SAID["further"].format(effect=effect, rms=result.further.test_rms, unit=unit)
+    if floor is not None and is_adequate(model, result.experiment):
         return "What is left is noise as far as can be told."
-    left = "something unexplained is left and " if diagnosis.verdict_after == "unexplained" else ""
-    if not diagnosis.diagnosed_again:
+    left = "something unexplained is left and " if result.refined_status == Status.UNEXPLAINED else ""
+    if not result.diagnosed_again:
         return f"{left}no further effect was looked for.".capitalize()
     return f"Diagnosed again, {left}none of the most promising further effects passes."
 
 
-def runner_up(diagnosis: Verdict) -> Ranked | None:
+def runner_up(result: DiagnosisResult) -> Ranked | None:
     """Best of the ranked sets of effects that is not the selected one."""
-    chosen = set(diagnosis.selected)
-    return next((item for item in diagnosis.ranking if set(item.candidate.effects) != chosen), None)
+    chosen = set(result.selected)
+    return next((item for item in result.ranking if set(item.candidate.effects) != chosen), None)
