@@ -107,7 +107,6 @@ def test_the_shape_of_another_person_s_static_trial_fills_no_gap(points, lift_of
     assert methods and all(("shape from the static trial" in method) == same_person for method in methods)
     said = [finding for finding in found.quality.findings if finding.kind == "static"]
     assert len(said) == (not same_person)
-    assert all("the pelvis of the static trial and of this recording differ by 2" in str(one) for one in said)
 
 
 def test_samples_that_are_held_are_no_jitter(points, lift_of):
@@ -115,7 +114,6 @@ def test_samples_that_are_held_are_no_jitter(points, lift_of):
     held = {label: np.repeat(values[::2], 2, axis=0)[: len(values)] for label, values in points.items()}
     (finding,) = lift_of(held).quality.findings
     assert (finding.kind, finding.markers) == ("held", ())
-    assert "recorded at 50 Hz and written at 100 Hz" in finding.cause
     (finding,) = lift_of({**points, "STER": held["STER"]}).quality.findings
     assert (finding.kind, finding.markers) == ("held", ("STER",))
 

@@ -1,5 +1,6 @@
 """Events of a lift against movements whose events are known, and against recordings of people."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -85,7 +86,6 @@ def test_known_events_are_found(seed, shuffle):
     assert {event.method for event in events.values()} == {"detected"}
     for name, true in TRUE.items():
         assert events[name].time_s == pytest.approx(true, abs=0.05), name
-    assert "L_TOE" in events["toe_off"].how
 
 
 @pytest.mark.parametrize(
@@ -131,56 +131,55 @@ def twitching(later):
 CARRIED = ("BOX_1", "BOX_2", "L_WRIST", "R_WRIST")
 NOTHING = dict.fromkeys(TRUE)
 SCENES = {
-    "a pause while carrying": (lambda: scene(pause=True), {}, {}),
-    "slowing down halfway, still raised until 5.1 s": (lambda: scene(hesitation=0.02), {"deposit_start": 5.1}, {}),
-    "no step": (lambda: scene(step=0.0, shuffle=0.3), {"toe_off": None}, {"toe_off": "no toe-off"}),
-    "no feet": (lambda: without(scene(), "L_TOE", "R_TOE"), {"toe_off": None}, {"toe_off": "no toe markers"}),
-    "a twitch": (lambda: twitching(0), {"toe_off": None}, {}),
-    "a twitch and a step": (lambda: twitching(1), {"toe_off": 4.5}, {}),
+    "a pause while carrying": (lambda: scene(pause=True), {}),
+    "slowing down halfway, still raised until 5.1 s": (lambda: scene(hesitation=0.02), {"deposit_start": 5.1}),
+    "no step": (lambda: scene(step=0.0, shuffle=0.3), {"toe_off": None}),
+    "no feet": (lambda: without(scene(), "L_TOE", "R_TOE"), {"toe_off": None}),
+    "a twitch": (lambda: twitching(0), {"toe_off": None}),
+    "a twitch and a step": (lambda: twitching(1), {"toe_off": 4.5}),
     "a box that never moves": (
-        lambda: box_set("at rest"), NOTHING, {"lift_off": "the box never moves", "toe_off": "neither a lift-off nor a release"}
+        lambda: box_set("at rest"), NOTHING
     ),
     "carried from the start": (
-        lambda: cut(scene(), TIME >= 2.5), {"lift_off": None}, {"lift_off": "moves from the first frame"}
+        lambda: cut(scene(), TIME >= 2.5), {"lift_off": None}
     ),
     "an early end": (
         lambda: cut(scene(leave=False), TIME <= 6.0), {"release": None},
-        {"release": "still moves at the last frame looked at, 6.00 s"},
     ),
-    "sliding first": (lambda: moved(scene(), 1, -0.2 * (1 - ramp(1.2, 1.9))), {}, {"lift_off": "it moves from 1.2"}),
-    "taken down": (lambda: moved(scene(), 2, -1.4 * ramp(2.0, 3.1), *CARRIED), {}, {"lift_off": "it never rises"}),
+    "sliding first": (lambda: moved(scene(), 1, -0.2 * (1 - ramp(1.2, 1.9))), {}),
+    "taken down": (lambda: moved(scene(), 2, -1.4 * ramp(2.0, 3.1), *CARRIED), {}),
     "lowered, carried on at that height, and set down": (
-        lambda: moved(scene(), 2, -0.3 * ramp(3.3, 4.0), *CARRIED), {}, {}
+        lambda: moved(scene(), 2, -0.3 * ramp(3.3, 4.0), *CARRIED), {}
     ),
-    "hands that only swing": (swinging, NOTHING, {"lift_off": "the hands never rise by 0.25 m"}),
+    "hands that only swing": (swinging, NOTHING),
     "a box hidden after the release": (
-        lambda: box_set(np.nan, TIME > 7.0), {},
-        {"release": "the box is seen without a gap from 0.00 to 7.00 s, and looked for there alone"},
+        lambda: box_set(np.nan, TIME > 7.0), {}
     ),
 }  # fmt: skip
-"""A recording, its events where they are not `TRUE`, and what is said of some."""
+"""A recording, and those of its events that differ from `TRUE`."""
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_events_of_a_scene_are_found_or_absent_with_why(name):
-    recording, otherwise, said = SCENES[name]
+def test_events_of_a_scene_are_found_or_absent_with_a_reason(name):
+    recording, otherwise = SCENES[name]
     events = find_events(recording(), SETTINGS)
     expected = TRUE | otherwise
     for event, true in expected.items():
         assert events[event].time_s == (true and pytest.approx(true, abs=0.06)), event
-        assert true or events[event].method == "absent"
-        assert said.get(event, "") in events[event].how
+        assert true or (events[event].method == "absent" and events[event].how)
     if expected["lift_off"] and expected["release"]:
         seen = list(dict.fromkeys(phases(TIME, events)))
         assert seen == ["before", "lift", *["carry"] * bool(expected["toe_off"]), "deposit", "after"]
 
 
+def words_of(message):
+    return set(re.findall(r"[\w.]+\w", message))
+
+
 def test_a_box_that_is_not_set_down_is_no_deposit():
     events = find_events(scene(drop=0.02), SETTINGS)
     assert events["deposit_start"].time_s is None
-    assert "the box goes down by 0.0" in events["deposit_start"].how
-    assert "a deposit needs 0.025 m here" in events["deposit_start"].how
-    assert "lifting.events.descent_m; 0.019 would find one from 5.2" in events["deposit_start"].how
+    assert {"0.025", "0.019", "lifting.events.descent_m"} <= words_of(events["deposit_start"].how)
     assert events["lift_off"].time_s == pytest.approx(2.0, abs=0.05)
     assert set(phases(TIME, events)) == {"before", "lift", "carry", "after"}
 
@@ -195,7 +194,7 @@ def test_a_small_descent_is_a_deposit_where_the_box_hardly_goes_down_otherwise(d
     if found:
         assert event.earliest_s <= 5.0 + 0.02 and event.time_s == pytest.approx(5.2, abs=0.05)
     else:
-        assert "a deposit needs 0.05 m here" in event.how and " would find one from " in event.how
+        assert {"0.05", "lifting.events.descent_m"} <= words_of(event.how)
 
 
 def test_an_event_set_by_hand_replaces_the_detected_one():
@@ -210,7 +209,6 @@ def test_what_cannot_be_detected_can_be_declared():
     bare = without(scene(), "BOX", "L_WRIST", "R_WRIST")
     events = find_events(bare, SETTINGS)
     assert {event.method for event in events.values()} == {"absent"}
-    assert "what is lifted is not seen" in events["lift_off"].how
     events = find_events(bare, SETTINGS, DeclaredEvents(lift_off_s=2.0, release_s=6.5))
     assert events["toe_off"].time_s == pytest.approx(3.2, abs=0.05)
     assert events["deposit_start"].method == "absent"
@@ -240,7 +238,6 @@ def test_a_person_sets_a_box_on_a_shelf(shared, project):
     events = find_events(filter_markers(recording), study.events)
     lifted, deposit = events["lift_off"], events["deposit_start"]
     assert 2.0 <= lifted.time_s <= 2.2
-    assert "it moves from 1.5" in lifted.how and "sliding at first" in lifted.how
     assert deposit.time_s == pytest.approx(2.96, abs=0.02)
     assert deposit.earliest_s <= deposit.time_s < deposit.latest_s < 3.2
     assert 2.2 < deposit.thesis_s < 2.7
@@ -254,13 +251,12 @@ def test_the_thesis_starts_the_deposit_with_the_slowest_wrists():
     event = find_events(scene(pause=True), replace(SETTINGS, deposit_start="wrist_minimum"))["deposit_start"]
     assert event.time_s == event.thesis_s == by_descent.thesis_s
     assert event.descent_s == by_descent.descent_s == by_descent.time_s
-    assert "minimum of the wrists' speed before the box begins to go down" in event.how
     by_hand = find_events(scene(pause=True), SETTINGS, DeclaredEvents(deposit_start_s=4.8))["deposit_start"]
     assert (by_hand.time_s, by_hand.descent_s) == (4.8, by_descent.time_s)
     assert started_by(by_hand, "wrist_minimum").time_s == event.time_s
     deep = replace(SETTINGS, deposit_start="wrist_minimum", prominence_m_s=2.0)
     none = find_events(scene(pause=True), deep)["deposit_start"]
-    assert none.time_s is None and "no minimum 2 m/s deep" in none.how
+    assert none.time_s is None and "lifting.events.prominence_m_s" in words_of(none.how)
 
 
 def test_a_box_that_creeps_up_and_rises_no_further_is_lifted():
@@ -280,7 +276,6 @@ def test_without_a_box_the_hands_tell(seed, wrists):
     events = find_events(bare, SETTINGS)
     for name, true in TRUE.items():
         assert events[name].time_s == pytest.approx(true, abs=0.1), name
-    assert "hands taken for the box" in events["release"].how
 
 
 def test_hands_pick_up_from_the_floor_and_put_down_there(squat):
@@ -297,7 +292,6 @@ def test_a_box_that_is_lifted_again_is_asked_about_and_cut_while_it_waits():
     again = replace(once, time=np.arange(2 * len(TIME)) / RATE, positions=twice)
     [first, second] = lift_windows(again, SETTINGS)
     assert first[0] == 0.0 and 8.0 < first[1] == second[0] < 10.0 and second[1] == again.time[-1]
-    assert "the box rises 2 times: one lift or several" in find_events(again, SETTINGS)["release"].how
 
 
 STEPS = (RecordedEvent("Foot Off", "Left", 0.5), RecordedEvent("Foot Off", "Right", 3.25))
